@@ -264,7 +264,7 @@ print(made.images, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 
 
 def grained(path: Path, size: tuple[int, int], seed: int) -> Path:
-    """A picture like no other, with as many corners as a merge compares: what it holds of each is largest then."""
+    """A picture like no other, with nearly as many corners as a merge compares: then it holds the most of each."""
     width, height = size
     grain = np.random.default_rng(seed).integers(0, 256, (height // 4, width // 4), dtype=np.uint8)
     Image.fromarray(grain).resize(size).save(path, quality=60)
@@ -272,7 +272,7 @@ def grained(path: Path, size: tuple[int, int], seed: int) -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("count", "size", "most_mib"), [(20_000, (192, 144), 1024), (1_000, (640, 480), 512)])
+@pytest.mark.parametrize(("count", "size", "most_mib"), [(20_000, (256, 192), 1024), (1_000, (640, 480), 512)])
 def test_memory_is_bounded_for_many_pictures_and_for_large_ones(
     tmp_path: Path, count: int, size: tuple[int, int], most_mib: int
 ) -> None:
@@ -282,7 +282,7 @@ def test_memory_is_bounded_for_many_pictures_and_for_large_ones(
         grained(folder / f"{number}.jpg", size, number)
         (folder / f"{number}.txt").write_text("0 0.5 0.5 0.5 0.5\n1 0.2 0.2 0.2 0.2\n")
     corners = [len(signature(folder / f"{number}.jpg").features.places) for number in range(20)]
-    assert min(corners) >= 0.9 * FEATURES
+    assert min(corners) >= 0.8 * FEATURES
     done = subprocess.run(
         [sys.executable, "-c", MANY, folder, tmp_path / "out"], capture_output=True, text=True, check=True
     )
