@@ -14,7 +14,7 @@ kind, with a line too.
 import argparse
 import math
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
@@ -23,7 +23,17 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageFilter
 
-from gallery.matched import Pair, flight_view, frame_like, is_padded, metres, photographs, pictures_in, stored
+from gallery.matched import (
+    Pair,
+    Photograph,
+    flight_view,
+    frame_like,
+    is_padded,
+    metres,
+    photographs,
+    pictures_in,
+    stored,
+)
 from gallery.paired import paired_sheet
 from gallery.renderer import LOW_SUN, MORNING, OVERCAST, GalleryRenderer
 from gallery.scenes import scenes_of
@@ -43,6 +53,8 @@ BORDERS_M: Final = (0.0, 0.006, 0.012, math.inf)
 """Between ground resolutions that are compared by themselves."""
 FEWEST: Final = 20
 """Pairs that a comparison needs."""
+MOST: Final = 36
+"""Pairs that a comparison has."""
 SCALES_PX: Final = (1.0, 4.0, 16.0)
 READINGS: Final = ("lightness L*", "spread of L*", "chroma", *(f"detail at {scale:g} px" for scale in SCALES_PX))
 
@@ -108,7 +120,7 @@ def main() -> int:
         known = photographs(
             options.photographs, found, source=source, gsd_m=metres(options.gsd_mm), line_m=options.line_width_m
         )
-        pairs = [(each, frame_like(renderer, each, index)) for index, each in enumerate(known)]
+        pairs = [(each, frame_like(renderer, each, index)) for index, each in enumerate(_some_of_each(known))]
         _compare_by_resolution(pairs)
     except PaveTwinError as error:
         fail(str(error))
@@ -120,6 +132,14 @@ def main() -> int:
     if options.sheet:
         save(paired_sheet(pairs, source), options.sheet)
     return 0
+
+
+def _some_of_each(known: Iterable[Photograph]) -> Iterator[Photograph]:
+    """At most `MOST` photographs of each range of ground resolutions, evenly chosen, in order of their names."""
+    every = list(known)
+    for finest, coarsest in pairwise(BORDERS_M):
+        of = [each for each in every if finest <= each.gsd_m < coarsest]
+        yield from (of[index * len(of) // MOST] for index in range(MOST)) if len(of) > MOST else of
 
 
 def _compare_by_resolution(pairs: Sequence[Pair]) -> None:

@@ -7,7 +7,10 @@ from io import BytesIO
 from pathlib import Path
 from typing import Final
 
+import cv2
 import numpy as np
+import numpy.typing as npt
+import shapely
 from PIL import Image
 
 from gallery.renderer import MORNING, OVERCAST, GalleryRenderer
@@ -16,6 +19,7 @@ from pavetwin.datasets.markings import marking_gsd_mm, painted_lines
 from pavetwin.datasets.report import Report
 from pavetwin.datasets.rules import outcome
 from pavetwin.datasets.sources.base import DatasetSource
+from pavetwin.defects.measures import extents_m
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import FloatBox
 from pavetwin.scene.view import View, look
@@ -47,6 +51,14 @@ photographs of RDD2022's China drone subset that were looked at are multiples of
 the picture; the table of their files is that of 95."""
 TRIES: Final = 8
 """Places at which a frame with a painted line is looked for, where the photograph has one."""
+LEAST_WIDTH_PX: Final = 0.7
+LEAST_LENGTH_PX: Final = 64.0
+"""Widest opening and length of damage beside a labelled photograph, where the town has any: people label what they
+see."""
+NARROW_PX: Final = 9
+BESIDE_PX: Final = 16
+SEEN: Final = 1.9
+"""`darkness` of damage that can be seen without being pointed at, in frames that we looked at."""
 INSIDE: Final = 0.8
 """Share of the half image within which what is to be seen lies."""
 
@@ -168,8 +180,8 @@ def flight_view(
 
 
 def frame_like(renderer: GalleryRenderer, photograph: Photograph, index: int) -> Image.Image:
-    """A frame of a photograph's ground resolution and size, over damage of its kind, with a painted line if it has
-    one (of `TRIES` places the first that has), stored as photographs are.
+    """A frame of a photograph's ground resolution and size, over damage of its kind that can be seen, with a painted
+    line if it has one (of `TRIES` places the first that fits, else that which fits best), stored as photographs are.
 
     Args:
         renderer: of the town.
@@ -182,14 +194,50 @@ def frame_like(renderer: GalleryRenderer, photograph: Photograph, index: int) ->
     places = [(defect, at) for defect, at in aims if at is not None]
     if not places:
         raise PaveTwinError(f"The town has no {photograph.kind or 'damage'} that a frame like {photograph.name} shows.")
+    if photograph.kind is not None:
+        places.sort(key=lambda each: _size(each[0], photograph.gsd_m), reverse=True)
+        large = sum(_size(defect, photograph.gsd_m) >= 1 for defect, _ in places)
+        places = places[: max(large, TRIES)]
     light = OVERCAST if index % SUNNY else MORNING
+    tried = []
     for number in np.random.default_rng([20, index]).permutation(len(places))[:TRIES].tolist():
         defect, at = places[number]
         view = flight_view(renderer, defect, at, photograph.gsd_m, index, SIDE_PX)
         frame = stored(Image.fromarray(renderer.take(view, light)))
-        if bool(painted_lines(frame)) == photograph.has_line:
+        is_like = bool(painted_lines(np.asarray(frame))) == photograph.has_line
+        contrast = SEEN if photograph.kind is None else min(SEEN, darkness(frame, view.project(_outline(defect))))
+        tried.append(((is_like, contrast), frame))
+        if is_like and contrast >= SEEN:
             break
-    return frame
+    return max(tried, key=lambda each: each[0])[1]
+
+
+def darkness(frame: Image.Image, outline_px: npt.NDArray[np.float64]) -> float:
+    """How much darker narrow dark features are within an outline (n, 2) than beside it; 1 where they are alike.
+
+    What is narrow and dark is what closing the lightness over `NARROW_PX` fills (a black top-hat). Damage lies in its
+    outline and pavement beside it, up to `BESIDE_PX` away.
+    """
+    lightness = cv2.GaussianBlur(np.asarray(frame.convert("L")), (0, 0), 0.7)
+    narrow = cv2.morphologyEx(lightness, cv2.MORPH_BLACKHAT, np.ones((NARROW_PX, NARROW_PX), np.uint8))
+    inside = cv2.fillPoly(np.zeros_like(lightness), [np.round(outline_px).astype(np.int32)], 1)
+    inside = cv2.dilate(inside, np.ones((3, 3), np.uint8))
+    near, far = (cv2.dilate(inside, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)) for reach in (3, BESIDE_PX))
+    if not inside.any() or (far == near).all():
+        return 0.0
+    return float(narrow[inside > 0].mean() / max(narrow[far > near].mean(), 0.5))
+
+
+def _size(defect: Defect, gsd_m: float) -> float:
+    """Whether damage is wide and long enough to be labelled in a photograph: 1, where it just is."""
+    length_m = extents_m(defect.polygon)[0]
+    return min(defect.width_m / (LEAST_WIDTH_PX * gsd_m), length_m / (LEAST_LENGTH_PX * gsd_m))
+
+
+def _outline(defect: Defect) -> npt.NDArray[np.float64]:
+    """Corners (n, 3) of a defect's outline, world frame."""
+    corners = shapely.get_coordinates(defect.polygon.exterior)
+    return np.column_stack([corners, np.zeros(len(corners))])
 
 
 def _aim(renderer: GalleryRenderer, defect: Defect, half_m: float, *, with_line: bool) -> tuple[float, float] | None:

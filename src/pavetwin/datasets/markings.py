@@ -66,8 +66,8 @@ BARS: Final = 3
 NEARBY: Final = 8.0
 
 EDGE: Final = 0.6
-"""Share of a line's rise in L* at its edge. Cameras blur light, and half of the light from road (L* 55) to paint (90)
-has L* 76."""
+"""Share of a white line's rise in L* at its edge. Cameras blur light, and half of the light from road (L* 55) to paint
+(90) has L* 76. Of b* it is half."""
 
 _AROUND_PX: Final = 161
 """Side of what is around a pixel."""
@@ -182,7 +182,7 @@ def _strip(rises: Float32Array, outline: cv2.typing.MatLike, contrast: float, *,
         return None
     direction = np.radians(degrees if size[0] >= size[1] else degrees + 90.0)
     along = np.array([np.cos(direction), np.sin(direction)])
-    width = _width_px(rises, np.array([x, y]), along, length, across, contrast)
+    width = _width_px(rises, np.array([x, y]), along, length, across, contrast, EDGE if is_white else 0.5)
     low, high = outline[:, 0].min(axis=0), outline[:, 0].max(axis=0)
     is_cut_off = bool(low.min() <= 1 or (high >= np.array(rises.shape[::-1]) - 2).any())
     return PaintedStrip(
@@ -199,9 +199,15 @@ def _strip(rises: Float32Array, outline: cv2.typing.MatLike, contrast: float, *,
 
 
 def _width_px(
-    rises: Float32Array, middle: Float64Array, along: Float64Array, length: float, across: float, contrast: float
+    rises: Float32Array,
+    middle: Float64Array,
+    along: Float64Array,
+    length: float,
+    across: float,
+    contrast: float,
+    edge: float,
 ) -> float | None:
-    """Width at `EDGE` of the strip's rise over both its sides, of the median section; None where a side is cut off."""
+    """Width where the median section has the share `edge` of its rise over both sides; None where a side is cut off."""
     normal = np.array([-along[1], along[0]])
     offsets = np.arange(-2 * across - 4, 2 * across + 4, 0.25)
     stations = np.linspace(-0.4, 0.4, 33) * length
@@ -220,7 +226,7 @@ def _width_px(
     edges = 0.0
     for sign, side in zip((-1, 1), sides, strict=True):
         outwards = slice(None, None, sign)
-        away, height = (sign * offsets)[outwards], section[outwards] - side - EDGE * (top - side)
+        away, height = (sign * offsets)[outwards], section[outwards] - side - edge * (top - side)
         below = np.flatnonzero((away > 0) & (height < 0))
         if not len(below):
             return None
