@@ -11,6 +11,7 @@ from pavetwin.labels.outlines import outline
 from pavetwin.perception.inference.detections import Detections
 from pavetwin.perception.results.measuring import Measure, measured
 from pavetwin.perception.results.photograph import LonLat, PhotographPose
+from pavetwin.perception.results.visible_severity import visible_severity
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +32,9 @@ class DetectedThing:
     """Of the mask, or else of the box."""
     outline: Sequence[tuple[float, float]] | None
     """Of the mask: column and row of its corners."""
-    sizes: Mapping[str, Measure] = field(default_factory=dict)
-    """By name with unit; empty where the ground resolution is not known, or there is no mask."""
+    sizes: Mapping[str, Measure | str] = field(default_factory=dict)
+    """By name with unit, and the visible severity; empty where the ground resolution is not known or there is no
+    mask."""
     ground: Sequence[LonLat] | None = None
     """Corners of the box on the ground, from the upper left one clockwise in the picture."""
 
@@ -85,7 +87,8 @@ def _thing(found: Detections, at: int, pose: PhotographPose, gsd_mm: float | Non
         corners = [(round(float(px) + x, 1), round(float(py) + y, 1)) for px, py in outline(covered)]
         area_px = float(np.count_nonzero(covered))
         if scale := gsd_mm or pose.gsd_mm((left + right) / 2, (top + bottom) / 2):
-            sizes = dict(measured(name, covered, scale))
+            cell_px = max(max(part.cell_px) for part in found.masks[at])
+            sizes = {**measured(name, covered, scale), "severity": visible_severity(name, covered, scale, cell_px)}
     return DetectedThing(
         name=name,
         number=int(found.classes[at]),

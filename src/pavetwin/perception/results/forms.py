@@ -10,8 +10,8 @@ from pavetwin.perception.classes import CLASSES, SUBTYPES
 from pavetwin.perception.results.detected_image import DetectedImage, DetectedThing
 from pavetwin.perception.results.photograph import LonLat
 
-SIZES: Final = ("area_m2", "length_m", "mean_width_mm", "diameter_mm")
-"""Columns of sizes, in the order of the table."""
+SIZES: Final = ("area_m2", "length_m", "mean_width_mm", "diameter_mm", "severity")
+"""Columns of sizes and the severity, in the order of the table."""
 
 COLUMNS: Final = (
     *("image", "class", "confidence", "det_conf", "cls_conf", "left", "top", "right", "bottom"),

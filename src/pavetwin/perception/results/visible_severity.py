@@ -1,0 +1,71 @@
+"""Severity after ASTM D6433 as far as a mask tells it: the classes are those of `pavetwin.defects.severity`."""
+
+from typing import Final
+
+import cv2
+import numpy as np
+
+from pavetwin.arrays import BoolArray
+from pavetwin.defects.marking import Marking
+from pavetwin.defects.severity import CRACK_HIGH_M, CRACK_MEDIUM_M, POTHOLE_DIAMETERS_M, POTHOLE_TABLE
+from pavetwin.perception.classes import SUBTYPES
+from pavetwin.perception.results.measuring import LEAST_PX, NOT_RESOLVABLE
+from pavetwin.world.model import Severity
+
+MARGIN_M: Final = Marking().margin_m
+"""By which labels, and so masks, are wider than an opening, on each side."""
+
+_ORDER: Final = tuple(Severity)
+_BEYOND: Final = (Severity.MEDIUM, Severity.HIGH, Severity.HIGH)
+"""Of potholes above 750 mm across, by depth."""
+
+
+def visible_severity(name: str, mask: BoolArray, gsd_mm: float, cell_px: float = 1.0) -> str:
+    """`low`, `medium`, `high`, or from which to which, as `medium to high`; `not resolvable` where all are possible.
+
+    A crack's opening is its widest place less the margins of labels, give or take two pixels, or two cells of a mask
+    that is coarser. A pothole's depth is not seen from above, so all depths are possible. Severity of a crocodile crack
+    follows from broken edges, of which a mask says nothing.
+
+    Args:
+        name: of its class.
+        mask: (height, width) in pixels.
+        gsd_mm: of a pixel.
+        cell_px: side of a cell that the mask was drawn in.
+    """
+    pixel_m = gsd_mm / 1000
+    error = LEAST_PX * max(1.0, cell_px) * pixel_m
+    if name == SUBTYPES[0]:
+        opening = _widest_px(mask) * pixel_m - 2 * MARGIN_M
+        return _told([_of_crack(max(0.0, opening - error)), _of_crack(opening + error)])
+    if name == SUBTYPES[2]:
+        across = 2 * float(np.sqrt(np.count_nonzero(mask) / np.pi)) * pixel_m - 2 * MARGIN_M
+        possible = [each for size in (across - error, across + error) for each in _of_pothole(size)]
+        return _told(possible)
+    return NOT_RESOLVABLE
+
+
+def _widest_px(mask: BoolArray) -> float:
+    """From d, the largest distance to a pixel beyond: 2 d − 1 where the width is odd, 2 d where it is even."""
+    framed = np.pad(mask.astype(np.uint8), 1)
+    return 2 * float(cv2.distanceTransform(framed, cv2.DIST_L2, cv2.DIST_MASK_PRECISE).max()) - 0.5
+
+
+def _of_crack(width_m: float) -> Severity:
+    if width_m < CRACK_MEDIUM_M:
+        return Severity.LOW
+    return Severity.MEDIUM if width_m <= CRACK_HIGH_M else Severity.HIGH
+
+
+def _of_pothole(diameter_m: float) -> tuple[Severity, ...]:
+    """For each depth."""
+    column = sum(diameter_m > limit for limit in POTHOLE_DIAMETERS_M)
+    return _BEYOND if column == len(POTHOLE_DIAMETERS_M) else tuple(row[column] for row in POTHOLE_TABLE)
+
+
+def _told(possible: list[Severity]) -> str:
+    ranks = sorted({_ORDER.index(each) for each in possible})
+    least, most = _ORDER[ranks[0]], _ORDER[ranks[-1]]
+    if least is most:
+        return least.value
+    return NOT_RESOLVABLE if ranks[-1] - ranks[0] == 2 else f"{least.value} to {most.value}"
