@@ -112,6 +112,28 @@ def info(
     _print(load_recording(file, loaded), loaded)
 
 
+@app.command()
+def export(
+    file: Annotated[Path, typer.Argument(metavar="FILE.parquet", help="A recording.")],
+    target: Annotated[Path, typer.Argument(help="The file to write, ending in .parquet or .csv.")],
+    start: Annotated[float, typer.Option("--from", help="First moment, in seconds of the recording.")] = 0.0,
+    end: Annotated[float | None, typer.Option("--to", help="Last moment; the recording's end unless given.")] = None,
+) -> None:
+    """Write a stretch of a recording as a table with a row for each agent and moment, as SUMO's floating car data.
+
+    \b
+    pavetwin traffic export high.parquet high-fcd.parquet
+    pavetwin traffic export high.parquet rush.csv --from 120 --to 180
+    """
+    from pavetwin.traffic.fcd import export_fcd
+    from pavetwin.traffic.recording_file import load_recording
+
+    recording = load_recording(file)
+    with progress("Writing") as tell:
+        count = export_fcd(recording, target, start, end, tell)
+    out.line(f"{count} rows in {target}.")
+
+
 def _density(
     name: str | None,
     los: str | None,

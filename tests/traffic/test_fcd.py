@@ -1,0 +1,64 @@
+"""Stretches of recordings as floating car data."""
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.traffic.fcd import export_fcd
+from pavetwin.traffic.recording import Recording
+from pavetwin.traffic.recording_file import save_recording
+from scenes.command_line import pavetwin, plain_refusal
+from scenes.recordings import Pose, recording
+
+
+def east_then_north(agent: int, t: float) -> Pose:
+    """The first drives east at 10 m/s, the second walks north at 1 m/s."""
+    return (10 * t, 5.0, 0.0, 10.0) if agent == 0 else (-3.0, t, np.pi / 2, 1.0)
+
+
+@pytest.fixture
+def long(tmp_path: Path) -> Recording:
+    """Of three parts."""
+    made = recording(("van", "man"), east_then_north, frames=601)
+    return save_recording(made, tmp_path / "long.parquet")
+
+
+def test_rows_are_those_of_fcd(long: Recording, tmp_path: Path) -> None:
+    assert export_fcd(long, tmp_path / "all.parquet") == 2 * long.frames
+    table = pl.read_parquet(tmp_path / "all.parquet")
+    assert table.columns[:7] == ["time", "id", "type", "x", "y", "angle", "speed"]
+    van, man = (table.filter(pl.col("type") == kind) for kind in ("van", "man"))
+    half_m = long.agents.length_m[0] / 2
+    np.testing.assert_allclose(van["time"], np.arange(long.frames) * long.step_s)
+    np.testing.assert_allclose(van["x"], 10 * van["time"].to_numpy() + half_m, atol=2e-3)
+    assert van["angle"].unique().to_list() == [90.0]
+    assert man["angle"].unique().to_list() == [0.0]
+    np.testing.assert_allclose(man["y"], man["time"], atol=2e-3)
+    assert (van["class"].unique().to_list(), man["class"].unique().to_list()) == (["vehicle"], ["pedestrian"])
+
+
+@pytest.mark.parametrize(("start_s", "end_s"), [(0.0, 0.0), (0.0, 7.5), (110.0, 130.5), (240.0, 300.0), (60.0, 60.0)])
+def test_a_stretch_is_that_of_the_whole(long: Recording, tmp_path: Path, start_s: float, end_s: float) -> None:
+    export_fcd(long, tmp_path / "all.parquet")
+    export_fcd(long, tmp_path / "some.csv", start_s, end_s)
+    whole, some = pl.read_parquet(tmp_path / "all.parquet"), pl.read_csv(tmp_path / "some.csv")
+    expected = whole.filter(pl.col("time").is_between(start_s, end_s))
+    assert some.height == expected.height == 2 * ((end_s - start_s) * 2 + 1)
+    for name in ("time", "x", "y", "angle", "speed"):
+        np.testing.assert_allclose(some[name], expected[name], atol=1e-9)
+    assert some["id"].cast(str).to_list() == expected["id"].to_list()
+
+
+def test_what_is_not_in_it_is_refused(long: Recording, tmp_path: Path) -> None:
+    for start_s, end_s in ((-1.0, 5.0), (5.0, 4.0), (0.0, 300.5), (float("nan"), 5.0)):
+        with pytest.raises(PaveTwinError, match="lasts from 0 to 300 s"):
+            export_fcd(long, tmp_path / "x.csv", start_s, end_s)
+    file = long.path
+    assert "must end in .parquet or .csv" in plain_refusal(pavetwin("traffic", "export", file, tmp_path / "x.txt"))
+    assert "There is no recording" in plain_refusal(pavetwin("traffic", "export", tmp_path / "no", tmp_path / "x.csv"))
+    assert not list(tmp_path.glob("x.*"))
+    done = pavetwin("traffic", "export", file, tmp_path / "x.csv", "--from", 10, "--to", 12)
+    assert "10 rows in" in done.stdout
