@@ -12,8 +12,9 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.perception.classes import ROAD_DEFECT
 from pavetwin.perception.examples.coco import read_coco
 from pavetwin.perception.examples.example import Example, ExampleSet
-from pavetwin.perception.training.augment import Member, ViewOptions, random_view
+from pavetwin.perception.training.augment import Member, ViewOptions, _turned, random_view, vary_colours
 from pavetwin.perception.training.batches import TrainingViews, ValidationViews, batches, collated, labelled
+from pavetwin.perception.training.held_pictures import HeldExampleSet
 from pavetwin.perception.training.views import LabelledView, fitted, mask_of, tiles, view_of
 from scenes.drawn_roads import drawn_roads
 
@@ -172,3 +173,59 @@ def test_a_damaged_picture_is_refused_by_name(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[:100])
     with pytest.raises(PaveTwinError, match=r"The picture '000.png' of '.*' cannot be read"):
         view_of([fitted(damaged, damaged.examples[0], 64)], 64)
+
+
+def test_a_picture_is_decoded_once_and_stays_the_same(data: ExampleSet, monkeypatch: pytest.MonkeyPatch) -> None:
+    held, read, encoded = HeldExampleSet.of(data), [], ExampleSet.encoded
+
+    def counted(self: ExampleSet, example: Example) -> bytes:
+        if self is held:
+            read.append(example.name)
+        return encoded(self, example)
+
+    monkeypatch.setattr(ExampleSet, "encoded", counted)
+    for _ in range(3):
+        for example in data.examples:
+            assert np.array_equal(np.asarray(held.picture(example)), np.asarray(data.picture(example)))
+    assert read == [example.name for example in data.examples]
+
+
+def test_pictures_are_kept_only_while_there_is_room(data: ExampleSet) -> None:
+    """128 × 96 in three channels take 36,864 bytes: two of eight fit, the first two."""
+    held = HeldExampleSet(data.path, data.fingerprint, data.examples, most_bytes=80_000)
+    for example in (*data.examples, *data.examples):
+        held.picture(example)
+    assert held.held_bytes == 2 * 36_864
+    assert list(held._held) == [example.place for example in data.examples[:2]]
+
+
+COLOURS = np.uint8([[[120, 120, 120], [200, 40, 60], [30, 90, 160]]])
+
+
+def coloured(seed: int, **spread: float) -> np.ndarray:
+    options = replace(PLAIN, **spread)
+    return vary_colours(COLOURS, options, np.random.default_rng(seed)).astype(float)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_colours_vary_at_the_same_luma_and_grey_stays_grey(seed: int) -> None:
+    luma = np.array([0.213, 0.715, 0.072])
+    for spread in ({"hue": 0.05}, {"saturation": 0.3}):
+        found = coloured(seed, **spread)
+        assert not np.array_equal(found, COLOURS)
+        assert found[0, 0] == pytest.approx(120, abs=1)
+        assert found @ luma == pytest.approx(COLOURS @ luma, abs=1.5)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_brightness_scales_all_channels_alike(seed: int) -> None:
+    found = coloured(seed, brightness=0.2)
+    assert found == pytest.approx(COLOURS * (found[0, 0, 0] / 120), abs=1.5)
+    assert abs(found[0, 0, 0] / 120 - 1) <= 0.21
+
+
+def test_a_third_of_a_circle_turns_red_to_green() -> None:
+    """As W3C's `hueRotate` of 120°, which moves red's luma to the other channels."""
+    turned = _turned(2 * np.pi / 3) @ (255, 0, 0)
+    assert int(np.argmax(turned)) == 1
+    assert _turned(2 * np.pi) == pytest.approx(np.eye(3), abs=1e-12)

@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Final
 
@@ -121,6 +122,21 @@ class ExampleSet:
                 return file.read(length)
         except OSError as error:
             raise PaveTwinError(f"The picture of '{example.name}' in '{self.path}' cannot be read: {error}.") from error
+
+    def picture(self, example: Example) -> Image.Image:
+        """The picture, in RGB.
+
+        Raises:
+            PaveTwinError: it cannot be read, or is not as large as its labels say.
+        """
+        try:
+            picture = Image.open(BytesIO(self.encoded(example))).convert("RGB")
+        except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+            raise PaveTwinError(f"The picture '{example.name}' of '{self.path}' cannot be read: {error}.") from error
+        if picture.size != example.size_px:
+            told, found = (f"{width} × {height}" for width, height in (example.size_px, picture.size))
+            raise PaveTwinError(f"The picture '{example.name}' of '{self.path}' is {found}, and its labels say {told}.")
+        return picture
 
 
 def labelled_classes(examples: Iterable[Example]) -> dict[str, frozenset[int]]:

@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import pi
 from typing import Final
 
 import numpy as np
 from PIL import Image
 
-from pavetwin.arrays import UInt8Array
+from pavetwin.arrays import Float64Array, UInt8Array
 from pavetwin.labels.boxes import PixelBox
 from pavetwin.perception.examples.example import Example, ExampleSet
 from pavetwin.perception.training.views import ImagePart, LabelledView, view_of
@@ -105,14 +106,27 @@ def _part(member: Member, window: PixelBox, options: ViewOptions, rng: np.random
 
 
 def vary_colours(pixels: UInt8Array, options: ViewOptions, rng: np.random.Generator) -> UInt8Array:
-    """Hue turned, saturation and brightness scaled, each by a random amount."""
+    """Hue turned, saturation and brightness scaled, each by a random amount: one matrix for all pixels."""
     spread = np.array([options.hue, options.saturation, options.brightness])
     if not spread.any():
         return pixels
     turn, saturate, brighten = rng.uniform(-1, 1, 3) * spread
-    level = np.arange(256, dtype=np.float64)
-    table = np.concatenate(
-        [(level + 256 * turn) % 256, np.clip(level * (1 + saturate), 0, 255), np.clip(level * (1 + brighten), 0, 255)]
-    )
-    picture = Image.fromarray(pixels).convert("HSV").point([int(value) for value in table])
-    return np.asarray(picture.convert("RGB"))
+    matrix = (1 + brighten) * _turned(2 * pi * turn) @ _saturated(1 + saturate)
+    rows = np.hstack([matrix, np.zeros((3, 1))])
+    return np.asarray(Image.fromarray(pixels).convert("RGB", tuple(rows.ravel().tolist())))
+
+
+_LUMA: Final = np.array([0.213, 0.715, 0.072])
+"""Of red, green and blue (ITU-R BT.709), as W3C's Filter Effects round them."""
+
+
+def _saturated(scale: float) -> Float64Array:
+    """Differences to the luma scaled: `saturate` of W3C's Filter Effects Module."""
+    return scale * np.eye(3) + (1 - scale) * np.tile(_LUMA, (3, 1))
+
+
+def _turned(angle_rad: float) -> Float64Array:
+    """Colours turned about grey, at the same luma: `hueRotate` of W3C's Filter Effects Module."""
+    across = np.array([[-0.213, -0.715, 0.928], [0.143, 0.140, -0.283], [-0.787, 0.715, 0.072]])
+    grey = np.tile(_LUMA, (3, 1))
+    return grey + np.cos(angle_rad) * (np.eye(3) - grey) + np.sin(angle_rad) * across

@@ -15,6 +15,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.perception.classes import CLASSES
 from pavetwin.perception.examples.example import ExampleSet, labelled_classes, missing_classes
 from pavetwin.perception.training.batches import Batch, TrainingViews, ValidationViews, batches
+from pavetwin.perception.training.held_pictures import HeldExampleSet
 from pavetwin.perception.training.losses import Losses, detection_losses, mask_loss, subtype_loss
 from pavetwin.perception.training.network import DetectorNetwork
 from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
@@ -81,7 +82,9 @@ class Trainer:
         Raises:
             PaveTwinError: the data, the folder or the weights do not fit; nothing has been changed then.
         """
-        members = [(data, example) for data in sets for example in data.examples]
+        # Processes that prepare images end with each epoch: what they would keep is lost.
+        held = sets if machine.workers else [HeldExampleSet.of(each) for each in sets]
+        members = [(data, example) for data in held for example in data.examples]
         training = [each for each in members if each[1].split == "train"]
         self._validation = [each for each in members if each[1].split == "val"]
         _check(training, self._validation, options)

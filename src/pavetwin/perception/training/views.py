@@ -6,14 +6,12 @@ box and mask in its image, so that nothing is resampled twice.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from io import BytesIO
 from typing import Final
 
 import numpy as np
 from PIL import Image
 
 from pavetwin.arrays import Float32Array, UInt8Array
-from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import FloatBox, PixelBox, share_within, within
 from pavetwin.perception.classes import CRACKS
 from pavetwin.perception.examples.example import Example, ExampleSet, Shape, TrueObject, mask_in
@@ -132,7 +130,7 @@ def view_of(parts: Sequence[ImagePart], size_px: int) -> LabelledView:
 
 def _draw(part: ImagePart, canvas: UInt8Array) -> None:
     """Fill the part's window, resampling the image once."""
-    picture = _picture(part)
+    picture = part.data.picture(part.example)
     width, height = picture.size
     first, last = part.window[:2], part.window[2:]
     # The whole pixels of the canvas that lie on the image.
@@ -154,20 +152,6 @@ def _draw(part: ImagePart, canvas: UInt8Array) -> None:
     if part.upside_down:
         shown, top, bottom = shown[::-1], first[1] + last[1] - bottom, first[1] + last[1] - top
     canvas[top:bottom, left:right] = shown
-
-
-def _picture(part: ImagePart) -> Image.Image:
-    example = part.example
-    try:
-        picture = Image.open(BytesIO(part.data.encoded(example))).convert("RGB")
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise PaveTwinError(f"The picture '{example.name}' of '{part.data.path}' cannot be read: {error}.") from error
-    if picture.size != example.size_px:
-        told, found = (f"{width} × {height}" for width, height in (example.size_px, picture.size))
-        raise PaveTwinError(
-            f"The picture '{example.name}' of '{part.data.path}' is {found}, and its labels say {told}."
-        )
-    return picture
 
 
 def _seen(part: ImagePart) -> list[SeenObject]:
