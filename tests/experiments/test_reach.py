@@ -18,7 +18,7 @@ from scenes.tiny import straight
 def _in_reach(monkeypatch: pytest.MonkeyPatch) -> None:
     """Over `slow` no level is better than D, and over `odd` SUMO fails."""
 
-    def within_reach(over: World, asked: Density, _tell: object) -> Density:
+    def within_reach(over: World, asked: Density, _tell: object, **_how: object) -> Density:
         if over.name == "odd":
             raise PaveTwinError("SUMO crashed.")
         return density_named("los-D") if over.name == "slow" and asked.name in ("los-B", "los-C") else asked

@@ -26,7 +26,7 @@ POLICY, SEGMENTS = "hover", "8"
 
 FIXED_BY_AGAIN = (
     *("los", "hour", "density", "mix", "altitude", "segments", "segment", "order", "seed", "preset", "sensor", "set_"),
-    *("traffic", "routes", "take_off", "base", "aircraft", "airspace", "plugin", "parking"),
+    *("traffic", "traffic_area", "routes", "take_off", "base", "aircraft", "airspace", "plugin", "parking"),
     *CONDITIONS,
 )
 """Options whose values a mission.yaml holds."""
@@ -95,6 +95,14 @@ def fly(
             "--routes 300 s after the first departure, or with the last one where that is earlier.",
         ),
     ] = None,
+    traffic_area: Annotated[
+        str | None,
+        typer.Option(
+            metavar="METRES|all",
+            help="Simulate only the streets within this distance of the segments, 100 or more, at the density that is "
+            "asked for; all, as unless given: the whole town.",
+        ),
+    ] = None,
     base: Annotated[
         str | None,
         typer.Option(
@@ -133,13 +141,14 @@ def fly(
     pavetwin fly worlds/town --date 2026-06-21 --time 09:30 --clouds 0.4 --wind 5@270 --save-frames
     pavetwin fly worlds/town --routes rush.rou.xml --take-off 600
     pavetwin fly worlds/town --parking 0.9
+    pavetwin fly worlds/city --segments 3 --traffic-area 200
     pavetwin fly worlds/town --segment s0004 --policy my_policy.py:Careful --set policy.max_wait_s=60
     pavetwin fly --again worlds/town/missions/hover-high-1-10m-default-seed1/mission.yaml
     """
     _refuse_pairs(
         context,
         (
-            *((option, "traffic", "routes") for option in ("los", "hour", "density", "mix")),
+            *((option, "traffic", "routes") for option in ("los", "hour", "density", "mix", "traffic_area")),
             ("segment", "segments"),
         ),
     )
@@ -161,6 +170,7 @@ def fly(
             paths_of(plugin),
             conditions_of(date, time, clouds, wind),
             {} if parking is None else parking_of(parking),
+            {} if traffic_area is None else {"traffic_area_m": area_of(traffic_area)},
         )
     )
 
@@ -259,6 +269,8 @@ def fly(
         out.line(pace)
     if instead := report.instead_line(specs[0]):
         out.line(instead)
+    if where := report.area_line(inputs.replay.area, loaded):
+        out.line(where)
     flow = flow_of(inputs.replay.recording, inputs.environment.world)
     out.line(f"Traffic {inputs.replay.recording.name}: {flow.sentence} {flow.removals_sentence}")
     maps = not no_map
@@ -280,7 +292,9 @@ def _former(context: typer.Context, again: Path | None, *, other_policy: bool) -
 
     for option in FIXED_BY_AGAIN:
         if _given(context, option):
-            raise PaveTwinError(f"--again: the mission.yaml says --{option.rstrip('_')}; leave one of the two out.")
+            raise PaveTwinError(
+                f"--again: the mission.yaml says --{option.rstrip('_').replace('_', '-')}; leave one of the two out."
+            )
     with about("again"):
         return read_mission(again, other_policy=other_policy)
 
@@ -326,11 +340,12 @@ def _settings(
     plugins: Sequence[str],
     conditions: Mapping[str, Any],
     parking: Mapping[str, Any],
+    area: Mapping[str, float | None],
 ) -> "MissionSettings":
     from pavetwin.config import load_settings
     from pavetwin.config.altitude import check_altitude
 
-    given: dict[str, Any] = {}
+    given: dict[str, Any] = {**area}
     if altitude is not None:
         check_altitude(altitude)
         given["altitude_m"] = altitude
@@ -345,6 +360,28 @@ def _settings(
     if parking:
         given["parking"] = parking
     return load_settings(preset, overrides or (), **given)
+
+
+def area_of(text: str) -> float | None:
+    """The setting `traffic_area_m` as --traffic-area gives it.
+
+    Raises:
+        PaveTwinError: it is neither a distance nor `all`.
+    """
+    from pavetwin.config.mission import LEAST_AREA_M
+
+    if text == "all":
+        return None
+    try:
+        distance_m = float(text)
+    except ValueError:
+        raise PaveTwinError(f"--traffic-area {text}: expected metres or 'all'.") from None
+    if not LEAST_AREA_M <= distance_m < float("inf"):
+        raise PaveTwinError(
+            f"--traffic-area {text}: traffic needs {LEAST_AREA_M:g} m of streets to queue and to spread out; give "
+            f"{LEAST_AREA_M:g} or more, or 'all'."
+        )
+    return distance_m
 
 
 def _count(segments: str) -> int | None:
@@ -366,6 +403,6 @@ def _refuse_pairs(context: typer.Context, groups: Sequence[Sequence[str]]) -> No
     PaveTwinError: two options were given of which one replaces the other.
     """
     for group in groups:
-        both = [f"--{option}" for option in group if _given(context, option)]
+        both = [f"--{option.replace('_', '-')}" for option in group if _given(context, option)]
         if len(both) > 1:
             raise PaveTwinError(f"{' and '.join(both)} exclude each other; give one of them.")

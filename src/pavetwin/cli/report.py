@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from pavetwin.mission.fly import MissionResult
     from pavetwin.mission.inputs import MissionInputs
     from pavetwin.mission.spec import MissionSpec
+    from pavetwin.traffic.area import TrafficArea
     from pavetwin.world.model import World
 
 
@@ -42,6 +43,16 @@ def instead_line(spec: "MissionSpec") -> str:
     if traffic.instead_of is None or traffic.density is None:
         return ""
     return nearest_line(traffic.instead_of, traffic.density, spec.world.name)
+
+
+def area_line(area: "TrafficArea | None", world: "World") -> str:
+    """On which streets there is traffic; empty where it is on all."""
+    if area is None:
+        return ""
+    return (
+        f"Traffic on {area.length_km(world):.1f} km of lanes, those within {area.distance_m:g} m of what is inspected; "
+        "--traffic-area all has it everywhere."
+    )
 
 
 def nearest_line(usual: str, nearest: str, world: str) -> str:

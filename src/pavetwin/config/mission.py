@@ -147,6 +147,10 @@ class EnergySettings(Settings):
     """From landing with an empty battery to take-off with a full one."""
 
 
+LEAST_AREA_M: Final = 100.0
+"""Traffic that enters an area needs a block's length to queue at signals."""
+
+
 class MissionSettings(Settings):
     """One mission, complete."""
 
@@ -164,6 +168,8 @@ class MissionSettings(Settings):
     energy: EnergySettings = EnergySettings()
     conditions: Conditions = Conditions()
     parking: ParkingSettings = ParkingSettings()
+    traffic_area_m: Annotated[float, Field(ge=LEAST_AREA_M)] | None = None
+    """Traffic is recorded on the streets within this distance of the targets; null: on those of the whole town."""
     plugins: PluginFiles = ()
     """Files of the user's own that register what a setting names; read when settings are made."""
 

@@ -31,6 +31,7 @@ from pavetwin.mission.results import totals
 from pavetwin.mission.spec import DefectInput, MissionSpec, PolicyInput, WorldInput
 from pavetwin.mission.versions import renderer_of
 from pavetwin.sensing import ImageSource
+from pavetwin.traffic.area import TrafficArea
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder
 from pavetwin.world.model import Defect, World
@@ -287,7 +288,9 @@ def _replay(plan: Plan, unit: Unit, world: World, entry: WorldEntry) -> Replay:
     routes = [Path(route) for route in entry.routes]
     density = None if unit.traffic == OWN_ROUTES else unit.traffic
     seed = plan.seeds(unit.replicate).traffic
-    recorder = Recorder(Inputs.of(world, density, seed, routes))
+    targets = [world.segments[index].id for index in plan.segments(unit)]
+    area = None if plan.traffic_area_m is None else TrafficArea.around(world, targets, plan.traffic_area_m)
+    recorder = Recorder(Inputs.of(world, density, seed, routes, area))
     recording = recorder.until(take_off_s + (QUIET_S if routes else RECORDED_S) * len(plan.segments(unit)))
     if routes and recording.after(take_off_s).is_empty:
         raise PaveTwinError(

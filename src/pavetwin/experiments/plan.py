@@ -143,6 +143,8 @@ class Plan:
     """Versions by name of the installed packages that give a policy, a sensor or the like."""
     populations: Mapping[str, str] = field(default_factory=dict)
     """Hashes by name of the damage populations of the package that defects are placed by."""
+    traffic_area_m: float | None = None
+    """Traffic is recorded within this distance of a unit's segments; None: in the whole town."""
     image_source_factory: ImageSourceFactory | None = None
     """For sensors that look at images; called in the worker processes."""
 
@@ -248,6 +250,17 @@ def cells_of(design: Design, owners: Owners = EVERYONE) -> tuple[Cell, ...]:
         for preset, values, sensor, altitude_m, policy in combinations
     )
     return tuple(dict.fromkeys(cells))
+
+
+def traffic_area_m(design: Design, cells: Sequence[Cell]) -> float | None:
+    """The widest area of traffic that a cell asks for, since those of a unit share a recording; None for whole towns.
+
+    Raises:
+        PaveTwinError: as `Cell.settings`.
+    """
+    asked = [cell.settings(design).traffic_area_m for cell in cells]
+    known = [distance_m for distance_m in asked if distance_m is not None]
+    return max(known) if len(known) == len(asked) else None
 
 
 def _keep_own_options(

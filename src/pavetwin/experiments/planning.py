@@ -11,7 +11,7 @@ from pavetwin.errors import PaveTwinError, naming, nearest_name
 from pavetwin.experiments.design import ALL, Design
 from pavetwin.experiments.metrics import EVERY_PAIR, REFERENCE
 from pavetwin.experiments.owners import owners_of
-from pavetwin.experiments.plan import IN_DESIGN_FILE, Cell, Plan, cells_of, content_of, take_offs
+from pavetwin.experiments.plan import IN_DESIGN_FILE, Cell, Plan, cells_of, content_of, take_offs, traffic_area_m
 from pavetwin.experiments.words import listed
 from pavetwin.files import file_sha256
 from pavetwin.mission.environment import MissionEnvironment, prepare
@@ -72,6 +72,7 @@ def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = 
         used={cell: tuple(files) for cell, files in used.items()},
         packages=_packages(design, worlds, cells),
         populations={name: population_sha256(name) for name in named if name not in own},
+        traffic_area_m=traffic_area_m(design, cells),
     )
 
 

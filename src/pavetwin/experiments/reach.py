@@ -6,8 +6,10 @@ from functools import partial
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
+from pavetwin.experiments.plan import cells_of, traffic_area_m
 from pavetwin.experiments.words import listed
 from pavetwin.mission.inputs import OnProgress
+from pavetwin.plugins import load_plugins
 from pavetwin.traffic.demand import density_named
 from pavetwin.traffic.nearest_level import within_reach
 from pavetwin.world.model import World
@@ -23,9 +25,10 @@ def with_levels_in_reach(
     """
     if not design.or_nearest:
         return design
+    of_area = _records_areas(design)
     entries = []
     for entry, world in zip(design.worlds, worlds, strict=True):
-        nearest = {} if entry.traffics else _nearest(design.densities, world, tell)
+        nearest = {} if entry.traffics else _nearest(design.densities, world, tell, of_area=of_area)
         if nearest:
             on_notice(replaced_sentence(world.name, nearest))
         entries.append(entry.model_copy(update={"nearest": nearest}))
@@ -41,7 +44,15 @@ def replaced_sentence(world: str, nearest: Mapping[str, str]) -> str:
     return f"{what} of service {missed} {are} out of reach in '{world}'; the nearest {are} flown: {flown}."
 
 
-def _nearest(densities: Sequence[str], world: World, tell: OnProgress) -> dict[str, str]:
+def _records_areas(design: Design) -> bool:
+    """Whether traffic is recorded around what is inspected; False where the design is refused later."""
+    with suppress(PaveTwinError):
+        load_plugins(design.plugins)
+        return traffic_area_m(design, cells_of(design)) is not None
+    return False
+
+
+def _nearest(densities: Sequence[str], world: World, tell: OnProgress, *, of_area: bool) -> dict[str, str]:
     """Levels that the world cannot reach → the nearest that it can. What fails otherwise fails in its missions."""
     found = {}
 
@@ -51,7 +62,7 @@ def _nearest(densities: Sequence[str], world: World, tell: OnProgress) -> dict[s
     for name in densities:
         with suppress(PaveTwinError):
             asked = density_named(name)
-            other = within_reach(world, asked, partial(search, name))
+            other = within_reach(world, asked, partial(search, name), of_area=of_area)
             if other != asked:
                 found[name] = other.name
     return found

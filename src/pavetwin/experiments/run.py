@@ -20,7 +20,8 @@ from pavetwin.experiments.store import FORMER, Store
 from pavetwin.experiments.words import counted, listed
 from pavetwin.files import working_in
 from pavetwin.mission.inputs import OnProgress
-from pavetwin.traffic.demand_search import found
+from pavetwin.traffic.demand import density_named
+from pavetwin.traffic.demand_search import found, search_for_areas
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.world.model import World
 
@@ -106,7 +107,7 @@ def run(
 
         for world, traffic in dict.fromkeys((unit.world, unit.traffic) for unit in missing):
             if traffic in design.traffics(world) and not design.worlds[world].traffics:
-                _find_demand(worlds[world], traffic, tell)
+                _find_demand(worlds[world], traffic, tell, of_areas=made.traffic_area_m is not None)
         if missing:
             listener = Listener(on_ready, on_unit, lambda what: tell(0.0, what), on_recorded)
             engine.fly(made, missing, listener)
@@ -115,10 +116,18 @@ def run(
         return Ran(made, store.table(), flying)
 
 
-def _find_demand(world: World, traffic: str, tell: OnProgress) -> None:
+def _find_demand(world: World, traffic: str, tell: OnProgress, *, of_areas: bool) -> None:
     """Search for the density of a level of service or an hour once, before every worker process would.
 
     A world that cannot reach it is no failure of the study: its units say so.
     """
+
+    def on_search(_share: float) -> None:
+        tell(0.0, f"Finding the demand of {traffic} in {world.name}")
+
+    asked = density_named(traffic)
     with suppress(PaveTwinError):
-        found(Inputs.of(world, traffic, 0), lambda _: tell(0.0, f"Finding the demand of {traffic} in {world.name}"))
+        if of_areas and asked.is_found:
+            search_for_areas(world, asked.mix, on_search).density(asked)
+        else:
+            found(Inputs.of(world, asked, 0), on_search)

@@ -2,7 +2,9 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from shapely import Point
 
@@ -12,8 +14,9 @@ from pavetwin.mission.airspace import Aircraft, load_airspace
 from pavetwin.mission.environment import MissionEnvironment, prepare
 from pavetwin.mission.mission import Traffic
 from pavetwin.mission.parked import ParkingInput
-from pavetwin.mission.replay import Replay, replay_of
+from pavetwin.mission.replay import FIRST_DURATION_S, FIRST_PER_TARGET_S, Replay, replay_of
 from pavetwin.mission.spec import HANDED_IN, DefectInput, FileInput, MissionSpec, TrafficInput, WorldInput
+from pavetwin.traffic.area import TrafficArea
 from pavetwin.traffic.nearest_level import within_reach
 from pavetwin.traffic.recording_file import load_recording
 from pavetwin.world.model import Defect, World
@@ -42,10 +45,14 @@ class MissionInputs:
         return self.traffic
 
     def flown(self, spec: MissionSpec) -> MissionSpec:
-        """A spec with the traffic that is recorded, where it allowed another than it names."""
+        """A spec with the traffic that is recorded, where it allowed another than it names: also that of the whole town
+        in place of an area's."""
         if not isinstance(self.traffic, Replay):
             return spec
-        return spec.model_copy(update={"traffic": self.traffic.source()})
+        changes: dict[str, Any] = {"traffic": self.traffic.source()}
+        if self.traffic.area is None and spec.area(self.environment.world) is not None:
+            changes["settings"] = spec.settings.model_copy(update={"traffic_area_m": None})
+        return spec.model_copy(update=changes)
 
     def on_extend(self, tell: Callable[[float], None]) -> None:
         """Report the progress of extending the recording, when a mission takes longer than it."""
@@ -75,10 +82,17 @@ class MissionInputs:
                     ParkingInput.of(spec.settings, spec.parking_seed, spec.parking_mix), environment.world
                 ),
             ),
+            ("area of the traffic", replay is not None and not self._holds_area_of(spec, replay)),
             ("aircraft", replay is not None and bool(replay.aircraft) != bool(spec.aircraft)),
         ):
             if differs:
                 raise PaveTwinError(f"`inputs`: this is not the {what} that the mission's spec names.")
+
+    def _holds_area_of(self, spec: MissionSpec, replay: Replay) -> bool:
+        if replay.area is None:
+            return True
+        same = replay.file is not None or replay.area.distance_m == spec.settings.traffic_area_m
+        return same and not replay.area.misses(map(self.environment.world.segment, spec.targets))
 
     def indices(self, spec: MissionSpec) -> list[int]:
         """Indices of the segments to inspect, among the world's segments.
@@ -126,7 +140,12 @@ def load_inputs(
         )
     search = f"Finding the demand of {spec.traffic.density}, kept for the next time"
     traffic = traffic_of(
-        loaded, spec.traffic, lambda share: tell(share, "Recording traffic"), lambda share: tell(share, search)
+        loaded,
+        spec.traffic,
+        lambda share: tell(share, "Recording traffic"),
+        lambda share: tell(share, search),
+        area=spec.area(loaded),
+        first_s=min(FIRST_DURATION_S, FIRST_PER_TARGET_S * len(spec.targets)),
     )
     traffic.aircraft = aircraft_of(spec)
     return MissionInputs(ready, traffic)
@@ -192,8 +211,15 @@ def traffic_of(
     source: TrafficInput,
     on_progress: Callable[[float], None] | None = None,
     on_search: Callable[[float], None] | None = None,
+    *,
+    area: TrafficArea | None = None,
+    first_s: float = FIRST_DURATION_S,
 ) -> Replay:
     """The recorded traffic of a mission; recorded now where it was not before.
+
+    Args:
+        area: the streets with traffic; None for the whole town.
+        first_s: of an area's traffic that is recorded from take-off on.
 
     Raises:
         PaveTwinError: it cannot be recorded, or the recording is of another world.
@@ -209,7 +235,8 @@ def traffic_of(
         replay = Replay(world, recording, routes, file=Path(source.recording.path))
     else:
         asked, instead_of = source.asked(), source.instead_of
-        if source.or_nearest and asked is not None and (nearest := within_reach(world, asked, on_search)) != asked:
+        reach = partial(within_reach, world, on_search=on_search, of_area=area is not None)
+        if source.or_nearest and asked is not None and asked != (nearest := reach(asked)):
             asked, instead_of = nearest, asked.name
         replay = replay_of(
             world,
@@ -217,6 +244,8 @@ def traffic_of(
             source.seed,
             routes=routes,
             take_off_s=source.take_off_s,
+            area=area,
+            first_s=FIRST_DURATION_S if area is None else first_s,
             on_progress=on_progress,
             on_search=on_search,
         )

@@ -98,6 +98,9 @@ def plan_mission(
     names = () if isinstance(segments, int) or segments is None else segments
     targets = choose_targets(ready, count=count, names=names, order=order, seed=seed)
     check_reach(ready, chosen, targets)
+    if recording is not None:
+        with about("recording"):
+            _check_area(recording, world, targets)
     return MissionSpec.of(
         world=WorldInput.of(world),
         defects=source.model_copy(update={"content_hash": ready.defects_hash}),
@@ -111,6 +114,18 @@ def plan_mission(
         parking_mix=ready.parking.mix,
         settings=chosen,
     )
+
+
+def _check_area(recording: Path | str, world: World, targets: Sequence[int]) -> None:
+    """Raises:
+    PaveTwinError: the recording has no traffic on a target.
+    """
+    area = load_recording(recording, world).origin.area
+    if area is not None and (missed := area.misses(world.segments[index] for index in targets)):
+        raise PaveTwinError(
+            f"'{recording}' has no traffic on {missed[0]}: it holds the streets within {area.distance_m:g} m of other "
+            "segments. Inspect those, or give a density."
+        )
 
 
 def policies_named(given: Iterable[str]) -> list[str]:

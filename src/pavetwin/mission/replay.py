@@ -9,6 +9,7 @@ from pavetwin._core import Trace
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.airspace import Aircraft, with_aircraft
 from pavetwin.mission.spec import TrafficInput
+from pavetwin.traffic.area import TrafficArea
 from pavetwin.traffic.demand import Density
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder
@@ -18,6 +19,9 @@ from pavetwin.world.model import World
 
 FIRST_DURATION_S = 1200.0
 """Recorded before the first flight; a mission of some ten segments fits."""
+
+FIRST_PER_TARGET_S = 150.0
+"""The same for each segment where traffic is that of an area: other missions hardly share it."""
 
 GROWTH = 1.15
 """A recording that proves too short is made this much longer. SUMO goes on from where it stopped: less would copy what
@@ -45,6 +49,11 @@ class Replay:
     """Extends the recording; made when it is first needed."""
     _trace: Trace | None = field(default=None, init=False, repr=False)
     _entered: bool = field(default=False, init=False, repr=False)
+
+    @property
+    def area(self) -> TrafficArea | None:
+        """Where there is traffic; None for the whole town."""
+        return self.recording.origin.area
 
     def source(self) -> TrafficInput:
         """What it is made from, as a mission's spec names it."""
@@ -124,10 +133,16 @@ def replay_of(
     *,
     routes: Sequence[str | Path] = (),
     take_off_s: float = 0.0,
+    area: TrafficArea | None = None,
+    first_s: float = FIRST_DURATION_S,
     on_progress: Callable[[float], None] | None = None,
     on_search: Callable[[float], None] | None = None,
 ) -> Replay:
     """The traffic of a world at a density, recorded by SUMO now if it was not before.
+
+    Args:
+        area: the streets with traffic; None for the whole town.
+        first_s: recorded from take-off on; missions that last longer extend it.
 
     `on_search` is told the share done of the search for the demand of a level of service or an hour. SUMO keeps
     running, so that the recording can be extended, until the replay's `with` block or its life ends.
@@ -135,6 +150,6 @@ def replay_of(
     Raises:
         PaveTwinError: as `pavetwin.traffic.record.record`.
     """
-    recorder = Recorder(Inputs.of(world, density, seed, routes))
-    recording = recorder.until(take_off_s + FIRST_DURATION_S, on_progress, on_search)
+    recorder = Recorder(Inputs.of(world, density, seed, routes, area))
+    recording = recorder.until(take_off_s + first_s, on_progress, on_search)
     return Replay(world, recording, routes, recorder=recorder)

@@ -20,6 +20,7 @@ from pavetwin.mission.airspace import Aircraft
 from pavetwin.mission.versions import packages_in_use, software_versions
 from pavetwin.plugins import files_of, plugin_hashes
 from pavetwin.policies import policy_class
+from pavetwin.traffic.area import TrafficArea
 from pavetwin.traffic.demand import USER, Density
 from pavetwin.traffic.mix import DEFAULT_MIX
 from pavetwin.uav.aircraft import camera_name
@@ -284,6 +285,17 @@ class MissionSpec(Settings):
     def as_values(self) -> dict[str, Any]:
         """In plain values, as `mission.yaml` holds them."""
         return self.model_dump(mode="json")
+
+    def area(self, world: World) -> TrafficArea | None:
+        """The streets on which its traffic is recorded; None for the whole town.
+
+        Raises:
+            PaveTwinError: a target does not exist.
+        """
+        distance_m = self.settings.traffic_area_m
+        if distance_m is None or self.traffic.recording is not None or self.traffic.routes:
+            return None
+        return TrafficArea.around(world, self.targets, distance_m)
 
     def files(self) -> tuple[FileInput, ...]:
         """All files it names, the world's aside."""

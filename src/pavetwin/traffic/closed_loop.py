@@ -56,8 +56,14 @@ class ClosedLoop:
         mix: str = DEFAULT_MIX,
         *,
         fastest_goals: bool = True,
+        prefix: str = "",
     ) -> None:
+        """
+        Args:
+            prefix: of the ids of its agents, where several loops hold a part of the network each.
+        """
         self._sumo = sumo
+        self._prefix = prefix
         self._roads = roads
         self._sidewalks = sidewalks
         self._vehicles = vehicles if roads.ids else 0
@@ -81,7 +87,7 @@ class ClosedLoop:
     def fill(self, *, warming: bool) -> None:
         """Insert the missing agents; `warming` before the recording begins."""
         sumo = self._sumo
-        missing = self._vehicles - sumo.vehicle.getIDCount() - len(sumo.simulation.getPendingVehicles())
+        missing = self._vehicles - self._own(sumo.vehicle) - self._counted(sumo.simulation.getPendingVehicles())
         if warming:
             for _ in range(missing):
                 self._start_anywhere()
@@ -90,8 +96,15 @@ class ClosedLoop:
             if missing > PATIENCE * self._vehicles or not len(self._roads.entries):
                 for _ in range(left):
                     self._start_at_kerb()
-        for _ in range(self._pedestrians - sumo.person.getIDCount()):
+        for _ in range(self._pedestrians - self._own(sumo.person)):
             self._start_walk()
+
+    def _own(self, domain: Any) -> int:
+        """How many of SUMO's vehicles or persons are its own."""
+        return self._counted(domain.getIDList()) if self._prefix else int(domain.getIDCount())
+
+    def _counted(self, names: Sequence[str]) -> int:
+        return sum(name.startswith(self._prefix) for name in names) if self._prefix else len(names)
 
     def _start_at_border(self, missing: int) -> int:
         """Start vehicles on entries with room, at most one a lane; returns how many."""
@@ -132,7 +145,7 @@ class ClosedLoop:
         route = self._trip(edge, kind)
         if not route:
             return
-        name = f"v{self._count}"
+        name = f"{self._prefix}v{self._count}"
         self._count += 1
         sumo.route.add(name, route)
         sumo.vehicle.add(name, name, typeID=kind.sumo_id, **departure)
@@ -161,7 +174,7 @@ class ClosedLoop:
         start = self._sidewalk(self._rng)
         edges = self._walk(start)
         kind = PEDESTRIANS[self._pedestrian_kind(self._rng)]
-        name = f"p{self._count}"
+        name = f"{self._prefix}p{self._count}"
         self._count += 1
         place = self._rng.random() * walks.length_m[start]
         goal = self._rng.random() * walks.length_m[edges[-1]] if len(edges) > 1 else -1.0

@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import Final
 
 from pavetwin.errors import PaveTwinError, no_such
+from pavetwin.traffic.area import TrafficArea
 from pavetwin.traffic.level_of_service import LevelOfService, level_named
 from pavetwin.traffic.mix import DEFAULT_MIX, mix_named
 from pavetwin.world.model import LaneKind, World
@@ -182,13 +183,15 @@ def share_of_busiest(hour: int) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Capacity:
-    """The denominators of the density in one world, in kilometres."""
+    """The denominators of the density in one world or area, in kilometres."""
 
     lanes_km: float
     sidewalks_km: float
 
     @classmethod
-    def of(cls, world: World) -> "Capacity":
+    def of(cls, world: World, area: TrafficArea | None = None) -> "Capacity":
+        if area is not None:
+            return cls(area.length_km(world), area.length_km(world, LaneKind.SIDEWALK))
         return cls(world.length_km(LaneKind.DRIVING), world.length_km(LaneKind.SIDEWALK))
 
     def vehicles(self, density: Density) -> int:

@@ -10,6 +10,7 @@ traffic, since the density is a property of the streets. Its trials are kept bes
 """
 
 import hashlib
+import itertools
 import json
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, replace
@@ -21,6 +22,7 @@ import numpy as np
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
+from pavetwin.traffic.area import TrafficArea
 from pavetwin.traffic.convert import to_recording
 from pavetwin.traffic.demand import BUSIEST, JAM_VEHICLES_PER_LANE_KM, Density, density_named, share_of_busiest
 from pavetwin.traffic.flow import flow_of
@@ -29,7 +31,7 @@ from pavetwin.traffic.job import STEP_S, Part
 from pavetwin.traffic.level_of_service import LevelOfService, level_of
 from pavetwin.traffic.runner import OnRecorded, SimulationProcess, require_sumo, workplace
 from pavetwin.world.cache import cached
-from pavetwin.world.model import World
+from pavetwin.world.model import LaneKind, World
 
 NEAR: Final = 0.10
 """A trial within this of the target, as a share of it, is near: what a recording may miss it by."""
@@ -56,6 +58,12 @@ MEASURED_S: Final = (240.0, 600.0)
 
 FULLEST_PER_LANE_KM: Final = 0.75 * JAM_VEHICLES_PER_LANE_KM
 """No trial is denser."""
+
+SEARCHED_LANES_KM: Final = 10.0
+"""Kilometres of lane that are searched over for areas of a larger world: those of the demo's town."""
+
+RING_M: Final = 50
+"""The middle of a world grows by this distance until it has so many."""
 
 FIRST_SCALE_PER_LANE_KM: Final = 11.0
 """kₘ before the first trial: of the towns tried it was 12 to 15 at C, and up to 19 in denser traffic."""
@@ -90,18 +98,48 @@ def found(inputs: Inputs, on_search: OnRecorded | None = None) -> Inputs:
     asked = inputs.asked
     if asked is None or not asked.is_found:
         return inputs
+    if inputs.area is not None:
+        return replace(inputs, asked=search_for_areas(inputs.world, asked.mix, on_search).density(asked))
     search = DemandSearch(inputs.world, asked.mix, on_search)
     ratio = search.target(asked.level)[1] if asked.level else None
     return replace(inputs, asked=search.density(asked), speed_ratio=ratio)
 
 
+def search_for_areas(world: World, mix: str, on_progress: OnRecorded | None = None) -> "DemandSearch":
+    """The search for the density at which all areas of a world are recorded: over its middle where the world is large,
+    so that it takes no longer in a city than in a town."""
+    return DemandSearch(world, mix, on_progress, middle_of(world))
+
+
+def middle_of(world: World) -> TrafficArea | None:
+    """The smallest area around the middle of a world's segments with `SEARCHED_LANES_KM` of lanes or more; None for the
+    whole world where that has not twice as much."""
+    if not world.segments or world.length_km(LaneKind.DRIVING) < 2 * SEARCHED_LANES_KM:
+        return None
+    places = np.array([segment.centre_line.centroid.coords[0] for segment in world.segments])
+    middle = np.median(places, axis=0)
+    nearest = world.segments[int(np.argmin(np.hypot(*(places - middle).T)))].id
+    for distance_m in itertools.count(RING_M, RING_M):
+        area = TrafficArea.around(world, [nearest], float(distance_m), most_share=1.0)
+        if area is None or area.length_km(world) >= SEARCHED_LANES_KM:
+            return area
+    raise AssertionError
+
+
 class DemandSearch:
     """Searches in one world under one mix of vehicles."""
 
-    def __init__(self, world: World, mix: str, on_progress: OnRecorded | None = None) -> None:
-        self._inputs = Inputs(world, replace(_level_of_trials(mix), vehicles_per_lane_km=EMPTY_PER_LANE_KM), SEED)
+    def __init__(
+        self, world: World, mix: str, on_progress: OnRecorded | None = None, area: TrafficArea | None = None
+    ) -> None:
+        """
+        Args:
+            area: the streets to search over; None for all.
+        """
+        asked = replace(_level_of_trials(mix), vehicles_per_lane_km=EMPTY_PER_LANE_KM)
+        self._inputs = Inputs(world, asked, SEED, area=area)
         self._tell = on_progress or (lambda _: None)
-        self._name = f"traffic/demand-{mix}.json"
+        self._name = f"traffic/demand-{mix}{'' if area is None else f'-{area.name}'}.json"
         self._hash = hashlib.sha256(
             json.dumps([self._inputs.hash, MEASURED_VEHICLE_S, *MEASURED_S]).encode()
         ).hexdigest()

@@ -13,6 +13,7 @@ from pavetwin.errors import PaveTwinError, about
 from pavetwin.files import file_sha256
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic import sumo_run
+from pavetwin.traffic.area import TrafficArea
 from pavetwin.traffic.closed_loop import FULL, GOALS, PATIENCE, TRIP_M, WALK_M
 from pavetwin.traffic.demand import BUSIEST, HOURLY_SHARES, HOURS, SEARCH, USER, Capacity, Density, density_named
 from pavetwin.traffic.flow import SpeedLimits
@@ -26,6 +27,9 @@ from pavetwin.world.model import LaneKind, World
 
 BEHAVIOUR: Final = 1
 """Version of the demand and the conversion; files of another version are recorded again."""
+
+AREAS: Final = 1
+"""Version of how traffic enters and leaves an area."""
 
 WARM_UP_S: Final = (120.0, 300.0)
 """The shortest and the longest warm-up before a recording: queues at signals need a few cycles to form."""
@@ -45,10 +49,19 @@ class Inputs:
     routes: tuple[Path, ...] = ()
     speed_ratio: float | None = None
     """That a level of service means in this world, once it is found."""
+    area: TrafficArea | None = None
+    """Where there is traffic; None for the whole town."""
 
     @classmethod
-    def of(cls, world: World, density: Density | str | None, seed: int, routes: Sequence[str | Path] = ()) -> "Inputs":
-        """`density` is ignored where `routes` are given.
+    def of(
+        cls,
+        world: World,
+        density: Density | str | None,
+        seed: int,
+        routes: Sequence[str | Path] = (),
+        area: TrafficArea | None = None,
+    ) -> "Inputs":
+        """`density` is ignored where `routes` are given, and so is `area`: a user's routes are driven everywhere.
 
         Raises:
             PaveTwinError: both are missing, the density is unknown, a file is not demand, or the seed is negative.
@@ -65,7 +78,7 @@ class Inputs:
         for path in files:
             if "," in str(path):
                 raise PaveTwinError(f"SUMO cannot read a file with a comma in its name: '{path}'. Rename it.")
-        return cls(world, asked, seed, files)
+        return cls(world, asked, seed, files, area=None if files else area)
 
     @property
     def path(self) -> Path:
@@ -75,7 +88,8 @@ class Inputs:
     def places(self) -> Iterator[Path]:
         """Where the recording may be: in the world's cache, or in its folder."""
         name = self.asked.name if self.asked else "-".join([USER, *(_stem(path) for path in self.routes)])
-        return cached(self.world, f"traffic/{name}-{self.seed}.parquet")
+        area = "" if self.area is None else f"-{self.area.name}"
+        return cached(self.world, f"traffic/{name}-{self.seed}{area}.parquet")
 
     @cached_property
     def hash(self) -> str:
@@ -97,6 +111,7 @@ class Inputs:
             **({"hours": HOURS} if asked and asked.hour is not None else {}),
             "types": sumo_types(kinds_of(self.mix)),
             **({"mix": dict(mix_named(self.mix).shares)} if self.mix != DEFAULT_MIX else {}),
+            **({"area": [AREAS, *self.area.edges]} if self.area else {}),
             "options": [STEP_S, *sumo_run.OPTIONS, *sumo_run.CLOSED_LOOP_OPTIONS, *self.level_options, *self.warm_up_s],
             "loop": [TRIP_M, *WALK_M, GOALS, PATIENCE, FULL],
             "sumo": sumo,
@@ -129,7 +144,7 @@ class Inputs:
 
     @cached_property
     def capacity(self) -> Capacity:
-        return Capacity.of(self.world)
+        return Capacity.of(self.world, self.area)
 
     @cached_property
     def begin_s(self) -> float:
@@ -147,6 +162,7 @@ class Inputs:
                 edge: [lane.id for lane in lanes if lane.kind is not LaneKind.PARKING]
                 for edge, lanes in self.world.lanes_by_edge.items()
             },
+            area=None if self.area is None else frozenset(self.area.edges),
             additional=str(types),
             routes=[str(route.resolve()) for route in self.routes],
             seed=self.seed,
@@ -172,6 +188,7 @@ class Inputs:
             capacity=self.capacity,
             sumo_version=part.sumo_version,
             warm_up_s=part.start_s - self.begin_s,
+            area=self.area,
         )
 
 

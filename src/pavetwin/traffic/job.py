@@ -42,6 +42,8 @@ class SimulationJob:
     """That is held by changing the number of vehicles (`level_control`)."""
     speed_limits: SpeedLimits | None = None
     """Needed for that."""
+    area: frozenset[str] | None = None
+    """The edges that traffic of the closed loop uses; None for all."""
     reads_pedestrians: bool = True
     """Whether pedestrians are among the rows; they walk in any case."""
 

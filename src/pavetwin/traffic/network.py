@@ -5,7 +5,7 @@ order, comes from the world.
 """
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -51,12 +51,16 @@ class Sidewalks:
     """Per meeting place, the sidewalks that can be reached on foot from each other there."""
 
 
-def read_roads(sumo: Any, lanes_of: Mapping[str, Sequence[str]]) -> Roads:
-    """The driving edges of the running simulation `sumo` (the libsumo module); `lanes_of` as in `SimulationJob`."""
+def read_roads(sumo: Any, lanes_of: Mapping[str, Sequence[str]], area: Set[str] | None = None) -> Roads:
+    """The driving edges of the running simulation `sumo` (the libsumo module); `lanes_of` as in `SimulationJob`.
+
+    Args:
+        area: the edges to read, whose border is where ways lead to others; None for all.
+    """
     ids: list[str] = []
     length, lanes, speed = [], [], []
     following: dict[str, set[str]] = {}
-    for edge in _edges(sumo, lanes_of):
+    for edge in _edges(sumo, lanes_of, area):
         driving = [lane for lane in lanes_of[edge] if _allows(sumo, lane, "passenger")]
         if not driving:
             continue
@@ -66,6 +70,8 @@ def read_roads(sumo: Any, lanes_of: Mapping[str, Sequence[str]]) -> Roads:
         speed.append(float(sumo.lane.getMaxSpeed(driving[0])))
         following[edge] = {sumo.lane.getEdgeID(link[0]) for lane in driving for link in sumo.lane.getLinks(lane)}
     ends = {edge: (sumo.edge.getFromJunction(edge), sumo.edge.getToJunction(edge)) for edge in ids}
+    if area is not None:
+        following = {edge: others.intersection(area) for edge, others in following.items()}
     onward = {edge: [other for other in following[edge] if ends.get(other) != ends[edge][::-1]] for edge in ids}
     reached = {other for edge in ids for other in onward[edge]}
     length_m, count = np.array(length), np.array(lanes, dtype=np.int64)
@@ -82,12 +88,12 @@ def read_roads(sumo: Any, lanes_of: Mapping[str, Sequence[str]]) -> Roads:
     )
 
 
-def read_sidewalks(sumo: Any, lanes_of: Mapping[str, Sequence[str]]) -> Sidewalks:
-    """The sidewalks of the running simulation `sumo`, and where they meet; `lanes_of` as in `SimulationJob`."""
+def read_sidewalks(sumo: Any, lanes_of: Mapping[str, Sequence[str]], area: Set[str] | None = None) -> Sidewalks:
+    """The sidewalks of the running simulation `sumo`, and where they meet; the arguments as of `read_roads`."""
     ids, length = [], []
     touching: list[tuple[str, str]] = []
     walks: list[str] = []
-    for edge in _edges(sumo, lanes_of):
+    for edge in _edges(sumo, lanes_of, area):
         walk = next(
             (x for x in lanes_of[edge] if _allows(sumo, x, "pedestrian") and not _allows(sumo, x, "passenger")), None
         )
@@ -121,9 +127,32 @@ def read_sidewalks(sumo: Any, lanes_of: Mapping[str, Sequence[str]]) -> Sidewalk
     )
 
 
-def _edges(sumo: Any, lanes_of: Mapping[str, Sequence[str]]) -> list[str]:
-    """The world's edges in the simulation's order."""
-    return [edge for edge in sumo.edge.getIDList() if edge in lanes_of]
+def islands(sumo: Any, edges: Set[str]) -> list[frozenset[str]]:
+    """The parts of an area between which no way leads inside it, in the simulation's order."""
+    here = [edge for edge in sumo.edge.getIDList() if edge in edges]
+    ends = {edge: (f"at {sumo.edge.getFromJunction(edge)}", f"at {sumo.edge.getToJunction(edge)}") for edge in here}
+    group = groups((edge, *ends[edge]) for edge in here)
+    return [frozenset(edge for edge in here if group[edge] == name) for name in dict.fromkeys(map(group.get, here))]
+
+
+def close_others(sumo: Any, lanes_of: Mapping[str, Sequence[str]], area: Set[str]) -> None:
+    """Let no vehicle drive outside an area, so that no route leads there."""
+    for edge in _edges(sumo, lanes_of):
+        for lane in () if edge in area else lanes_of[edge]:
+            if _allows(sumo, lane, "passenger"):
+                sumo.lane.setDisallowed(lane, ["all"])
+
+
+def signals_in(sumo: Any, lanes_of: Mapping[str, Sequence[str]], area: Set[str]) -> list[str]:
+    """The traffic lights that control a way out of a lane in an area."""
+    lanes = {lane for edge in area for lane in lanes_of[edge]}
+    lights = sumo.trafficlight
+    return [name for name in lights.getIDList() if not lanes.isdisjoint(lights.getControlledLanes(name))]
+
+
+def _edges(sumo: Any, lanes_of: Mapping[str, Sequence[str]], area: Set[str] | None = None) -> list[str]:
+    """The world's edges, or those of an area, in the simulation's order."""
+    return [edge for edge in sumo.edge.getIDList() if edge in (lanes_of if area is None else area)]
 
 
 def _paths(sumo: Any, lanes_of: Mapping[str, Sequence[str]]) -> list[str]:

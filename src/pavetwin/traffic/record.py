@@ -95,7 +95,8 @@ class Recorder:
                 f"A mission outlasts this recording of {recording.duration_s:g} s, and the routes it was made from are "
                 "not given; record longer, or give the routes instead."
             )
-        origin, inputs = recording.origin, Inputs.of(world, recording.origin.asked, recording.origin.seed, routes)
+        origin = recording.origin
+        inputs = Inputs.of(world, origin.asked, origin.seed, routes, origin.area)
         if origin.world != world.content_hash or origin.inputs != inputs.hash:
             raise PaveTwinError(
                 "This recording cannot be extended: its world, its routes or SUMO's version is another now; "

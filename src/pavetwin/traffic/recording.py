@@ -9,6 +9,7 @@ from typing import Final, Self
 import numpy as np
 
 from pavetwin.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt32Array
+from pavetwin.traffic.area import TrafficArea
 from pavetwin.traffic.demand import TOLERANCE, USER, Capacity, Density
 from pavetwin.traffic.kinds import AgentClass
 from pavetwin.traffic.level_of_service import level_of
@@ -69,6 +70,8 @@ class Origin:
     sumo_version: str
     warm_up_s: float
     """Simulated time before the recording."""
+    area: TrafficArea | None = None
+    """Where there is traffic; None for the whole town."""
 
     @property
     def mix(self) -> str:
@@ -294,11 +297,11 @@ def _remarks(recording: Recording) -> list[str]:
         wanted = None if asked.is_found else asked.vehicles_per_lane_km
         remarks += _missed("vehicles", "lane", wanted, cars)
         remarks += _missed("pedestrians", "sidewalk", asked.pedestrians_per_sidewalk_km, walkers)
-        if asked.level and recording.speed_ratio is not None and not asked.level.holds(recording.speed_ratio):
+        level = asked.level if recording.origin.area is None else None  # an area has the town's density
+        if level and recording.speed_ratio is not None and not level.holds(recording.speed_ratio):
             flows = f"{100 * recording.speed_ratio:.0f} % of the free-flow speed"
             remarks.append(
-                f"traffic keeps {flows}, which is level of service {level_of(recording.speed_ratio)} instead of "
-                f"{asked.level}"
+                f"traffic keeps {flows}, which is level of service {level_of(recording.speed_ratio)} instead of {level}"
             )
     if recording.removed > REMOVED_REMARK * max(1.0, float(vehicles.mean())):
         remarks.append(

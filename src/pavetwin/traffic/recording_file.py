@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
+from pavetwin.traffic.area import TrafficArea
 from pavetwin.traffic.demand import Capacity, Density
 from pavetwin.traffic.kinds import AgentClass
 from pavetwin.traffic.recording import SIZES, Agents, Origin, Recording
@@ -68,7 +69,7 @@ def _metadata(recording: Recording) -> dict[str, Any]:
     agents, tracks = recording.agents, recording.tracks
     return {
         "format": FORMAT,
-        "origin": asdict(recording.origin),
+        "origin": _origin(recording.origin),
         "step_s": recording.step_s,
         "duration_s": recording.duration_s,
         "frames": recording.frames,
@@ -91,6 +92,11 @@ def _metadata(recording: Recording) -> dict[str, Any]:
             **{name: [round(float(value), 3) for value in getattr(agents, name)] for name in SIZES},
         },
     }
+
+
+def _origin(origin: Origin) -> dict[str, Any]:
+    values = asdict(origin)
+    return values if origin.area is not None else {key: value for key, value in values.items() if key != "area"}
 
 
 def load_recording(path: str | Path, world: World | None = None) -> Recording:
@@ -124,6 +130,8 @@ def load_recording(path: str | Path, world: World | None = None) -> Recording:
 def _recording(file: pq.ParquetFile, metadata: dict[str, Any], path: Path) -> Recording:
     origin, who = metadata["origin"], metadata["agents"]
     asked = Density(**origin["asked"]) if origin["asked"] else None
+    place = origin.get("area")
+    area = TrafficArea(place["distance_m"], tuple(place["edges"])) if place else None
     agents = Agents(
         id=tuple(who["id"]),
         kind=tuple(who["kind"]),
@@ -131,7 +139,7 @@ def _recording(file: pq.ParquetFile, metadata: dict[str, Any], path: Path) -> Re
         **{name: np.array(who[name], dtype=np.float32) for name in SIZES},
     )
     recording = Recording(
-        origin=Origin(**{**origin, "asked": asked, "capacity": Capacity(**origin["capacity"])}),
+        origin=Origin(**{**origin, "asked": asked, "area": area, "capacity": Capacity(**origin["capacity"])}),
         step_s=metadata["step_s"],
         agents=agents,
         tracks=(_tracks if metadata["format"] == FORMAT else _tracks_of_all_rows)(file, metadata, agents, path),

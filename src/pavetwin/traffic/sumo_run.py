@@ -8,16 +8,18 @@ and the process ends.
 
 import shutil
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stdout
 from multiprocessing.connection import Connection
 from typing import Any, Final
+
+import numpy as np
 
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic.closed_loop import ClosedLoop
 from pavetwin.traffic.job import STEP_S, Part, SimulationJob
 from pavetwin.traffic.level_control import EVERY_S, LevelControl
-from pavetwin.traffic.network import read_roads, read_sidewalks
+from pavetwin.traffic.network import close_others, islands, read_roads, read_sidewalks, signals_in
 from pavetwin.traffic.readout import Readout
 
 SETTLING_S: Final = 20.0
@@ -79,14 +81,10 @@ class Simulation:
         self._frames = 0
         self._removed = 0
         self._removals: list[tuple[int, int]] = []
-        self._states = dict.fromkeys(sumo.trafficlight.getIDList(), "")
-        self._loop: ClosedLoop | None = None
+        signals = sumo.trafficlight.getIDList() if job.area is None else signals_in(sumo, job.lanes_of, job.area)
+        self._states = dict.fromkeys(signals, "")
+        self._loops = [] if job.routes else [*_loops(sumo, job)]
         self._control: LevelControl | None = None
-        if not job.routes:
-            rng = child(job.seed, Stream.DEMAND)
-            ways = read_roads(sumo, job.lanes_of), read_sidewalks(sumo, job.lanes_of)
-            numbers = job.vehicles, job.pedestrians
-            self._loop = ClosedLoop(sumo, *ways, *numbers, rng, job.mix, fastest_goals=job.fastest_goals)
         if job.speed_ratio is not None and job.speed_limits is not None:
             self._control = LevelControl(sumo, job.speed_limits, job.speed_ratio, job.vehicles)
 
@@ -134,15 +132,43 @@ class Simulation:
         return steps
 
     def _step(self, step: int, *, warming: bool) -> None:
-        if self._loop is not None and self._control is not None and step >= 0 and step % round(EVERY_S / STEP_S) == 0:
-            self._loop.hold(self._control.vehicles())
-        if self._loop is not None and step % 2 == 0:
-            self._loop.fill(warming=warming)
+        if self._control is not None and step >= 0 and step % round(EVERY_S / STEP_S) == 0:
+            for loop in self._loops:
+                loop.hold(self._control.vehicles())
+        if step % 2 == 0:
+            for loop in self._loops:
+                loop.fill(warming=warming)
         self._sumo.simulationStep()
         removed = int(self._sumo.simulation.getParameter("", "stats.teleports.total")) - self._removed
         if removed:
             self._removed += removed
             self._removals.append((step, removed))
+
+
+def _loops(sumo: Any, job: SimulationJob) -> Iterator[ClosedLoop]:
+    """The demand: one loop, or one for each island of an area, whose agents are in proportion to its streets."""
+    if job.area is None:
+        ways = read_roads(sumo, job.lanes_of), read_sidewalks(sumo, job.lanes_of)
+        rng = child(job.seed, Stream.DEMAND)
+        yield ClosedLoop(sumo, *ways, job.vehicles, job.pedestrians, rng, job.mix, fastest_goals=job.fastest_goals)
+        return
+    parts = islands(sumo, job.area)
+    roads = [read_roads(sumo, job.lanes_of, part) for part in parts]
+    sidewalks = [read_sidewalks(sumo, job.lanes_of, part) for part in parts]
+    close_others(sumo, job.lanes_of, job.area)
+    vehicles = shares(job.vehicles, [each.length_m.sum() for each in roads])
+    pedestrians = shares(job.pedestrians, [each.length_m.sum() for each in sidewalks])
+    for number, (road, sidewalk, cars, walkers) in enumerate(zip(roads, sidewalks, vehicles, pedestrians, strict=True)):
+        rng = child(job.seed, Stream.DEMAND, number)
+        name = f"{number}-" if len(parts) > 1 else ""
+        goals = job.fastest_goals
+        yield ClosedLoop(sumo, road, sidewalk, cars, walkers, rng, job.mix, fastest_goals=goals, prefix=name)
+
+
+def shares(count: int, weights: Sequence[float]) -> list[int]:
+    """A number divided in proportion to weights, so that the parts sum up to it."""
+    ends = np.round(count * np.cumsum([0.0, *weights]) / max(sum(weights), 1e-9))
+    return [int(part) for part in np.diff(ends)]
 
 
 def serve(owner: Connection) -> int:

@@ -9,10 +9,13 @@ from typing import Any, Final
 import numpy as np
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.experiments.design import Design
+from pavetwin.experiments.plan import cells_of, traffic_area_m
 from pavetwin.experiments.reach import replaced_sentence
 from pavetwin.experiments.report.parts import Section, Table, TableCell, text_cells
 from pavetwin.experiments.report.study import Study
 from pavetwin.experiments.words import MISSING, level_text
+from pavetwin.traffic.area import TrafficArea
 from pavetwin.traffic.flow import MOST_REMOVALS_PER_HOUR, Flow, flow_of
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.level_of_service import level_of
@@ -51,11 +54,14 @@ def traffic_section(study: Study) -> Section:
 def _rows(study: Study) -> Iterator[tuple[TableCell, ...]]:
     if "traffic_seed" not in study.table.columns:
         return
+    distance_m = _area_m(study)
     for name, world in study.worlds.items():
         for traffic in study.levels("traffic"):
             here = study.table.filter(world=name, traffic=traffic)["traffic_seed"].drop_nulls()
             seeds = here.unique(maintain_order=True).to_list()[:MOST_RECORDINGS]
-            recordings = _recordings(_entry_of(study, world), world, traffic, seeds)
+            rows = study.by_segment.filter(world=name, traffic=traffic)
+            targets = {seed: rows.filter(traffic_seed=seed)["segment"].unique().to_list() for seed in seeds}
+            recordings = _recordings(_entry_of(study, world), world, traffic, targets, distance_m)
             flows = [flow_of(recording, world) for recording in recordings]
             if flows:
                 yield text_cells(name, level_text("traffic", traffic), f"{len(flows)}", *_means(flows))
@@ -68,8 +74,26 @@ def _entry_of(study: Study, world: World) -> Mapping[str, Any]:
     return next((entry for entry in own if Path(entry["path"]).absolute() == folder), {})
 
 
-def _recordings(entry: Mapping[str, Any], world: World, traffic: str, seeds: Sequence[int]) -> Iterator[Recording]:
-    """The recordings of a level of traffic that are on this machine; not those of other routes of the same name."""
+def _area_m(study: Study) -> float | None:
+    """Within which distance of what is inspected traffic was recorded; None for whole towns."""
+    with suppress(PaveTwinError):
+        design = Design.parse(study.design, where="the design")
+        return traffic_area_m(design, cells_of(design))
+    return None
+
+
+def _recordings(
+    entry: Mapping[str, Any],
+    world: World,
+    traffic: str,
+    targets: Mapping[int, Sequence[str]],
+    distance_m: float | None,
+) -> Iterator[Recording]:
+    """The recordings of a level of traffic that are on this machine; not those of other routes of the same name.
+
+    Args:
+        targets: by the seed of the traffic, the segments that were inspected in it.
+    """
     given = [Path(file) for file in entry.get("recordings") or () if Path(file).stem == traffic]
     if given:
         for file in filter(Path.is_file, given):
@@ -77,9 +101,10 @@ def _recordings(entry: Mapping[str, Any], world: World, traffic: str, seeds: Seq
                 yield load_recording(file, world)
         return
     routes = entry.get("routes") or ()
-    for seed in seeds:
+    for seed, segments in targets.items():
         with suppress(PaveTwinError):
-            inputs = Inputs.of(world, None if routes else traffic, seed, routes)
+            area = None if distance_m is None else TrafficArea.around(world, segments, distance_m)
+            inputs = Inputs.of(world, None if routes else traffic, seed, routes, area)
             found = (load_recording(file, world) for file in inputs.places() if file.is_file())
             yield from islice((recording for recording in found if recording.origin.inputs == inputs.hash), 1)
 

@@ -1,0 +1,151 @@
+"""Areas of traffic: which streets belong to one, and that traffic stays there at the density that was asked for."""
+
+import numpy as np
+import pytest
+import shapely
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.traffic import demand_search
+from pavetwin.traffic.area import SQUARE_M, TrafficArea
+from pavetwin.traffic.demand_search import middle_of
+from pavetwin.traffic.inputs import Inputs
+from pavetwin.traffic.record import Recorder, record
+from pavetwin.traffic.recording import Recording
+from pavetwin.traffic.recording_file import load_recording
+from pavetwin.traffic.sumo_run import shares
+from pavetwin.world.build import BuildOptions, build_world
+from pavetwin.world.model import LaneKind, World
+from pavetwin.world.store import load_world, save_world
+
+AT_LANES_M = 25.0
+"""Whoever drives or walks on a street or crosses the junction at its end is so near to its lanes."""
+
+
+@pytest.fixture(scope="module")
+def grid(tmp_path_factory: pytest.TempPathFactory) -> World:
+    folder = tmp_path_factory.mktemp("grid") / "grid"
+    save_world(build_world("grid", BuildOptions(seed=1)), folder)
+    return load_world(folder)
+
+
+def corner(world: World) -> str:
+    """The segment furthest to the south-west."""
+    return min(world.segments, key=lambda segment: sum(segment.centre_line.centroid.coords[0])).id
+
+
+def far_corner(world: World) -> str:
+    return max(world.segments, key=lambda segment: sum(segment.centre_line.centroid.coords[0])).id
+
+
+def area_of(world: World, *targets: str, distance_m: float = 100.0) -> TrafficArea:
+    area = TrafficArea.around(world, targets, distance_m, most_share=2.0)
+    assert area is not None
+    return area
+
+
+def streets(world: World, area: TrafficArea) -> shapely.Geometry:
+    return shapely.union_all([lane.centre_line for lane in world.lanes if lane.edge in area.edges])
+
+
+def test_an_area_holds_whole_streets_within_its_distance(grid: World) -> None:
+    target = corner(grid)
+    area = area_of(grid, target)
+    assert not area.misses([grid.segment(target)])
+    for street in grid.streets:
+        assert len(set(street.edges) & set(area.edges)) in (0, len(street.edges))
+    line = grid.segment(target).centre_line
+    near = [street for street in grid.streets if street.centre_line.distance(line) < 100.0]
+    assert {edge for street in near for edge in street.edges} <= set(area.edges)
+    far = [street for street in grid.streets if street.centre_line.distance(line) > 100.0 + 2 * SQUARE_M]
+    assert far
+    assert not {edge for street in far for edge in street.edges} & set(area.edges)
+
+
+def test_targets_of_a_square_share_their_area_and_its_file(grid: World) -> None:
+    areas = {segment.id: area_of(grid, segment.id) for segment in grid.segments}
+    assert 1 < len(set(areas.values())) < len(areas) / 2
+    one, other = next((a, b) for a in areas for b in areas if a < b and areas[a] == areas[b])
+    assert area_of(grid, one, other) == areas[one]
+    paths = {Inputs.of(grid, "low", 1, area=areas[name]).path for name in (one, other)}
+    assert len(paths) == 1
+
+
+def test_an_area_of_most_of_the_town_is_the_town(grid: World) -> None:
+    assert TrafficArea.around(grid, [corner(grid)], 100.0) is not None
+    assert TrafficArea.around(grid, [corner(grid)], 2000.0) is None
+    with pytest.raises(PaveTwinError, match="No segment 'nosuch'"):
+        TrafficArea.around(grid, ["nosuch"], 100.0)
+
+
+def test_an_area_is_part_of_what_a_recording_is_found_by(grid: World) -> None:
+    narrow, wide = area_of(grid, corner(grid)), area_of(grid, corner(grid), distance_m=200.0)
+    inputs = [Inputs.of(grid, "low", 1, area=area) for area in (None, narrow, wide)]
+    assert len({each.hash for each in inputs}) == len({each.path for each in inputs}) == 3
+    kept = Inputs.of(grid, "low", 1)
+    assert kept.path.name == "low-1.parquet"
+
+
+@pytest.fixture(scope="module")
+def islands(grid: World) -> tuple[TrafficArea, Recording]:
+    area = area_of(grid, corner(grid), far_corner(grid))
+    return area, Recorder(Inputs.of(grid, "medium", 1, area=area)).until(60.0)
+
+
+def test_traffic_keeps_its_density_on_each_island_and_stays_there(
+    grid: World, islands: tuple[TrafficArea, Recording]
+) -> None:
+    area, recording = islands
+    assert area.length_km(grid) < 0.8 * grid.length_km(LaneKind.DRIVING)
+    assert recording.origin.capacity.lanes_km == pytest.approx(area.length_km(grid))
+    assert recording.vehicles_per_lane_km == pytest.approx(15, rel=0.2)
+    assert recording.pedestrians_per_sidewalk_km == pytest.approx(60, rel=0.2)
+    places = shapely.points(recording.x, recording.y)
+    assert shapely.distance(places, streets(grid, area)).max() < AT_LANES_M
+    walks = recording.agents.is_pedestrian[recording.agent]
+    for target in (corner(grid), far_corner(grid)):
+        island = area_of(grid, target)
+        here = shapely.distance(places, streets(grid, island)) < AT_LANES_M
+        for who, kind, asked in ((~walks, LaneKind.DRIVING, 15), (walks, LaneKind.SIDEWALK, 60)):
+            per_km = np.count_nonzero(here & who) / recording.frames / island.length_km(grid, kind)
+            assert per_km == pytest.approx(asked, rel=0.3)
+
+
+def test_a_recording_of_an_area_is_repeated_extended_and_read_as_such(
+    grid: World, islands: tuple[TrafficArea, Recording]
+) -> None:
+    area, first = islands
+    again = Recorder(Inputs.of(grid, "medium", 1, area=area), force=True).until(60.0)
+    assert again.same_traffic(first)
+    assert first.path is not None
+    assert first.path.name == f"medium-1-{area.name}.parquet"
+    read = load_recording(first.path, grid)
+    assert read.origin.area == area
+    assert read.remarks == first.remarks
+    longer = Recorder.of(read, grid).until(70.0)
+    assert longer.until(60.0).same_traffic(first)
+    assert longer.origin.area == area
+    assert record(grid, "medium", 1, 5.0).origin.area is None
+
+
+def test_signals_outside_are_not_recorded(grid: World, islands: tuple[TrafficArea, Recording]) -> None:
+    _, recording = islands
+    controllers = {link.signal.controller for link in grid.connections if link.signal is not None}
+    assert set(recording.signals) < controllers
+
+
+def test_agents_are_divided_without_a_rest() -> None:
+    assert shares(10, [1.0, 1.0, 1.0]) == [3, 4, 3]
+    assert sum(shares(7, [0.2, 5.0, 0.1])) == 7
+    assert shares(0, [1.0, 2.0]) == [0, 0]
+    assert shares(5, [0.0]) == [0]
+
+
+def test_a_large_world_is_searched_in_its_middle_alone(grid: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert middle_of(grid) is None
+    total_km = grid.length_km(LaneKind.DRIVING)
+    monkeypatch.setattr(demand_search, "SEARCHED_LANES_KM", total_km / 3)
+    area = middle_of(grid)
+    assert area is not None
+    assert total_km / 3 <= area.length_km(grid) < total_km
+    middle = np.median([segment.centre_line.centroid.coords[0] for segment in grid.segments], axis=0)
+    assert streets(grid, area).distance(shapely.Point(middle)) < 100.0
