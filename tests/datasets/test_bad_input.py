@@ -5,6 +5,7 @@ import os
 import struct
 import zlib
 from collections.abc import Callable
+from math import nan
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +13,12 @@ import pytest
 from PIL import Image
 
 from pavetwin.datasets.common_form import read_images
+from pavetwin.datasets.convert import convert
 from pavetwin.datasets.importing import import_source
+from pavetwin.datasets.layouts.base import RawImage, RawObject
 from pavetwin.datasets.normalise import ImageSize
 from pavetwin.datasets.pictures import picture_size
-from pavetwin.datasets.report import Finding
+from pavetwin.datasets.report import Finding, Report
 from pavetwin.datasets.sources import source_of
 from pavetwin.errors import PaveTwinError
 from scenes.photographs import coco, picture, voc, yolo
@@ -229,9 +232,9 @@ def test_a_coco_file_that_climbs_out_or_has_no_place(tmp_path: Path) -> None:
     coco(folder / "annotations" / "instances_train.json", images, annotations, ["Car"])
     (folder / "broken.json").write_text('{"images": [\n')
     assert told("pavetwin", folder) == [
-        "refused annotations/instances_train.json: file_name '../../../secret.jpg' leads out of the folder; "
+        "refused annotations/instances_train.json:1: file_name '../../../secret.jpg' leads out of the folder; "
         "the image is left out",
-        "refused annotations/instances_train.json: image 'images/train/bad.jpg': annotation 3 has neither bbox nor "
+        "refused annotations/instances_train.json:1: image 'images/train/bad.jpg': annotation 3 has neither bbox nor "
         "segmentation; the image is left out",
         "refused broken.json:2: is not JSON (Expecting value)",
     ]
@@ -246,35 +249,138 @@ def test_a_coco_name_that_is_too_long_for_a_file_is_its_own_fault_alone(tmp_path
     ]
     coco(folder / "annotations" / "instances_train.json", images, annotations, ["Car"])
     (line,) = told("pavetwin", folder)
-    assert line.startswith("note annotations/instances_train.json: there is no picture 'aaaa")
+    assert line.startswith("note annotations/instances_train.json:1: there is no picture 'aaaa")
     assert line.endswith("aaa.jpg'; left out")
     assert len(line) < 500
 
 
-@pytest.mark.parametrize(
-    "runs",
-    [
-        {"size": [48, 64], "counts": [2**63 - 1, 2**63 - 1, 48 * 64 + 2]},
-        {"size": [48, 64], "counts": [10**30, 1]},
-        {"size": [float("inf"), 64], "counts": [1]},
-    ],
-)
-def test_a_mask_of_impossible_numbers(tmp_path: Path, runs: dict[str, object]) -> None:
-    """Of which the first ones are the right sum, in 64 bits."""
-    folder = tmp_path / "photos"
+def coco_lines(folder: Path, image: str = "", annotation: str = '"bbox": [1, 2, 3, 4]') -> None:
+    """A COCO file of two images: of the one named bad with more in its entry (line 4) or its annotation's (line 7)."""
     for seed, name in enumerate(("good", "bad")):
         picture(folder / "images" / "train" / f"{name}.jpg", seed=seed)
-    images: list[dict[str, object]] = [{"id": 1, "file_name": "good.jpg"}, {"id": 2, "file_name": "bad.jpg"}]
-    annotations: list[dict[str, object]] = [
-        {"id": 1, "image_id": 1, "category_id": 1, "bbox": [1, 2, 3, 4]},
-        {"id": 2, "image_id": 2, "category_id": 1, "segmentation": runs},
-        {"id": 3, "image_id": 3, "category_id": 1, "bbox": [1, 2, 3, 4]},
+    (folder / "annotations").mkdir()
+    (folder / "annotations" / "instances_train.json").write_text(
+        f"""{{"categories": [{{"id": 1, "name": "Car"}}],
+"images": [
+{{"id": 1, "file_name": "good.jpg"}},
+{{"id": 2, "file_name": "bad.jpg"{image and ", "}{image}}}],
+"annotations": [
+{{"id": 1, "image_id": 1, "category_id": 1, "bbox": [1, 2, 3, 4]}},
+{{"id": 2, "image_id": 2, "category_id": 1{annotation and ", "}{annotation}}}]}}"""
+    )
+
+
+MANY_DIGITS = 5000 * "1"
+
+
+@pytest.mark.parametrize(
+    ("annotation", "words"),
+    [
+        ("", "annotation 2 has neither bbox nor segmentation"),
+        ('"bbox": [1, 2, 3]', "the bbox of annotation 2 is not four finite numbers"),
+        ('"bbox": [1, 2, 3, "wide"]', "the bbox of annotation 2 is not four finite numbers"),
+        ('"bbox": [1, 2, 3, NaN]', "the bbox of annotation 2 is not four finite numbers"),
+        ('"bbox": [1e308, 2, 1e308, 4]', "the bbox of annotation 2 is not four finite numbers"),
+        (f'"bbox": [1, 2, 3, {MANY_DIGITS}]', "the bbox of annotation 2 is not four finite numbers"),
+        (f'"bbox": [1, 2, -{MANY_DIGITS}, 4]', "the bbox of annotation 2 is not four finite numbers"),
+        ('"segmentation": [[1, 1, NaN, 9, 9, 9]]', "POLYGONS"),
+        ('"segmentation": [[1, 1, NaN, 9, 9, 9]], "bbox": [1, 2, 3, 4]', "POLYGONS"),
+        ('"segmentation": [[1, 1, 9, 9, 5]]', "POLYGONS"),
+        ('"segmentation": [[1, 1, 9, 9, 5, 5], []]', "POLYGONS"),
+        ('"segmentation": [1, 1, 9, 9, 5, 5]', "POLYGONS"),
+        ('"segmentation": "none"', "POLYGONS"),
+        ('"segmentation": {"size": [64, 48], "counts": [3072]}', "SIZE"),
+        ('"segmentation": {"size": [4, 4], "counts": "04<"}', "SIZE"),
+        ('"segmentation": {"size": [Infinity, 64], "counts": [1]}', "SIZE"),
+        (
+            '"segmentation": {"size": [48, 64]}',
+            "the run lengths of the mask of annotation 2 do not fill its size",
+        ),
+        (  # of which the sum is right in 64 bits
+            f'"segmentation": {{"size": [48, 64], "counts": [{2**63 - 1}, {2**63 - 1}, {48 * 64 + 2}]}}',
+            "the run lengths of the mask of annotation 2 do not fill its size",
+        ),
+        (
+            f'"segmentation": {{"size": [48, 64], "counts": [1{"0" * 30}, 1]}}',
+            "the run lengths of the mask of annotation 2 do not fill its size",
+        ),
+        (
+            f'"segmentation": {{"size": [48, 64], "counts": "{"o" * 300_000}"}}',
+            "the mask of annotation 2: a run length has more than 64 bits",
+        ),
+        (
+            '"segmentation": {"size": [48, 64], "counts": "04"}',
+            "the mask of annotation 2: run lengths of 4 pixels for a mask of 48 × 64",
+        ),
+        ('"category_id": [1], "bbox": [1, 2, 3, 4]', "annotation 2 has category [1], which is not listed"),
+        ('"category_id": 7, "bbox": [1, 2, 3, 4]', "annotation 2 has category 7, which is not listed"),
+    ],
+)
+def test_an_annotation_that_is_not_as_coco_has_it(tmp_path: Path, annotation: str, words: str) -> None:
+    coco_lines(tmp_path / "photos", annotation=annotation)
+    known = {
+        "POLYGONS": "the segmentation of annotation 2 is no list of polygons, each x, y, x, y … in finite numbers",
+        "SIZE": "the mask of annotation 2 has not the picture's size, 64 × 48 pixels",
+    }
+    place = "annotations/instances_train.json:7: image 'images/train/bad.jpg'"
+    assert told("pavetwin", tmp_path / "photos") == [
+        f"refused {place}: {known.get(words, words)}; the image is left out"
     ]
-    images.append({"id": 3, "file_name": "no\0name.jpg"})
+
+
+@pytest.mark.parametrize(
+    ("image", "words"),
+    [
+        ('"camera": [1]', "'camera' holds no values by name"),
+        ('"light": "noon"', "'light' holds no values by name"),
+        (
+            '"camera": {"gsd_mm": 9, "heading_deg": 0}, "light": {"sun_azimuth_deg": NaN, "cloud_cover": 0}',
+            "heading_deg, sun_azimuth_deg, sun_elevation_deg, cloud_cover are not all finite numbers",
+        ),
+    ],
+)
+def test_an_image_of_a_capture_that_is_not_as_captures_have_it(tmp_path: Path, image: str, words: str) -> None:
+    coco_lines(tmp_path / "photos", image)
+    place = "annotations/instances_train.json:4: image 'images/train/bad.jpg'"
+    assert told("pavetwin", tmp_path / "photos") == [f"refused {place}: {words}; the image is left out"]
+
+
+@pytest.mark.parametrize("gsd_mm", ["0", "-1", "1e300", "NaN", "1" * 401, MANY_DIGITS, "true", '"9"', "[9]"])
+def test_a_ground_resolution_that_is_none_is_not_taken(tmp_path: Path, gsd_mm: str) -> None:
+    """Neither of any COCO file nor of a capture's."""
+    mapping = tmp_path / "mine.yaml"
+    mapping.write_text("labels: {format: coco}\nclasses: {car: Car}\n")
+    for source, image in ((str(mapping), '"gsd_mm": {}'), ("pavetwin", '"camera": {{"gsd_mm": {}}}')):
+        name, found = source_of(source)
+        folder = tmp_path / name
+        coco_lines(folder, image.format(gsd_mm))
+        summary = import_source(name, found, folder, tmp_path / f"{name}-dataset", size=ImageSize())
+        assert [str(each) for each in summary.report] == [
+            "annotations/instances_train.json:4: image 'images/train/bad.jpg': gsd_mm is not above 0 and at most 1000; "
+            "taken as not known"
+        ]
+        assert [each.gsd_mm for each in read_images(summary.folder)] == [None, None]
+
+
+def test_a_corner_that_is_not_finite_is_told_of_any_layout() -> None:
+    outline = ((1.0, 1.0), (nan, 9.0), (9.0, 9.0))
+    raw = RawImage(Path("bad.jpg"), "bad.jpg", "bad.any", (RawObject("car", (1, 1, 9, 9), 3, outline=outline),))
+    report = Report()
+    found = source_of("pavetwin")[1]
+    assert convert(raw, found, (64, 48), report, source_name="any", name="any-bad", suffix=".jpg") is None
+    assert list(map(str, report)) == ["bad.any:3: a corner of an outline is not finite; the image is left out"]
+
+
+def test_a_coco_picture_whose_name_is_none(tmp_path: Path) -> None:
+    folder = tmp_path / "photos"
+    picture(folder / "images" / "train" / "good.jpg")
+    images: list[dict[str, object]] = [{"id": 1, "file_name": "good.jpg"}, {"id": 2, "file_name": "no\0name.jpg"}]
+    annotations: list[dict[str, object]] = [
+        {"id": number, "image_id": number, "category_id": 1, "bbox": [1, 2, 3, 4]} for number in (1, 2)
+    ]
     coco(folder / "annotations" / "instances_train.json", images, annotations, ["Car"])
-    bad, nameless = told("pavetwin", folder)
-    assert bad.startswith("refused annotations/instances_train.json: image 'images/train/bad.jpg': ")
-    assert nameless.endswith("leads out of the folder; the image is left out")
+    (line,) = told("pavetwin", folder)
+    assert line.endswith("leads out of the folder; the image is left out")
 
 
 def test_an_orientation_that_is_none_is_as_stored(tmp_path: Path) -> None:
@@ -346,7 +452,7 @@ def test_a_report_keeps_so_many_lines(monkeypatch: pytest.MonkeyPatch) -> None:
     from pavetwin.datasets import report as module
 
     monkeypatch.setattr(module, "MOST", 3)
-    report = module.Report()
+    report = Report()
     for number in range(5):
         report.add(Finding.REFUSED, f"{number}.txt", "is not text")
     assert (len(list(report)), report.untold, report.counts[Finding.REFUSED]) == (3, 2, 5)

@@ -40,7 +40,7 @@ def test_every_image_comes_with_its_annotations(
     path.write_text(json.dumps(content, indent=indent, ensure_ascii=ascii_only), encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch, coco_file_in_chunks(patch, chunk, path) as found:
         assert found is not None
-        read = list(found.images())
+        read = [(image.content, [each.content for each in annotations]) for image, annotations in found.images()]
         assert found.categories == content["categories"]
     images = sorted(content["images"], key=lambda image: image["file_name"])
     assert read == [(each, [a for a in content["annotations"] if a["image_id"] == each["id"]]) for each in images]

@@ -11,6 +11,7 @@ An image is refused whole where one of its labels cannot be understood: without 
 """
 
 from collections.abc import Iterator
+from itertools import chain
 from math import isfinite
 from typing import Final
 
@@ -66,6 +67,10 @@ def convert(
             return None
         if becomes == DROP:
             continue
+        if not all(map(isfinite, chain.from_iterable(each.outline or ()))):
+            words = "a corner of an outline is not finite; the image is left out"
+            report.add(Finding.REFUSED, raw.labels, words, each.line)
+            return None
         annotation = _annotation(each, becomes, raw, size_px, report)
         if annotation is None:
             continue

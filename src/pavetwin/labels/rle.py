@@ -9,6 +9,9 @@ import numpy as np
 
 from pavetwin.arrays import BoolArray
 
+_MOST_BITS = 65
+"""Of a run length, in groups of five: with more, each further group would cost as much as all before it."""
+
 
 def encode(mask: BoolArray) -> str:
     """The run lengths of a mask (height, width)."""
@@ -22,7 +25,7 @@ def decode(text: str, size: tuple[int, int]) -> BoolArray:
     """The mask (height, width) of run lengths.
 
     Raises:
-        ValueError: they do not fill the size.
+        ValueError: they do not fill the size, or one has more than 64 bits.
     """
     runs = _runs(text)
     for index in range(3, len(runs)):
@@ -47,6 +50,8 @@ def _runs(text: str) -> list[int]:
         bits = ord(letter) - 48
         value |= (bits & 31) << shift
         shift += 5
+        if shift > _MOST_BITS:
+            raise ValueError("a run length has more than 64 bits")
         if not bits & 32:
             runs.append(value - (1 << shift) if bits & 16 else value)
             value = shift = 0

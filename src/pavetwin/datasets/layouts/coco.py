@@ -1,6 +1,7 @@
 """COCO: one JSON file for many images, read entry by entry. Masks without a box get the box around them."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import lru_cache, partial
 from math import isfinite
 from pathlib import Path, PurePosixPath
 from typing import Any, Final, Literal
@@ -10,9 +11,9 @@ import numpy as np
 from pavetwin.arrays import BoolArray
 from pavetwin.datasets.annotated import Polygon
 from pavetwin.datasets.layouts.base import LabelLayout, RawImage, RawObject, unlabelled
-from pavetwin.datasets.layouts.coco_file import CocoFile, CocoFileError, as_id, coco_file
+from pavetwin.datasets.layouts.coco_file import CocoEntry, CocoFile, CocoFileError, as_id, coco_file
 from pavetwin.datasets.layouts.yolo import box_around
-from pavetwin.datasets.pictures import PictureIndex, files_in, inside, is_file
+from pavetwin.datasets.pictures import PictureError, PictureIndex, files_in, inside, is_file, picture_size
 from pavetwin.datasets.report import Finding, Report
 from pavetwin.labels.boxes import FloatBox, of_mask
 from pavetwin.labels.outlines import outline
@@ -21,7 +22,12 @@ from pavetwin.labels.rle import decode
 _PLACES: Final = ("", "images", "train", "val", "valid", "test", "train2017", "val2017")
 """Folders beside or above the JSON file in which `file_name`s are looked for."""
 
-LARGEST_MASK_PX: Final = 100_000_000
+LARGEST_GSD_MM: Final = 1000.0
+"""Ground resolution of an image, at most, as of a source (`DatasetSource.gsd_mm`)."""
+
+
+class CocoEntryError(ValueError):
+    """An entry is not as COCO has it; the message says why."""
 
 
 class CocoLayout(LabelLayout):
@@ -59,26 +65,38 @@ class CocoLayout(LabelLayout):
     ) -> Iterator[RawImage]:
         names = {as_id(each.get("id")): str(each.get("name")) for each in content.categories}
         for image, annotations in content.images():
-            path = self._picture(folder, labels, str(image.get("file_name")), report)
+            path = self._picture(folder, labels, image, report)
             if path is None:
                 continue
             original = path.relative_to(folder.resolve()).as_posix()
             pictures.unused.pop(original, None)
+            line, objects, size = image.line, [], lru_cache(maxsize=1)(partial(picture_size, path))
             try:
-                objects = tuple(self._object(one, names) for one in annotations)
-            except (ValueError, TypeError, KeyError, IndexError, OverflowError) as error:
-                words = str(error) if isinstance(error, ValueError) else "an annotation is not as COCO has it"
-                report.add(Finding.REFUSED, labels, f"image '{original}': {words}; the image is left out")
+                for each in annotations:
+                    line = each.line
+                    objects.append(self._object(each, names, size))
+                line = image.line
+                known = {"is_background": self.is_background(objects), **self.details(labels, image.content)}
+            except (ValueError, TypeError, LookupError, ArithmeticError, AttributeError) as error:
+                is_told = isinstance(error, CocoEntryError | PictureError)
+                words = str(error) if is_told else "an entry is not as COCO has it"
+                report.add(Finding.REFUSED, labels, f"image '{original}': {words}; the image is left out", line)
                 continue
-            known = {"is_background": self.is_background(objects), **self.details(labels, image)}
-            yield RawImage(path, original, labels, objects, size_px=_size(image), **known)
+            if not _is_resolution(known.get("gsd_mm")):
+                words = f"image '{original}': gsd_mm is not above 0 and at most {LARGEST_GSD_MM:g}; taken as not known"
+                report.add(Finding.NOTE, labels, words, line, alike=f"gsd_mm in {labels}")
+                known["gsd_mm"] = None
+            yield RawImage(path, original, labels, tuple(objects), size_px=_size(image.content), **known)
 
     def details(self, labels: str, image: Mapping[str, Any]) -> dict[str, Any]:
-        """What else is known of an image: `gsd_mm`, `group`, `attributes` of its RawImage."""
+        """What else is known of an image: `gsd_mm`, which is checked later, `group`, `attributes` of its RawImage.
+
+        Raises:
+            CocoEntryError: something of it cannot be understood.
+        """
         del labels
-        gsd_mm, group = image.get("gsd_mm"), image.get("group")
-        is_known = isinstance(gsd_mm, int | float) and 0 < gsd_mm < float("inf")
-        return {"gsd_mm": gsd_mm if is_known else None, "group": group if isinstance(group, str) else None}
+        group = image.get("group")
+        return {"gsd_mm": image.get("gsd_mm"), "group": group if isinstance(group, str) else None}
 
     def picture_places(self, labels: str) -> tuple[str, ...]:
         """Folders, from the one of the dataset, in which the pictures of a JSON file may lie."""
@@ -87,42 +105,46 @@ class CocoLayout(LabelLayout):
         places = (f"images/{split}", split, *_PLACES)
         return tuple((above / place).as_posix() for above in path.parents for place in places)
 
-    def _picture(self, folder: Path, labels: str, name: str, report: Report) -> Path | None:
-        """The picture of a name; None, and a line in the report, where it is not there or leads out of the folder."""
+    def _picture(self, folder: Path, labels: str, image: CocoEntry, report: Report) -> Path | None:
+        """An image's picture; None, and a line in the report, where it is not there or leads out of the folder."""
+        name = str(image.content.get("file_name"))
         if inside(folder, name) is None:
-            report.add(Finding.REFUSED, labels, f"file_name '{name}' leads out of the folder; the image is left out")
+            words = f"file_name '{name}' leads out of the folder; the image is left out"
+            report.add(Finding.REFUSED, labels, words, image.line)
             return None
         for place in self.picture_places(labels):
             path = inside(folder, f"{place}/{name}")
             if path is not None and is_file(path):
                 return path
-        report.add(Finding.NOTE, labels, f"there is no picture '{name}'; left out", alike=f"missing in {labels}")
+        words = f"there is no picture '{name}'; left out"
+        report.add(Finding.NOTE, labels, words, image.line, alike=f"missing in {labels}")
         return None
 
-    def _object(self, content: dict[str, Any], names: Mapping[object, str]) -> RawObject:
-        """Raises:
-        ValueError: it has no class or no place; other exceptions where it is not as COCO has it.
+    def _object(self, entry: CocoEntry, names: Mapping[object, str], size: Callable[[], tuple[int, int]]) -> RawObject:
+        """Args:
+            size: of the picture, width and height.
+
+        Raises:
+            CocoEntryError: it has no class or no place; other exceptions where it is not as COCO has it.
         """
-        label = names.get(as_id(content["category_id"]))
-        if label is None:
-            raise ValueError(
-                f"annotation {content.get('id')} has category {content['category_id']}, which is not listed"
-            )
-        shape = _shape(content.get("segmentation"))
+        content = entry.content
+        which = f"annotation {content.get('id')}"
+        category = as_id(content.get("category_id"))
+        label = names.get(category)
+        if category is None or label is None:
+            raise CocoEntryError(f"{which} has category {content.get('category_id')}, which is not listed")
+        shape = _shape(content.get("segmentation"), which, size)
         given = content.get("bbox")
-        if given is None and shape is None:
-            raise ValueError(f"annotation {content.get('id')} has neither bbox nor segmentation")
         if given is not None:
-            left, top, width, height = (float(value) for value in given)
-            box = (left, top, left + width, top + height)
-        else:
-            assert shape is not None
+            box = _box(given, which)
+        elif shape is not None:
             box = shape[0]
-        if not all(map(isfinite, box)):
-            raise ValueError(f"annotation {content.get('id')} has a box that is not finite")
+        else:
+            raise CocoEntryError(f"{which} has neither bbox nor segmentation")
         return RawObject(
             label,
             box,
+            entry.line,
             outline=shape[1] if shape is not None else None,
             ignored=self.ignored(content),
             attributes=self.object_details(content),
@@ -143,30 +165,67 @@ def _size(image: Mapping[str, Any]) -> tuple[int, int] | None:
     return (width, height) if isinstance(width, int) and isinstance(height, int) else None
 
 
-def _shape(segmentation: Any) -> tuple[FloatBox, Polygon | None] | None:
+def _is_resolution(gsd_mm: object) -> bool:
+    """Whether it is a ground resolution, or none is given."""
+    if isinstance(gsd_mm, bool):
+        return False
+    return gsd_mm is None or (isinstance(gsd_mm, int | float) and 0 < gsd_mm <= LARGEST_GSD_MM)
+
+
+def _numbers(values: Any) -> list[float]:
+    """Finite numbers; empty where they are not a list of such."""
+    try:
+        numbers = [float(value) for value in values] if isinstance(values, list) else []
+    except (ValueError, TypeError, OverflowError):
+        return []
+    return numbers if all(map(isfinite, numbers)) else []
+
+
+def _box(given: Any, which: str) -> FloatBox:
+    """The edges of a `bbox`, which has left, top, width and height."""
+    numbers = _numbers(given)
+    if len(numbers) != 4:
+        raise CocoEntryError(f"the bbox of {which} is not four finite numbers")
+    left, top, width, height = numbers
+    box = (left, top, left + width, top + height)
+    if not all(map(isfinite, box)):
+        raise CocoEntryError(f"the bbox of {which} is not four finite numbers")
+    return box
+
+
+def _shape(
+    segmentation: Any, which: str, size: Callable[[], tuple[int, int]]
+) -> tuple[FloatBox, Polygon | None] | None:
     """The box around a segmentation, and its outline where that is one polygon; None where there is none."""
-    if isinstance(segmentation, list) and segmentation:
-        parts = [
-            tuple((float(x), float(y)) for x, y in zip(part[::2], part[1::2], strict=True)) for part in segmentation
-        ]
-        around = box_around(tuple(corner for part in parts for corner in part))
-        return around, parts[0] if len(parts) == 1 and len(parts[0]) > 2 else None
     if isinstance(segmentation, dict):
-        mask = _mask(segmentation)
-        if (box := of_mask(mask)) is not None:
-            middles = outline(mask) + 0.5
-            return box, tuple((float(x), float(y)) for x, y in middles)
-    return None
+        mask = _mask(segmentation, which, size)
+        if (box := of_mask(mask)) is None:
+            return None
+        middles = outline(mask) + 0.5
+        return box, tuple((float(x), float(y)) for x, y in middles)
+    if segmentation is None or segmentation == []:
+        return None
+    parts = [_numbers(part) for part in segmentation] if isinstance(segmentation, list) else []
+    if not parts or not all(parts) or any(len(part) % 2 for part in parts):
+        raise CocoEntryError(f"the segmentation of {which} is no list of polygons, each x, y, x, y … in finite numbers")
+    polygons = [tuple(zip(part[::2], part[1::2], strict=True)) for part in parts]
+    around = box_around(tuple(corner for polygon in polygons for corner in polygon))
+    return around, polygons[0] if len(polygons) == 1 and len(polygons[0]) > 2 else None
 
 
-def _mask(runs: Mapping[str, Any]) -> BoolArray:
-    height, width = (int(value) for value in runs["size"])
-    if not 0 < height * width <= LARGEST_MASK_PX:
-        raise ValueError(f"a mask of {width} × {height} pixels; at most {LARGEST_MASK_PX // 10**6} million are read")
-    counts = runs["counts"]
+def _mask(runs: Mapping[str, Any], which: str, size: Callable[[], tuple[int, int]]) -> BoolArray:
+    """The mask (height, width) of run lengths, which must have the picture's size before anything is decoded."""
+    width, height = size()
+    if _numbers(runs.get("size")) != [height, width]:
+        raise CocoEntryError(f"the mask of {which} has not the picture's size, {width} × {height} pixels")
+    counts: Any = runs.get("counts")
     if isinstance(counts, str):
-        return decode(counts, (height, width))
-    lengths = [int(count) for count in counts]  # of any size: their sum in 64 bits could come round to the right one
-    if min(lengths, default=0) < 0 or sum(lengths) != height * width:
-        raise ValueError("run lengths do not fill their mask")
+        try:
+            return decode(counts, (height, width))
+        except ValueError as error:
+            raise CocoEntryError(f"the mask of {which}: {error}") from error
+    # Integers of any size: their sum in 64 bits could come round to the right one.
+    lengths = [count for count in counts if isinstance(count, int)] if isinstance(counts, list) else []
+    if not lengths or len(lengths) != len(counts) or min(lengths) < 0 or sum(lengths) != height * width:
+        raise CocoEntryError(f"the run lengths of the mask of {which} do not fill its size")
     return np.repeat(np.arange(len(lengths)) % 2 == 1, lengths).reshape((height, width), order="F")

@@ -10,6 +10,7 @@ import tempfile
 from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Final
 
@@ -22,6 +23,9 @@ LARGEST: Final = 1 << 28
 _UNDECIDED: Final = 2
 """Characters of a number that it may have beyond a shorter one: `.`, `e+`."""
 
+MOST_DIGITS: Final = 300
+"""Of a whole number; one of more is beyond what a float holds, and is read as infinite."""
+
 _LISTS: Final = ("categories", "images", "annotations")
 
 
@@ -33,19 +37,28 @@ class CocoFileError(ValueError):
         self.line = line
 
 
+@dataclass(frozen=True, slots=True)
+class CocoEntry:
+    """One object of a list of the file."""
+
+    content: dict[str, Any]
+    line: int
+    """Where it begins, from 1."""
+
+
 class CocoFile:
     """The entries of a file that was read once."""
 
     def __init__(self, entries: IO[bytes]) -> None:
         self._entries = entries
         self.categories: list[dict[str, Any]] = []
-        self._images: list[tuple[str, object, int]] = []
-        """`file_name`, id, and where its text begins."""
+        self._images: list[tuple[str, object, int, int]] = []
+        """`file_name`, id, where its text begins, and its line."""
         self._annotations: dict[object, array[int]] = {}
-        """By id of the image: where their texts begin."""
+        """By id of the image: of each in turn where its text begins, and its line."""
 
-    def add(self, key: str, content: Any, text: str) -> None:
-        """Take up an entry of one of the file's lists, and its text."""
+    def add(self, key: str, content: Any, text: str, line: int) -> None:
+        """Take up an entry of one of the file's lists, its text and its line."""
         if not isinstance(content, dict):
             return
         if key == "categories":
@@ -54,24 +67,33 @@ class CocoFile:
         begins = self._entries.tell()
         self._entries.write(text.encode().replace(b"\n", b" ") + b"\n")
         if key == "images":
-            self._images.append((str(content.get("file_name")), as_id(content.get("id")), begins))
+            self._images.append((str(content.get("file_name")), as_id(content.get("id")), begins, line))
         else:
-            self._annotations.setdefault(as_id(content.get("image_id")), array("q")).append(begins)
+            self._annotations.setdefault(as_id(content.get("image_id")), array("q")).extend((begins, line))
 
-    def images(self) -> Iterator[tuple[dict[str, Any], list[dict[str, Any]]]]:
+    def images(self) -> Iterator[tuple[CocoEntry, list[CocoEntry]]]:
         """Every image with its annotations, by `file_name`, the annotations in the file's order."""
-        for _, number, begins in sorted(self._images, key=lambda image: image[0]):
-            annotations = [self._entry(each) for each in self._annotations.get(number, ())]
-            yield self._entry(begins), annotations
+        for _, number, begins, line in sorted(self._images, key=lambda image: image[0]):
+            places = self._annotations.get(number, array("q"))
+            annotations = [self._entry(*place) for place in zip(places[::2], places[1::2], strict=True)]
+            yield self._entry(begins, line), annotations
 
-    def _entry(self, begins: int) -> dict[str, Any]:
+    def _entry(self, begins: int, line: int) -> CocoEntry:
         self._entries.seek(begins)
-        return dict(json.loads(self._entries.readline()))
+        return CocoEntry(_DECODER.decode(self._entries.readline().decode()), line)
+
+
+def _whole(digits: str) -> int | float:
+    """A whole number; Python reads one of thousands of digits slowly, or refuses to."""
+    return int(digits) if len(digits) <= MOST_DIGITS else float(digits)
+
+
+_DECODER: Final = json.JSONDecoder(parse_int=_whole)
 
 
 def as_id(value: object) -> object:
     """An id as it may be compared: lists and the like are none."""
-    return value if isinstance(value, int | str) else None
+    return value if isinstance(value, int | str) and not isinstance(value, bool) else None
 
 
 @contextmanager
@@ -84,11 +106,11 @@ def coco_file(path: Path) -> Iterator[CocoFile | None]:
     """
     with path.open(encoding="utf-8-sig") as stream, tempfile.TemporaryFile() as entries:
         found, scanner, there = CocoFile(entries), _Scanner(stream), set()
-        for key, content, text in scanner.entries():
+        for key, entry in scanner.entries():
             if key in _LISTS:
                 there.add(key)
-                if text is not None:
-                    found.add(key, content, text)
+                if entry is not None:
+                    found.add(key, *entry)
         yield found if len(there) == len(_LISTS) else None
 
 
@@ -97,21 +119,22 @@ class _Scanner:
 
     def __init__(self, stream: IO[str]) -> None:
         self._stream = stream
-        self._decoder = json.JSONDecoder()
-        self._text, self._at, self._line = "", 0, 1
+        self._text, self._at = "", 0
+        self._line, self._counted = 1, 0
+        """The line of this place in the text, which is not behind `_at`."""
 
-    def entries(self) -> Iterator[tuple[str, Any, str | None]]:
-        """Of every entry of a list: the list's key, content and text; of a list first its key alone."""
+    def entries(self) -> Iterator[tuple[str, tuple[Any, str, int] | None]]:
+        """Of every entry of a list: the list's key; content, text and line; of a list first its key alone."""
         if self._next() != "{":
             return
         self._take("{")
         while self._next() != "}":
-            key, _ = self._value()
+            key, _, _ = self._value()
             self._take(":")
             if self._next() != "[":
                 self._value()
             else:
-                yield str(key), None, None
+                yield str(key), None
                 yield from self._list(str(key))
             if self._next() != "}":
                 self._take(",")
@@ -119,10 +142,10 @@ class _Scanner:
         if self._next():
             raise self._error("Extra data")
 
-    def _list(self, key: str) -> Iterator[tuple[str, Any, str | None]]:
+    def _list(self, key: str) -> Iterator[tuple[str, tuple[Any, str, int]]]:
         self._take("[")
         while self._next() != "]":
-            yield key, *self._value()
+            yield key, self._value()
             if self._next() != "]":
                 self._take(",")
                 if self._next() == "]":
@@ -144,13 +167,14 @@ class _Scanner:
             raise self._error(f"Expecting '{character}' delimiter")
         self._at += 1
 
-    def _value(self) -> tuple[Any, str]:
-        """The next value and its text."""
+    def _value(self) -> tuple[Any, str, int]:
+        """The next value, its text and its line."""
         self._next()
-        size = CHUNK
+        self._count()
+        line, size = self._line, CHUNK
         while True:
             try:
-                content, end = self._decoder.raw_decode(self._text, self._at)
+                content, end = _DECODER.raw_decode(self._text, self._at)
             except json.JSONDecodeError as error:
                 if not self._more(size):
                     raise self._error(error.msg, error.pos) from error
@@ -158,7 +182,7 @@ class _Scanner:
                 # A number near the end of what was read may go on (`1e+` is read as 1).
                 if end + _UNDECIDED < len(self._text) or not self._more(size):
                     text, self._at = self._text[self._at : end], end
-                    return content, text
+                    return content, text, line
             size = min(2 * len(self._text), LARGEST)
             if len(self._text) - self._at > LARGEST:
                 raise self._error(f"one entry has more than {LARGEST // 10**6} million characters")
@@ -168,9 +192,15 @@ class _Scanner:
         chunk = self._stream.read(size)
         if not chunk:
             return False
-        self._line += self._text.count("\n", 0, self._at)
-        self._text, self._at = self._text[self._at :] + chunk, 0
+        self._count()
+        self._text, self._at, self._counted = self._text[self._at :] + chunk, 0, 0
         return True
 
+    def _count(self) -> None:
+        """Count lines up to where the reader is."""
+        self._line += self._text.count("\n", self._counted, self._at)
+        self._counted = self._at
+
     def _error(self, words: str, at: int | None = None) -> CocoFileError:
-        return CocoFileError(words, self._line + self._text.count("\n", 0, self._at if at is None else at))
+        end = self._at if at is None else at
+        return CocoFileError(words, self._line + self._text.count("\n", self._counted, end))

@@ -1,12 +1,14 @@
 """PaveTwin's own captures: datasets made by `pavetwin capture`, from their COCO files."""
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from pathlib import PurePosixPath
 from typing import Any
 
 from pavetwin.datasets.annotated import class_names
 from pavetwin.datasets.layouts import CocoLayout
 from pavetwin.datasets.layouts.base import RawObject
+from pavetwin.datasets.layouts.coco import CocoEntryError
 from pavetwin.datasets.sources.base import SOURCES, DatasetSource
 
 _KEPT = ("visible_fraction", "severity", "width_m", "area_m2")
@@ -25,11 +27,10 @@ class CaptureLayout(CocoLayout):
 
     def details(self, labels: str, image: Mapping[str, Any]) -> dict[str, Any]:
         split = PurePosixPath(labels).stem.removeprefix("instances_")
-        camera = image.get("camera") or {}
+        camera, light = _section(image, "camera"), _section(image, "light")
         kept = {key: str(camera[key]) for key in ("platform", "altitude_m") if key in camera}
-        shadow = _shadow(camera, image.get("light") or {})
-        resolution = {"gsd_mm": camera["gsd_mm"]} if "gsd_mm" in camera else {}
-        return {"attributes": {"split": split, **kept, **shadow}, **resolution}
+        shadow = _shadow(camera, light)
+        return {"attributes": {"split": split, **kept, **shadow}, "gsd_mm": camera.get("gsd_mm")}
 
     def ignored(self, content: Mapping[str, Any]) -> str | None:
         reason = content.get("ignored")
@@ -39,14 +40,30 @@ class CaptureLayout(CocoLayout):
         return {key: str(content[key]) for key in _KEPT if content.get(key) is not None}
 
 
+def _section(image: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    """What an image tells of its camera or light; nothing where it has none.
+
+    Raises:
+        CocoEntryError: it is not by name.
+    """
+    section = image.get(key)
+    if section is not None and not isinstance(section, dict):
+        raise CocoEntryError(f"'{key}' holds no values by name")
+    return section or {}
+
+
 def _shadow(camera: Mapping[str, Any], light: Mapping[str, Any]) -> dict[str, str]:
     """Where shadows fall in an image that looks straight down, whose top is what lies ahead of the camera."""
-    heading_deg, azimuth_deg, clouds = camera.get("heading_deg"), light.get("sun_azimuth_deg"), light.get("cloud_cover")
+    keys = ("sun_azimuth_deg", "sun_elevation_deg", "cloud_cover")
+    values: list[Any] = [camera.get("heading_deg"), *map(light.get, keys)]
+    heading_deg, azimuth_deg, elevation_deg, clouds = values
     if not camera.get("gsd_mm") or None in (heading_deg, azimuth_deg, clouds):
         return {}
+    if not all(isinstance(value, int | float) and isfinite(value) for value in values):
+        raise CocoEntryError(f"heading_deg, {', '.join(keys)} are not all finite numbers")
     return {
-        "shadow_deg": f"{(float(azimuth_deg or 0) + 180 - float(heading_deg or 0)) % 360:.1f}",
-        "sun_elevation_deg": str(light["sun_elevation_deg"]),
+        "shadow_deg": f"{(azimuth_deg + 180 - heading_deg) % 360:.1f}",
+        "sun_elevation_deg": str(elevation_deg),
         "cloud_cover": str(clouds),
     }
 
