@@ -114,5 +114,5 @@ def test_a_mistake_is_one_line_with_its_place(tmp_path: Path, change: str, told:
     path = tmp_path / "mine.yaml"
     values = marking_standard("germany").model_dump(mode="json") | yaml.safe_load(change)
     path.write_text(yaml.safe_dump(values))
-    with pytest.raises(PaveTwinError, match=rf"^marking standard '.*mine\.yaml': {told}[^\n]*$"):
+    with pytest.raises(PaveTwinError, match=rf"^marking standard '.*mine\.yaml', line \d+: {told}[^\n]*$"):
         marking_standard(str(path))
