@@ -36,11 +36,13 @@ def naming(names: Mapping[str, str], where: str = "") -> Iterator[None]:
 
 @contextmanager
 def about(parameter: str) -> Iterator[None]:
-    """Errors in the block begin with the parameter whose value they are about."""
+    """Errors in the block begin with the parameter whose value they are about, once."""
     try:
         yield
     except PaveTwinError as error:
         text = str(error)
+        if text.startswith(f"`{parameter}`"):
+            raise
         starts_plainly = text.partition(" ")[0].istitle()  # as `There`, not as `SUMO`
         raise PaveTwinError(f"`{parameter}`: {text[0].lower() if starts_plainly else text[0]}{text[1:]}") from error
 

@@ -14,6 +14,7 @@ from PIL import ExifTags, Image
 from typer.main import get_group
 
 from pavetwin.capture.contact_sheet import pose_text
+from pavetwin.capture.context import prepare
 from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.capture.mission_frames import frame_size, save_frames
 from pavetwin.capture.mission_images import MissionImages
@@ -68,6 +69,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ({"density": ["heigh"]}, "--density: no density 'heigh' (did you mean 'high'?)"),
         ({"density": ["extreme"]}, "--density: no density 'extreme'; known are low, medium, high, los-A"),
         ({"camera": "phantom5"}, "--camera: no camera 'phantom5'"),
+        ({"look": "variedd"}, "--look: no street look 'variedd' (did you mean 'varied'?)"),
         ({"formats": "yolo,cocoo"}, "--formats: no label format 'cocoo' (did you mean 'coco'?)"),
         ({"parking": "few"}, "--parking few: expected a share of the places (0 to 1), by-time, or none."),
         ({"parking": "1.2"}, "--parking 1.2: expected a share of the places"),
@@ -86,6 +88,17 @@ def test_what_is_wrong_is_said_plainly_and_leaves_nothing(
     assert words in with_flags(str(refusal.value), ["capture", "make"], get_group(app))
     assert "\n" not in str(refusal.value)
     assert not (tmp_path / "d").exists()
+
+
+def test_a_mistake_in_a_look_is_told_before_traffic_is_searched(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    look = tmp_path / "mine.yaml"
+    look.write_text("title: mine\nmain: {tarmac: 1}\n")
+    monkeypatch.setattr("pavetwin.capture.context.record", lambda *_, **__: pytest.fail("traffic is recorded"))
+    settings = CaptureSettings(platforms=("car",), images=1, look=str(look))
+    with pytest.raises(PaveTwinError, match=r"^`look`: street look '.*mine\.yaml', line \d: [^\n]*$"):
+        prepare(load_world(world), settings)
 
 
 @pytest.fixture

@@ -11,11 +11,12 @@ from pavetwin.capture.resolution import check_resolution
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.splits import RECORDED_S, defect_streets, street_splits
 from pavetwin.defects.registry import DEFECT_CLASSES, kinds
-from pavetwin.errors import PaveTwinError, naming
+from pavetwin.errors import PaveTwinError, about, naming
 from pavetwin.mission.inputs import OnProgress
 from pavetwin.navigation.domain import flight_domain
 from pavetwin.plugins import load_plugins
 from pavetwin.registry import packages_of
+from pavetwin.scene.ground.looks import street_look
 from pavetwin.traffic.demand import density_named
 from pavetwin.traffic.record import record
 from pavetwin.traffic.recording import Recording
@@ -28,14 +29,16 @@ def check(settings: CaptureSettings) -> None:
     """Check the settings before anything takes time.
 
     Raises:
-        PaveTwinError: a plugin fails; a platform, density, camera or format is not known; an option is missing or out
-            of place.
+        PaveTwinError: a plugin fails; a platform, density, camera, format or look is not known; an option is missing or
+            out of place.
     """
     load_plugins(settings.plugins)
     flyers = flying(settings.platforms)
     find_formats(settings.formats)
     with naming({CAMERAS.key: "`camera`"}):
         find_camera(settings.camera)
+    with about("look"):
+        street_look(settings.look)
     for name in settings.densities:
         density_named(name)
     if flyers and not (settings.altitudes_m or settings.gsd_mm):
