@@ -105,6 +105,32 @@ def test_a_mistake_in_repairs_is_one_line_with_its_place(tmp_path: Path, repairs
         street_look(str(look))
 
 
+def test_sealed_cracks_are_as_many_as_the_rate_of_the_pavement_says(tmp_path: Path) -> None:
+    """On 100 m of a street of age 1 on average 5 across it and 1.4 along it; none on new ones."""
+    world, seeds, length_m = tiny.straight(length_m=200.0), 30, 200.0
+    counts = {}
+    for age in (0.0, 1.0):
+        values = pavement("dense_asphalt").model_dump(mode="json") | {
+            "age": {"least": age, "most": age},
+            "repairs": {"patches": 0.0, "trenches": 0.0, "sealed_cracks": 2.0, "joint_share": 0.0},
+        }
+        path = tmp_path / f"{age}.yaml"
+        path.write_text(yaml.safe_dump(values), encoding="utf-8")
+        uniform = street_look("uniform")
+        none = uniform.stretches.model_copy(update={"share": 0.0})
+        look = uniform.model_copy(update={"other": {str(path): 1.0}, "stretches": none})
+        found = [line for seed in range(seeds) for line in plan_ground(world, seed, look=look).repairs.seals]
+        open_ = [line for line in found if not np.allclose(line[0], line[-1])]  # not around manhole covers
+        extents = np.array([np.ptp(line, axis=0) for line in open_]).reshape(-1, 2)
+        short = extents[extents[:, 0] < 17.0]
+        across = short[:, 1] > short[:, 0]
+        counts[age] = across.sum(), (~across).sum()
+    assert counts[0.0] == (0, 0)
+    per_100_m = np.array(counts[1.0]) / seeds / (length_m / 100) / 2.0
+    assert per_100_m[0] == pytest.approx(100 / 20, rel=0.25)
+    assert per_100_m[1] == pytest.approx(100 / 70, rel=0.35)
+
+
 def test_sealed_cracks_along_slabs_keep_off_the_joints(tmp_path: Path) -> None:
     repairs = {"patches": 0.0, "trenches": 0.0, "sealed_cracks": 4.0, "joint_share": 0.0}
     values = pavement("concrete").model_dump(mode="json") | {"repairs": repairs}

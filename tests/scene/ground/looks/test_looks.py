@@ -1,5 +1,6 @@
 """Looks of streets from data files: what a street is paved with, and what is wrong with a file in one line."""
 
+from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -63,6 +64,21 @@ def test_every_look_names_pavements_that_are_there(name: str) -> None:
         look.pavement(main=main, chance=chance).title for main in (True, False) for chance in np.linspace(0, 1, 201)
     }
     assert len(drawn) == len({*look.main, *look.other})
+
+
+@pytest.mark.parametrize("main", [True, False])
+def test_a_street_without_slabs_gets_another_of_the_pavements_if_there_is_one(main: bool) -> None:
+    """For every random number, and the others as often as their weights say."""
+    tables = {"main": {"concrete": 4.0, "overlay": 1.0, "red_asphalt": 3.0}, "other": {"concrete": 1.0, "overlay": 1.0}}
+    look = street_look("uniform").model_copy(update=tables)
+    chances = np.linspace(0.0, 0.999, 200)
+    found = Counter(look.pavement(main=main, chance=chance, slabs=False).title for chance in chances)
+    weights = {pavement(name).title: weight for name, weight in tables["main" if main else "other"].items()}
+    del weights[pavement("concrete").title]
+    assert found == pytest.approx({title: 200 * each / sum(weights.values()) for title, each in weights.items()}, abs=1)
+    assert {look.pavement(main=main, chance=chance).title for chance in chances} > set(found)
+    slabs_only = look.model_copy(update={"main": {"concrete": 1.0}, "other": {"concrete": 1.0, "overlay": 0.0}})
+    assert slabs_only.pavement(main=main, chance=0.5, slabs=False) == pavement("concrete")
 
 
 def test_pavements_range_from_near_black_to_pale() -> None:
