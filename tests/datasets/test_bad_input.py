@@ -7,6 +7,7 @@ import zlib
 from collections.abc import Callable
 from math import nan
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 import pytest
@@ -16,9 +17,11 @@ from pavetwin.datasets.common_form import read_images
 from pavetwin.datasets.convert import convert
 from pavetwin.datasets.importing import import_source
 from pavetwin.datasets.layouts.base import RawImage, RawObject
+from pavetwin.datasets.layouts.yolo import names_in
 from pavetwin.datasets.normalise import ImageSize
 from pavetwin.datasets.pictures import picture_size
 from pavetwin.datasets.report import Finding, Report
+from pavetwin.datasets.safe_xml import parse_xml
 from pavetwin.datasets.sources import source_of
 from pavetwin.errors import PaveTwinError
 from scenes.photographs import coco, picture, voc, yolo
@@ -48,6 +51,10 @@ def a_bomb(folder: Path) -> None:
 def a_name_that_climbs_out(folder: Path) -> None:
     picture(folder / "bad.jpg", seed=1)
     voc(folder / "bad.xml", [("PH", (1, 1, 9, 9))], filename="../../../etc/passwd")
+
+
+def elements_without_end(folder: Path) -> None:
+    a_voc_file(folder, f"<annotation>\n{'<a/>' * 200_000}</annotation>")
 
 
 def a_stranger(folder: Path) -> None:
@@ -132,6 +139,10 @@ def a_box_twice(folder: Path) -> None:
         (
             a_name_that_climbs_out,
             "refused bad.xml:2: filename '../../../etc/passwd' leads out of the folder; the image is left out",
+        ),
+        (
+            elements_without_end,
+            "refused bad.xml:2: more than 200000 elements, which no label file has; the image is left out",
         ),
         (
             a_stranger,
@@ -475,6 +486,66 @@ def test_a_wrong_mapping_file_is_refused(tmp_path: Path, content: str, words: st
         source_of(str(mapping))
     assert words in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def test_text_of_many_lines_is_read_in_time_that_grows_with_it(tmp_path: Path) -> None:
+    """A parser gives every line by itself: joined one by one, a megabyte of them took 15 s."""
+    (tmp_path / "long.xml").write_text(f"<a>{2**20 * chr(10)}<b>word</b>{chr(10)}more</a>")
+    started = process_time()
+    root = parse_xml(tmp_path / "long.xml")
+    assert process_time() - started < 3  # 0.1 s, and 15 s one by one
+    assert (len(root.text), root.value("b")) == (2**20 + 5, "word")
+
+
+ALIASES = "\n".join(["a0: &a0 [x, x]", *(f"a{n}: &a{n} [{', '.join(9 * [f'*a{n - 1}'])}]" for n in range(1, 12))])
+MERGES = "\n".join(
+    ["a0: &a0 {x: 1}", *(f"a{n}: &a{n} {{<<: [{', '.join(9 * [f'*a{n - 1}'])}]}}" for n in range(1, 12))]
+)
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "words"),
+    [
+        ("data.yaml", f"{ALIASES}\nnames: *a11\n", "class 0 has no name of 1 to 200 characters; put it in quotes"),
+        ("data.yaml", f"{ALIASES}\nnames: [*a11]\n", "class 0 has no name of 1 to 200 characters; put it in quotes"),
+        ("data.yaml", f"{MERGES}\nnames: *a11\n", "has no list of classes"),
+        ("dataset.yaml", "names: crack\n", "has no list of classes: `names` must be a list, as in [crack, pothole]"),
+        ("data.yaml", "names: {0: crack, 2: hole}\n", "have a class for every number from 0"),
+        ("data.yaml", "names: {0: crack, zero: hole}\n", "have a class for every number from 0"),
+        ("data.yaml", "names: []\n", "has no list of classes"),
+        ("data.yaml", "nc: 3\n", "has no list of classes"),
+        ("data.yaml", "- crack\n", "has no list of classes"),
+        ("data.yaml", "", "has no list of classes"),
+        ("data.yaml", "names: [crack, no]\n", "class 1 has no name of 1 to 200 characters; put it in quotes"),
+        ("data.yaml", "names: [crack, ]\nnc: [\n", "is not YAML that can be read; give `names` in a mapping file"),
+        ("data.yaml", "[" * 5000, "is not YAML that can be read"),
+        ("data.yaml", f"names: [crack, {201 * 'e'}]\n", "class 1 has no name of 1 to 200 characters"),
+        ("classes.txt", f"crack\n{201 * 'e'}\n", "class 1 has no name of 1 to 200 characters"),
+        ("data.yaml", "#" * (2**17 + 1), "is larger than 128 KiB, which no list of classes is"),
+        ("classes.txt", "crack\n" * 2**15, "is larger than 128 KiB, which no list of classes is"),
+        ("classes.txt", "crack\0\udcff", "cannot be read as a list of classes"),
+    ],
+)
+def test_a_list_of_classes_that_is_none(tmp_path: Path, file: str, content: str, words: str) -> None:
+    (tmp_path / file).write_text(content, encoding="utf-8", errors="surrogateescape")
+    with pytest.raises(PaveTwinError) as refused:
+        names_in(tmp_path)
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("file", "content"),
+    [
+        ("data.yaml", "names: [crack, 'no', 10]\n"),
+        ("data.yaml", "names: {1: 'no', 0: crack, 2: 10}\n"),
+        ("dataset.yaml", 'path: x\nnames:\n  0: &first crack\n  1: "no"\n  2: 10\n'),
+        ("classes.txt", "crack\nno\n\n10\n"),
+    ],
+)
+def test_a_list_of_classes_in_each_form(tmp_path: Path, file: str, content: str) -> None:
+    (tmp_path / file).write_text(content)
+    assert names_in(tmp_path) == ("crack", "no", "10")
 
 
 def test_an_unknown_source_is_told_its_neighbour() -> None:

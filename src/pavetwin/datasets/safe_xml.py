@@ -15,6 +15,9 @@ LARGEST_BYTES: Final = 16 * 2**20
 DEEPEST: Final = 64
 """Elements within each other."""
 
+MOST_ELEMENTS: Final = 200_000
+"""Of a file: those of some 15,000 objects."""
+
 
 class XmlError(ValueError):
     """A file is not XML that can be read; the message says why."""
@@ -51,7 +54,10 @@ class _Builder(ContentHandler):
         super().__init__()
         self.root: Element | None = None
         self._open: list[Element] = []
+        self._parts: list[list[str]] = []
+        """The text of each open element so far; a parser gives every line by itself."""
         self._locator: Any = None
+        self._elements = 0
 
     def setDocumentLocator(self, locator: Any) -> None:  # noqa: N802 - SAX names it
         self._locator = locator
@@ -64,18 +70,22 @@ class _Builder(ContentHandler):
     def startElement(self, name: str, attrs: Any) -> None:  # noqa: ARG002, N802 - SAX names it
         if len(self._open) >= DEEPEST:
             raise XmlError(f"more than {DEEPEST} elements lie within each other", self.line)
+        self._elements += 1
+        if self._elements > MOST_ELEMENTS:
+            raise XmlError(f"more than {MOST_ELEMENTS} elements, which no label file has", self.line)
         element = Element(name, self.line)
         if self._open:
             self._open[-1].children.append(element)
         else:
             self.root = element
         self._open.append(element)
+        self._parts.append([])
 
     def endElement(self, name: str) -> None:  # noqa: ARG002, N802 - SAX names it
-        self._open.pop()
+        self._open.pop().text = "".join(self._parts.pop())
 
     def characters(self, content: str) -> None:
-        self._open[-1].text += content
+        self._parts[-1].append(content)
 
 
 def parse_xml(path: Path) -> Element:

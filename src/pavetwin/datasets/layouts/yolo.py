@@ -1,10 +1,10 @@
 """YOLO: a text file an image, a line an object: its class's number, then a box or a polygon in shares of the image."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from math import isfinite
 from pathlib import Path, PurePosixPath
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 import yaml
 from pydantic import Field
@@ -18,8 +18,17 @@ from pavetwin.labels.boxes import FloatBox
 LARGEST_BYTES: Final = 16 * 2**20
 """Of a label file of one image."""
 
+LARGEST_LIST_BYTES: Final = 2**17
+"""Of a file that names the classes: the thousand of ImageNet need 43 kB."""
+
+LONGEST_CLASS: Final = 200
+"""Characters of a class's name."""
+
 _NAMES: Final = frozenset({"classes.txt", "obj.names", "_darknet.labels", "readme.txt", "licence.txt", "license.txt"})
 """Text files that are no label files."""
+
+_NAME_TAGS: Final = frozenset({"tag:yaml.org,2002:str", "tag:yaml.org,2002:int"})
+"""What YAML takes a name for; `no` and `1e3` would be something else to other readers."""
 
 _LISTS: Final = re.compile(r"(train|val|valid|test|trainval)\.txt", re.IGNORECASE)
 """Lists of pictures, as Darknet has them."""
@@ -127,19 +136,62 @@ def names_in(folder: Path) -> tuple[str, ...]:
     lists = sorted({*folder.rglob("classes.txt"), *folder.rglob("obj.names")})
     if not lists:
         return ()
-    try:
-        lines = lists[0].read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, ValueError) as error:
-        raise PaveTwinError(f"'{lists[0]}' cannot be read as a list of classes.") from error
-    return tuple(line.strip() for line in lines if line.strip())
+    lines = _text_of(lists[0]).splitlines()
+    names = tuple(line.strip() for line in lines if line.strip())
+    for number, name in enumerate(names):
+        _check_name(lists[0], number, name)
+    return names
 
 
 def _names_of(path: Path) -> tuple[str, ...]:
+    """`names` of a YAML file: a list, or a mapping of the numbers from 0.
+
+    Only their text is read. No values are built of the file, in which aliases may stand for lists of billions.
+    """
     try:
-        content: Any = yaml.safe_load(path.read_text(encoding="utf-8"))
-        names = content["names"]
-        if isinstance(names, Mapping):
-            return tuple(str(names[number]) for number in range(len(names)))
-        return tuple(str(each) for each in names)
-    except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError) as error:
-        raise PaveTwinError(f"'{path}' has no list of classes (`names`) that can be read.") from error
+        root = yaml.compose(_text_of(path), Loader=yaml.SafeLoader)
+    except (ValueError, yaml.YAMLError, RecursionError) as error:
+        raise PaveTwinError(f"'{path}' is not YAML that can be read; give `names` in a mapping file.") from error
+    keys = root.value if isinstance(root, yaml.MappingNode) else ()
+    names = next((value for key, value in keys if key.value == "names"), None)
+    if isinstance(names, yaml.SequenceNode):
+        found = dict(enumerate(names.value))
+    elif isinstance(names, yaml.MappingNode):
+        found = {int(key.value) if _is_number(key) else -1: value for key, value in names.value}
+    else:
+        found = {}
+    if not found or set(found) != set(range(len(found))):
+        raise PaveTwinError(
+            f"'{path}' has no list of classes: `names` must be a list, as in [crack, pothole], or have a class for "
+            "every number from 0."
+        )
+    for number, node in found.items():
+        _check_name(path, number, node.value if node.tag in _NAME_TAGS else None)
+    return tuple(found[number].value for number in range(len(found)))
+
+
+def _is_number(key: yaml.Node) -> bool:
+    return isinstance(key, yaml.ScalarNode) and re.fullmatch(r"\d{1,6}", key.value, re.ASCII) is not None
+
+
+def _check_name(path: Path, number: int, name: str | None) -> None:
+    """Raises:
+    PaveTwinError: it is no name of a class.
+    """
+    if name is None or not 0 < len(name) <= LONGEST_CLASS:
+        raise PaveTwinError(
+            f"'{path}': class {number} has no name of 1 to {LONGEST_CLASS} characters; put it in quotes where YAML "
+            "takes it for something else."
+        )
+
+
+def _text_of(path: Path) -> str:
+    """Raises:
+    PaveTwinError: it is no text, or larger than a list of classes is.
+    """
+    try:
+        if path.stat().st_size > LARGEST_LIST_BYTES:
+            raise PaveTwinError(f"'{path}' is larger than {LARGEST_LIST_BYTES >> 10} KiB, which no list of classes is.")
+        return path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise PaveTwinError(f"'{path}' cannot be read as a list of classes.") from error
