@@ -56,7 +56,7 @@ def test_the_ground_resolution_is_stated_or_that_of_a_usual_car() -> None:
 
 
 def test_an_outline_is_taken_as_it_is() -> None:
-    outline = ((52.0, 62.0), (98.0, 62.0), (98.0, 78.0), (52.0, 78.0))
+    outline = ((52.0, 62.0), (99.0, 62.0), (99.0, 79.0), (52.0, 79.0))
     (cut,), _ = found(car(), Annotation("Car", (52, 62, 99, 79), outline=outline))
     assert (cut.pixels[..., 3] > 0).sum() == 47 * 17
 

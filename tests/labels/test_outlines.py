@@ -8,7 +8,8 @@ from hypothesis.extra.numpy import arrays
 from PIL import Image, ImageDraw
 from scipy.ndimage import gaussian_filter
 
-from pavetwin.labels.outlines import outline
+from pavetwin.labels import outlines
+from pavetwin.labels.outlines import boundary, outline
 
 
 def filled(polygon: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
@@ -62,3 +63,28 @@ def test_a_line_of_pixels_has_an_area(shape: tuple[int, int]) -> None:
     polygon = outline(mask)
     assert np.ptp(polygon, axis=0).min() == pytest.approx(0.9)
     assert filled(polygon, shape).all()
+
+
+def blots() -> st.SearchStrategy[np.ndarray]:
+    return arrays(bool, st.tuples(st.integers(1, 12), st.integers(1, 12))).filter(np.any)
+
+
+@given(blots())
+def test_a_boundary_filled_is_exactly_the_mask(mask: np.ndarray) -> None:
+    """Also of several parts, holes, and pixels that touch at a corner."""
+    polygon = boundary(mask)
+    assert (outlines.filled(polygon, mask.shape[::-1]) == mask).all()
+    rows, columns = np.nonzero(mask)
+    assert (*polygon.min(axis=0), *polygon.max(axis=0)) == (
+        columns.min(),
+        rows.min(),
+        columns.max() + 1,
+        rows.max() + 1,
+    )
+
+
+def test_a_pixel_is_in_a_polygon_with_its_middle() -> None:
+    triangle = np.array([(-3.0, -3.0), (9.0, -3.0), (-3.0, 9.0)])  # beyond the image on two sides
+    rows, columns = np.mgrid[0:4, 0:5]
+    assert (outlines.filled(triangle, (5, 4)) == (columns + rows + 1 < 6)).all()
+    assert not outlines.filled(np.array([(1.6, 0.0), (2.4, 0.0), (2.4, 4.0), (1.6, 4.0)]), (5, 4)).any()

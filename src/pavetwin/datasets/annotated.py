@@ -9,7 +9,8 @@ from pavetwin.labels.boxes import PixelBox
 from pavetwin.labels.classes import categories
 
 Polygon = tuple[tuple[float, float], ...]
-"""Corners (column, row) in pixels of the image; none is repeated at the end."""
+"""Corners (column, row) in pixels of the image, whose first pixel reaches from 0 to 1, as in boxes; none is repeated at
+the end. By the even-odd rule."""
 
 
 def class_names() -> tuple[str, ...]:

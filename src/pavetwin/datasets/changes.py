@@ -28,6 +28,9 @@ from pavetwin.labels.boxes import FloatBox, PixelBox, flipped
 GONE_SHARE: Final = 0.05
 """Of an annotation's area: what shows less is left out, also where it is ignored."""
 
+WHOLE_SHARE: Final = 1 - 1e-6
+"""From this on nothing but rounding is missing, and an outline keeps all its parts and holes."""
+
 COPY_OF: Final = "copy_of"
 """Attribute of a copy: the name of its image."""
 
@@ -141,7 +144,7 @@ def _changed(
     return replace(
         annotation,
         box=_around(shapely.bounds(shown).tolist(), kept_px),
-        outline=_largest(shown) if outline is not None else None,
+        outline=_largest(shown) if outline is not None and share < WHOLE_SHARE else outline,
         ignored=CUT if is_cut else annotation.ignored,
     )
 

@@ -11,13 +11,12 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from PIL import Image, ImageDraw
 
 from pavetwin.arrays import BoolArray
 from pavetwin.datasets.annotated import Annotation, Polygon
 from pavetwin.datasets.changes import GONE_SHARE
+from pavetwin.labels import outlines
 from pavetwin.labels.boxes import of_mask
-from pavetwin.labels.outlines import outline
 
 KEPT_SHARE: Final = 0.6
 """Of an annotation's area."""
@@ -29,15 +28,15 @@ CUT_OUT: Final = "cut_out"
 
 
 def filled(annotation: Annotation, size_px: tuple[int, int]) -> BoolArray:
-    """(height, width) What an annotation covers: its outline, or its box."""
-    if annotation.outline is None:
-        mask = np.zeros(size_px[::-1], dtype=np.bool_)
-        left, top, right, bottom = annotation.box
-        mask[top:bottom, left:right] = True
-        return mask
-    drawn = Image.new("1", size_px)
-    ImageDraw.Draw(drawn).polygon(list(annotation.outline), fill=1)
-    return np.array(drawn, dtype=np.bool_)
+    """(height, width) What an annotation covers: its outline, or its box where that is too thin for a pixel."""
+    if annotation.outline is not None:
+        within = outlines.filled(np.array(annotation.outline), size_px)
+        if within.any():
+            return within
+    mask = np.zeros(size_px[::-1], dtype=np.bool_)
+    left, top, right, bottom = annotation.box
+    mask[top:bottom, left:right] = True
+    return mask
 
 
 def covered(annotation: Annotation, over: BoolArray, size_px: tuple[int, int]) -> Annotation | None:
@@ -71,4 +70,4 @@ def pasted(mask: BoolArray, category: str, name: str) -> Annotation:
 
 
 def _outline(mask: BoolArray) -> Polygon:
-    return tuple((round(x, 2), round(y, 2)) for x, y in outline(mask).tolist())
+    return tuple((x, y) for x, y in outlines.boundary(mask).tolist())

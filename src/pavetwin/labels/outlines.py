@@ -1,4 +1,9 @@
-"""Masks as one polygon each, for label files that know nothing else."""
+"""Masks as one polygon each, for label files that know nothing else, and polygons as masks.
+
+`outline` passes through the middles of the pixels on the border and is simplified: readers that draw it, border
+included, find the mask. `boundary` passes along the edges of pixels, as boxes do, and is exact: flipped, rotated and
+scaled it still surrounds what the mask does. `filled` is its inverse.
+"""
 
 from collections import defaultdict
 from itertools import pairwise
@@ -7,6 +12,7 @@ from typing import Final, cast
 import numpy as np
 import shapely
 from contourpy import FillType, contour_generator
+from scipy.spatial import KDTree
 
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
 
@@ -29,6 +35,46 @@ def outline(mask: BoolArray) -> Float64Array:
     left, top = path.min(axis=0)
     right, bottom = path.max(axis=0) + 0.9
     return np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
+
+
+def boundary(mask: BoolArray) -> Float64Array:
+    """The polygon (n ≥ 4, 2) of a mask (height, width) that is not empty: column, row along the edges of its pixels.
+
+    The first pixel reaches from 0 to 1. Parts and holes are joined as in `outline`; `filled` gives the mask again.
+    """
+    padded = np.zeros((mask.shape[0], mask.shape[1] + 2), dtype=np.int8)
+    padded[:, 1:-1] = mask
+    steps = np.diff(padded, axis=1)
+    rows, starts = np.nonzero(steps == 1)
+    ends = np.nonzero(steps == -1)[1]
+    covered = shapely.simplify(shapely.union_all(shapely.box(starts, rows, ends, rows + 1)), 0.0)
+    lines = [ring for part in shapely.get_parts(covered) for ring in (part.exterior, *part.interiors)]
+    rings = [shapely.get_coordinates(line)[:-1] for line in lines]
+    return _walk(rings, _bridges(rings))
+
+
+def filled(polygon: Float64Array, size_px: tuple[int, int]) -> BoolArray:
+    """(height, width) The pixels whose middle lies in a polygon (n, 2) along pixel edges, by the even-odd rule.
+
+    Pillow and OpenCV fill polygons of whole pixels and the border with them, which is up to a pixel more.
+
+    Args:
+        size_px: width, height of the image; the polygon may reach beyond.
+    """
+    width, height = size_px
+    ends = np.stack([polygon, np.roll(polygon, -1, axis=0)], axis=1)
+    # Both ways over a bridge are computed alike, so that they cancel exactly.
+    downwards = np.lexsort((ends[..., 0], ends[..., 1]))
+    (x, y), (to_x, to_y) = np.take_along_axis(ends, downwards[..., None], axis=1).transpose(1, 2, 0)
+    first, last = (np.clip(np.ceil(each - 0.5), 0, height).astype(np.intp) for each in (y, to_y))
+    side = np.repeat(np.arange(len(x)), last - first)
+    rows = first[side] + np.arange(len(side)) - np.repeat(np.cumsum(last - first) - (last - first), last - first)
+    crossed = x[side] + (rows + 0.5 - y[side]) * ((to_x - x)[side] / (to_y - y)[side])
+    columns = np.clip(np.ceil(crossed - 0.5), 0, width).astype(np.intp)
+    crossings = np.zeros((height, width + 1), dtype=np.intp)
+    np.add.at(crossings, (rows, columns), 1)
+    covers: BoolArray = np.cumsum(crossings[:, :width], axis=1) % 2 == 1
+    return covers
 
 
 def _rings(mask: BoolArray) -> list[Float64Array]:
@@ -65,11 +111,10 @@ def _bridges(rings: list[Float64Array]) -> dict[tuple[int, int], list[tuple[int,
         mine = np.flatnonzero(ring == added)
         distance[mine] = np.nan
         left = np.flatnonzero(~np.isnan(distance))
-        away = np.square(points[left, None] - points[None, mine]).sum(axis=-1)
-        best = away.argmin(axis=1)
-        closer = away[np.arange(len(left)), best] < distance[left]
+        away, best = KDTree(points[mine]).query(points[left])
+        closer = away < distance[left]
         nearest[left[closer]] = mine[best[closer]]
-        distance[left[closer]] = away[closer, best[closer]]
+        distance[left[closer]] = away[closer]
         to = int(np.nanargmin(distance))
         joined[int(ring[nearest[to]]), int(within[nearest[to]])].append((int(ring[to]), int(within[to])))
         added = int(ring[to])

@@ -16,7 +16,7 @@ from pavetwin.datasets.layouts.yolo import box_around
 from pavetwin.datasets.pictures import PictureError, PictureIndex, files_in, inside, is_file, picture_size
 from pavetwin.datasets.report import Finding, Report
 from pavetwin.labels.boxes import FloatBox, of_mask
-from pavetwin.labels.outlines import outline
+from pavetwin.labels.outlines import boundary
 from pavetwin.labels.rle import decode
 
 _PLACES: Final = ("", "images", "train", "val", "valid", "test", "train2017", "val2017")
@@ -201,8 +201,7 @@ def _shape(
         mask = _mask(segmentation, which, size)
         if (box := of_mask(mask)) is None:
             return None
-        middles = outline(mask) + 0.5
-        return box, tuple((float(x), float(y)) for x, y in middles)
+        return box, tuple((x, y) for x, y in boundary(mask).tolist())
     if segmentation is None or segmentation == []:
         return None
     parts = [_numbers(part) for part in segmentation] if isinstance(segmentation, list) else []

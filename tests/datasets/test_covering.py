@@ -1,0 +1,55 @@
+"""Labels of what was painted: of masks, and of what is left of them under objects."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image, ImageDraw
+
+from pavetwin.datasets.annotated import AnnotatedImage
+from pavetwin.datasets.augmenting import changed_picture
+from pavetwin.datasets.changes import ImageChange, changed
+from pavetwin.datasets.covering import pasted
+from pavetwin.labels.boxes import of_mask
+from pavetwin.labels.outlines import filled
+
+SIZE = (120, 90)
+
+
+@st.composite
+def masks(draw: st.DrawFn) -> np.ndarray:
+    """(90, 120) A rectangle, an ellipse, or both apart from each other."""
+    drawn = Image.new("1", SIZE)
+    pen = ImageDraw.Draw(drawn)
+    for shape in draw(st.sampled_from([(pen.rectangle,), (pen.ellipse,), (pen.rectangle, pen.ellipse)])):
+        left, top = draw(st.integers(20, 80)), draw(st.integers(20, 60))
+        shape((left, top, left + draw(st.integers(3, 20)), top + draw(st.integers(3, 10))), fill=1)
+    return np.array(drawn)
+
+
+CHANGES = st.builds(ImageChange, st.booleans(), st.floats(-15, 15).map(lambda angle: round(angle, 1)))
+
+
+@settings(max_examples=60, deadline=None)
+@given(masks(), CHANGES)
+def test_box_and_outline_enclose_what_is_painted_however_it_is_turned(mask: np.ndarray, change: ImageChange) -> None:
+    label = pasted(mask, "Car", "c")
+    image = AnnotatedImage("a", ".jpg", SIZE, "s", "a.jpg", "s:a", annotations=(label,))
+    picture = np.repeat(np.where(mask, 255, 0).astype(np.uint8)[..., None], 3, axis=2)
+    # Bilinear between whole pixels: a pixel that is lighter has its middle in the mask.
+    painted = changed_picture(picture, change)[..., 0]
+    shown = painted > 150
+    copy = changed(image, change, "b")
+    (found,) = copy.annotations
+    left, top, right, bottom = of_mask(shown) or (0, 0, 0, 0)
+    assert found.box[0] <= left
+    assert found.box[1] <= top
+    assert found.box[2] >= right
+    assert found.box[3] >= bottom
+    assert found.outline is not None
+    told = filled(np.array(found.outline), copy.size_px)
+    # Where a corner points inwards, a quarter of the brightness is left.
+    assert told[painted > 200].all()
+    assert not told[painted < 55].any()
+    if change.rotation_deg == 0:
+        assert found.box == (left, top, right, bottom)
+        assert (told == shown).all()
