@@ -1,14 +1,15 @@
 """Labels of what was painted: of masks, and of what is left of them under objects."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image, ImageDraw
 
-from pavetwin.datasets.annotated import AnnotatedImage
+from pavetwin.datasets.annotated import AnnotatedImage, Annotation
 from pavetwin.datasets.augmenting import changed_picture
 from pavetwin.datasets.changes import ImageChange, changed
-from pavetwin.datasets.covering import pasted
+from pavetwin.datasets.covering import covered, pasted
 from pavetwin.labels.boxes import of_mask
 from pavetwin.labels.outlines import filled
 
@@ -53,3 +54,29 @@ def test_box_and_outline_enclose_what_is_painted_however_it_is_turned(mask: np.n
     if change.rotation_deg == 0:
         assert found.box == (left, top, right, bottom)
         assert (told == shown).all()
+
+
+@pytest.mark.parametrize("outline", [None, ((20.0, 30.0), (120.0, 30.0), (120.0, 40.0), (20.0, 40.0))])
+@pytest.mark.parametrize("reason", [None, "hidden"])
+def test_what_is_left_of_a_label_depends_on_the_share_that_is_visible(
+    outline: tuple[tuple[float, float], ...] | None, reason: str | None
+) -> None:
+    """60 % keep it, below that it is ignored, below 5 % it is gone; the box is that of what is visible."""
+    label = Annotation("Pothole", (20, 30, 120, 40), reason, outline)
+    for visible, expected in ((100, reason), (61, reason), (60, reason), (59, "covered"), (5, "covered")):
+        over = np.zeros((90, 140), dtype=bool)
+        over[:, 20 + visible :] = True
+        left = covered(label, over, (140, 90))
+        assert left is not None
+        assert (left.box, left.ignored) == ((20, 30, 20 + visible, 40), reason or expected)
+        assert (left.outline is None) == (outline is None)
+        if left.outline is not None:
+            assert max(x for x, _ in left.outline) == 20 + visible
+    over[:, 24:] = True
+    assert covered(label, over, (140, 90)) is None
+
+
+def test_of_an_outline_that_no_pixel_lies_in_the_box_counts() -> None:
+    hair = Annotation("Single Crack", (10, 0, 11, 80), outline=((10.1, 0.0), (10.2, 0.0), (10.2, 80.0), (10.1, 80.0)))
+    over = np.ones((90, 120), dtype=bool)
+    assert covered(hair, over, SIZE) is None

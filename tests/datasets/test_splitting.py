@@ -8,7 +8,7 @@ import pytest
 
 from pavetwin.datasets.annotated import AnnotatedImage, Annotation, class_names
 from pavetwin.datasets.common_form import annotation_path, as_xml, write_description
-from pavetwin.datasets.splitting import split_dataset, split_groups, split_names
+from pavetwin.datasets.splitting import USUAL_SHARES, split_dataset, split_groups, split_names
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels import SPLITS
 
@@ -63,6 +63,21 @@ def test_a_class_that_few_scenes_hold_has_its_shares_where_they_allow_it() -> No
     found = split_groups([*cars, *cracks], SHARES, seed=0)
     assert found.shares["Car"] == pytest.approx(SHARES, abs=0.01)
     assert found.shares["Single Crack"] == pytest.approx(SHARES, abs=0.01)
+
+
+def test_a_rare_class_weighs_as_much_as_a_common_one() -> None:
+    """20 people among 20,000 cracks: by numbers alone, where the people go would not matter."""
+    rng = np.random.default_rng(2)
+    cracks = [["Single Crack"] * int(count) for count in rng.integers(20, 180, 200)]
+    people = [["Person"] if at < 20 else [] for at in range(200)]
+    images = [image(f"i{at}", f"scene {at}", *cracks[at], *people[at]) for at in range(200)]
+    found = split_groups(images, SHARES, seed=0)
+    assert found.shares["Person"] == pytest.approx((0.7, 0.2, 0.1), abs=1e-9)
+    assert found.shares["Single Crack"] == pytest.approx((0.7, 0.2, 0.1), abs=0.01)
+
+
+def test_the_usual_shares() -> None:
+    assert USUAL_SHARES == (0.7, 0.2, 0.1)
 
 
 def test_it_depends_on_the_seed_and_on_nothing_else() -> None:
