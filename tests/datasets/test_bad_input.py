@@ -5,6 +5,7 @@ import os
 import struct
 import zlib
 from collections.abc import Callable
+from functools import partial
 from math import nan
 from pathlib import Path
 from time import process_time
@@ -24,6 +25,7 @@ from pavetwin.datasets.report import Finding, Report
 from pavetwin.datasets.safe_xml import parse_xml
 from pavetwin.datasets.sources import source_of
 from pavetwin.errors import PaveTwinError
+from scenes.command_line import pavetwin, without_progress
 from scenes.photographs import coco, picture, voc, yolo
 
 BOMB = """<?xml version="1.0"?>
@@ -371,6 +373,105 @@ def test_a_ground_resolution_that_is_none_is_not_taken(tmp_path: Path, gsd_mm: s
             "taken as not known"
         ]
         assert [each.gsd_mm for each in read_images(summary.folder)] == [None, None]
+
+
+def a_coco_file_without(folder: Path, key: str) -> None:
+    path = folder / "annotations" / "more.json"
+    path.write_text(path.with_name("instances_train.json").read_text().replace(key, "other"))
+
+
+def an_empty_coco_file(folder: Path) -> None:
+    (folder / "annotations" / "more.json").write_text("")
+
+
+def a_coco_file_of_zero_bytes(folder: Path) -> None:
+    (folder / "annotations" / "more.json").write_bytes(bytes(500))
+
+
+def two_images_of_one_id(folder: Path) -> None:
+    path = folder / "annotations" / "instances_train.json"
+    picture(folder / "images" / "train" / "third.jpg", seed=7)
+    more = '{"id": 2, "file_name": "third.jpg"}, 5],\n"annotations": [3,'
+    path.write_text(path.read_text().replace('],\n"annotations": [', f",\n{more}"))
+
+
+def an_image_without_an_id(folder: Path) -> None:
+    path = folder / "annotations" / "instances_train.json"
+    path.write_text(path.read_text().replace('"id": 2, "file_name"', '"file_name"'))
+
+
+MISSED = "note annotations/instances_train.json:7: an annotation is of an image that is not listed; left out"
+
+
+@pytest.mark.parametrize(
+    ("spoil", "lines", "left"),
+    [
+        (an_empty_coco_file, ["refused annotations/more.json:1: is not JSON (Expecting value)"], 2),
+        (a_coco_file_of_zero_bytes, ["refused annotations/more.json:1: is not JSON (Expecting value)"], 2),
+        (
+            partial(a_coco_file_without, key="annotations"),
+            ["note annotations/more.json: has no list `annotations`, as COCO has; left out"],
+            2,
+        ),
+        (
+            partial(a_coco_file_without, key="images"),
+            ["note annotations/more.json: has no list `images`, as COCO has; left out"],
+            2,
+        ),
+        (
+            two_images_of_one_id,
+            [
+                "refused annotations/instances_train.json:5: an entry is no object; left out (2 times)",
+                "refused annotations/instances_train.json:4: image 'images/train/bad.jpg' has the id 2 of another "
+                "image; the image is left out",
+                "refused annotations/instances_train.json:5: image 'images/train/third.jpg' has the id 2 of another "
+                "image; the image is left out",
+            ],
+            1,
+        ),
+        (
+            an_image_without_an_id,
+            [
+                MISSED,
+                "refused annotations/instances_train.json:4: image 'images/train/bad.jpg' has no id; the image is left "
+                "out",
+            ],
+            1,
+        ),
+    ],
+)
+def test_a_coco_file_that_lacks_what_it_needs(
+    tmp_path: Path, spoil: Callable[[Path], None], lines: list[str], left: int
+) -> None:
+    coco_lines(tmp_path / "photos")
+    spoil(tmp_path / "photos")
+    name, source = source_of("pavetwin")
+    summary = import_source(name, source, tmp_path / "photos", tmp_path / "dataset", size=ImageSize())
+    assert [f"{each.finding.value} {each}" for each in summary.report] == lines
+    assert summary.images == len(list(read_images(summary.folder))) == left
+
+
+@pytest.mark.parametrize(
+    ("labels", "words"),
+    [
+        ("", "No image was imported: more.json:1: is not JSON (Expecting value). All findings are in "),
+        ('{"images": []}', "No image was imported: more.json: has no list `categories` and no list `annotations`, as"),
+        ("{}", "No image was imported: good.jpg: no valid box, and not listed as verified background; the image is "),
+    ],
+)
+def test_an_import_of_no_image_is_an_error(tmp_path: Path, labels: str, words: str) -> None:
+    mapping = tmp_path / "mine.yaml"
+    mapping.write_text("labels: {format: coco}\nclasses: {car: Car}\n")
+    picture(tmp_path / "photos" / "good.jpg")
+    (tmp_path / "photos" / "more.json").write_text(labels)
+    answer = pavetwin("data", "import", str(mapping), str(tmp_path / "photos"), "-o", str(tmp_path / "dataset"))
+    assert answer.returncode == 2
+    assert words in without_progress(answer.stderr)[-1]
+    recipe = tmp_path / "recipe.yaml"
+    recipe.write_text("sources: [{source: mine.yaml, folder: photos}]\n")
+    answer = pavetwin("data", "build", str(recipe), "-o", str(tmp_path / "built"))
+    assert answer.returncode == 2
+    assert words in without_progress(answer.stderr)[-1]
 
 
 def test_a_corner_that_is_not_finite_is_told_of_any_layout() -> None:

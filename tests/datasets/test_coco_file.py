@@ -60,6 +60,11 @@ def coco_file_in_chunks(patch: pytest.MonkeyPatch, chunk: int, path: Path) -> An
         ('{"images": [], "annotations": [], "categories": []}\n{}', "Extra data", 2),
         ('{"images" []}', "Expecting ':' delimiter", 1),
         ('{"images": [{"id": 1}', "Expecting ',' delimiter", 1),
+        ("", "Expecting value", 1),
+        ("\n\n", "Expecting value", 3),
+        (500 * "\0", "Expecting value", 1),
+        ("[1, 2", "Expecting ',' delimiter", 1),
+        ("{}\n[]", "Extra data", 2),
     ],
 )
 def test_what_is_no_json_is_told_with_its_line(tmp_path: Path, text: str, words: str, line: int) -> None:
@@ -70,7 +75,7 @@ def test_what_is_no_json_is_told_with_its_line(tmp_path: Path, text: str, words:
 
 
 @pytest.mark.parametrize(
-    "text", ["[1, 2]", '{"images": []}', '"text"', '{"images": {}, "annotations": [], "categories": []}']
+    "text", ["[1, 2]", '[{"images": []}]', '{"info": []}', '"text"', '{"images": {}, "annotations": 1}', "{}"]
 )
 def test_other_json_is_no_coco(tmp_path: Path, text: str) -> None:
     (tmp_path / "other.json").write_text(text)

@@ -75,7 +75,7 @@ def import_folder(
     pavetwin data import mine.yaml ~/photos -o datasets/mine --gsd 2.5 --background checked.txt
 
     What is wrong with a file is told with its name and line, and the rest goes on; exit code 1 says that files were
-    refused. All findings are in report.csv of the dataset.
+    refused, 2 that no image is left. All findings are in report.csv of the dataset.
     """
     from pavetwin.datasets.importing import import_source
     from pavetwin.datasets.normalise import ImageSize
@@ -98,6 +98,7 @@ def import_folder(
 
         summary = import_source(name, found, folder, output, size=size, backgrounds=backgrounds, on_image=on_image)
     tell_report(summary.report, output)
+    summary.refuse_empty()
     images = "1 image" if summary.images == 1 else f"{summary.images} images"
     out.line(f"{images} in {output}/. Next: pavetwin data stats {quote(str(output))}")
     if summary.report.has_refusals:

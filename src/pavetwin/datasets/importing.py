@@ -53,6 +53,16 @@ class ImportSummary:
     images: int
     report: Report
 
+    def refuse_empty(self) -> None:
+        """Raises:
+        PaveTwinError: no image is in it; the message says what was found first.
+        """
+        if self.images:
+            return
+        first = next(iter(self.report), None)
+        found = f"{first}. All findings are in '{self.folder / REPORT}'" if first is not None else "no labels are there"
+        raise PaveTwinError(f"No image was imported: {found}.")
+
 
 @dataclass(frozen=True, slots=True)
 class _Work:

@@ -167,6 +167,7 @@ def build(
                 backgrounds=backgrounds,
                 on_image=on_image,
             )
+            imported.refuse_empty()
             stages.append((imported.folder, imported.report))
         merged = merge([folder for folder, _ in stages], output / MERGED, on_progress=on_stage)
         stages.append((merged.folder, merged.report))

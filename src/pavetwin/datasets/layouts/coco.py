@@ -11,7 +11,7 @@ import numpy as np
 from pavetwin.arrays import BoolArray
 from pavetwin.datasets.annotated import Polygon
 from pavetwin.datasets.layouts.base import LabelLayout, RawImage, RawObject, unlabelled
-from pavetwin.datasets.layouts.coco_file import CocoEntry, CocoFile, CocoFileError, as_id, coco_file
+from pavetwin.datasets.layouts.coco_file import LISTS, CocoEntry, CocoFile, CocoFileError, as_id, coco_file
 from pavetwin.datasets.layouts.yolo import box_around
 from pavetwin.datasets.pictures import PictureError, PictureIndex, files_in, inside, is_file, picture_size
 from pavetwin.datasets.report import Finding, Report
@@ -40,7 +40,7 @@ class CocoLayout(LabelLayout):
         for labels in files_in(folder, frozenset({".json"})):
             try:
                 with coco_file(folder / labels) as content:
-                    if content is not None:
+                    if content is not None and _is_whole(content, labels, report):
                         yield from self._images_of(content, folder, labels, pictures, report)
             except CocoFileError as error:
                 report.add(Finding.REFUSED, labels, f"is not JSON ({error})", error.line)
@@ -64,12 +64,17 @@ class CocoLayout(LabelLayout):
         self, content: CocoFile, folder: Path, labels: str, pictures: PictureIndex, report: Report
     ) -> Iterator[RawImage]:
         names = {as_id(each.get("id")): str(each.get("name")) for each in content.categories}
+        repeated = content.repeated_ids()
         for image, annotations in content.images():
             path = self._picture(folder, labels, image, report)
             if path is None:
                 continue
             original = path.relative_to(folder.resolve()).as_posix()
             pictures.unused.pop(original, None)
+            if (number := as_id(image.content.get("id"))) in repeated:
+                words = "has no id" if number is None else f"has the id {number!r} of another image"
+                report.add(Finding.REFUSED, labels, f"image '{original}' {words}; the image is left out", image.line)
+                continue
             line, objects, size = image.line, [], lru_cache(maxsize=1)(partial(picture_size, path))
             try:
                 for each in annotations:
@@ -163,6 +168,19 @@ class CocoLayout(LabelLayout):
 def _size(image: Mapping[str, Any]) -> tuple[int, int] | None:
     width, height = image.get("width"), image.get("height")
     return (width, height) if isinstance(width, int) and isinstance(height, int) else None
+
+
+def _is_whole(content: CocoFile, labels: str, report: Report) -> bool:
+    """Whether a file has all lists of COCO; the report is told of one that it lacks, and of entries that are no use."""
+    if missing := [f"`{key}`" for key in LISTS if key not in content.lists]:
+        report.add(Finding.NOTE, labels, f"has no list {' and no list '.join(missing)}, as COCO has; left out")
+        return False
+    for line in content.others:
+        report.add(Finding.REFUSED, labels, "an entry is no object; left out", line, alike=f"entry of {labels}")
+    for line in content.stray_lines():
+        words = "an annotation is of an image that is not listed; left out"
+        report.add(Finding.NOTE, labels, words, line, alike=f"stray in {labels}")
+    return True
 
 
 def _is_resolution(gsd_mm: object) -> bool:

@@ -8,6 +8,7 @@ is read back with its annotations.
 import json
 import tempfile
 from array import array
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,13 +21,16 @@ CHUNK: Final = 1 << 20
 LARGEST: Final = 1 << 28
 """Characters of one entry, at most."""
 
+_MOST_OTHERS: Final = 1000
+
 _UNDECIDED: Final = 2
 """Characters of a number that it may have beyond a shorter one: `.`, `e+`."""
 
 MOST_DIGITS: Final = 300
 """Of a whole number; one of more is beyond what a float holds, and is read as infinite."""
 
-_LISTS: Final = ("categories", "images", "annotations")
+LISTS: Final = ("categories", "images", "annotations")
+"""What a COCO file has, one list each."""
 
 
 class CocoFileError(ValueError):
@@ -56,10 +60,16 @@ class CocoFile:
         """`file_name`, id, where its text begins, and its line."""
         self._annotations: dict[object, array[int]] = {}
         """By id of the image: of each in turn where its text begins, and its line."""
+        self.lists: set[str] = set()
+        """Those of `LISTS` that the file has."""
+        self.others: list[int] = []
+        """Lines of the entries of its lists that are no objects; the first thousand."""
 
     def add(self, key: str, content: Any, text: str, line: int) -> None:
         """Take up an entry of one of the file's lists, its text and its line."""
         if not isinstance(content, dict):
+            if len(self.others) < _MOST_OTHERS:
+                self.others.append(line)
             return
         if key == "categories":
             self.categories.append(content)
@@ -77,6 +87,18 @@ class CocoFile:
             places = self._annotations.get(number, array("q"))
             annotations = [self._entry(*place) for place in zip(places[::2], places[1::2], strict=True)]
             yield self._entry(begins, line), annotations
+
+    def repeated_ids(self) -> frozenset[object]:
+        """The ids that several images have, or that are none: whose annotations are whose is not known."""
+        counts = Counter(number for _, number, _, _ in self._images)
+        return frozenset({None, *(number for number, count in counts.items() if count > 1)})
+
+    def stray_lines(self) -> Iterator[int]:
+        """The lines of annotations of images that are not listed."""
+        known = {number for _, number, _, _ in self._images}
+        for number, places in self._annotations.items():
+            if number not in known:
+                yield from places[1::2]
 
     def _entry(self, begins: int, line: int) -> CocoEntry:
         self._entries.seek(begins)
@@ -98,20 +120,20 @@ def as_id(value: object) -> object:
 
 @contextmanager
 def coco_file(path: Path) -> Iterator[CocoFile | None]:
-    """A file's entries while the block runs; None for a JSON file that is not COCO.
+    """A file's entries while the block runs; None for a JSON file that has none of COCO's lists.
 
     Raises:
         CocoFileError: it is not JSON.
         OSError, UnicodeDecodeError, RecursionError: it cannot be read.
     """
     with path.open(encoding="utf-8-sig") as stream, tempfile.TemporaryFile() as entries:
-        found, scanner, there = CocoFile(entries), _Scanner(stream), set()
+        found, scanner = CocoFile(entries), _Scanner(stream)
         for key, entry in scanner.entries():
-            if key in _LISTS:
-                there.add(key)
+            if key in LISTS:
+                found.lists.add(key)
                 if entry is not None:
                     found.add(key, *entry)
-        yield found if len(there) == len(_LISTS) else None
+        yield found if found.lists else None
 
 
 class _Scanner:
@@ -125,8 +147,17 @@ class _Scanner:
 
     def entries(self) -> Iterator[tuple[str, tuple[Any, str, int] | None]]:
         """Of every entry of a list: the list's key; content, text and line; of a list first its key alone."""
-        if self._next() != "{":
-            return
+        if self._next() == "[":  # of a list as the whole, no entry is wanted
+            for _ in self._list(""):
+                pass
+        elif self._next() == "{":
+            yield from self._lists()
+        else:
+            self._value()
+        if self._next():
+            raise self._error("Extra data")
+
+    def _lists(self) -> Iterator[tuple[str, tuple[Any, str, int] | None]]:
         self._take("{")
         while self._next() != "}":
             key, _, _ = self._value()
@@ -139,8 +170,6 @@ class _Scanner:
             if self._next() != "}":
                 self._take(",")
         self._take("}")
-        if self._next():
-            raise self._error("Extra data")
 
     def _list(self, key: str) -> Iterator[tuple[str, tuple[Any, str, int]]]:
         self._take("[")
