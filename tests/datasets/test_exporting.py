@@ -34,7 +34,16 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for number, (name, annotations) in enumerate(held.items()):
         picture(folder / "JPEGImages" / f"{name}.jpg", SIZE, number)
         image = AnnotatedImage(
-            name, ".jpg", SIZE, "uapd", name, name, 2.5, is_background=not annotations, annotations=annotations
+            name,
+            ".jpg",
+            SIZE,
+            "uapd",
+            name,
+            name,
+            2.5,
+            is_background=not annotations,
+            annotations=annotations,
+            attributes={"shadow_deg": "30.0"},
         )
         annotation_path(folder, name).write_bytes(as_xml(image))
     write_description(folder, {"complete": True})
@@ -91,11 +100,16 @@ def test_coco_is_read_by_pycocotools(exported: Path) -> None:
     assert all(each["iscrowd"] == 1 and first.annToMask(each).sum() == 16 for each in blocks)
     (image,) = first.dataset["images"]
     assert (image["gsd_mm"], image["group"], image["source"]) == (2.5, "a", "uapd")
+    assert image["attributes"] == {"shadow_deg": "30.0"}
+    assert [each["area"] for each in (pothole, *blocks)] == [200, *[16] * len(blocks)]
     second = cocos[place(exported, "b")].dataset["annotations"]
     assert [(each["iscrowd"], each["ignored"], each["attributes"]) for each in second] == [
         (0, None, {"kind": "van"}),
         (1, "hidden", {}),
     ]
+    with pytest.raises(IndexError):  # the docs tell to leave these out
+        cocos[place(exported, "b")].annToMask(second[0])
+    assert [(each["area"], each["segmentation"] == []) for each in second] == [(64 * 48, True), (10 * 5, False)]
 
 
 def test_what_a_region_of_no_class_hides_is_neither_right_nor_wrong(exported: Path) -> None:
@@ -188,6 +202,17 @@ def test_again_gives_the_same_bytes(dataset: Path, exported: Path, tmp_path: Pat
     assert len(files) == 3 * 2 + 2 * 2 + 2 + 3 + 1
     for path in files:
         assert (tmp_path / "again" / path).read_bytes() == (exported / path).read_bytes(), path
+
+
+def test_labels_are_replaced_as_a_whole(dataset: Path, tmp_path: Path) -> None:
+    """A file that was written in part, kept by a second link, is not written to."""
+    export(dataset, tmp_path / "out", ("yolo",))
+    (label,) = (tmp_path / "out" / "labels").rglob("a.txt")
+    whole = label.read_text()
+    label.write_text(whole[:5])
+    (tmp_path / "kept").hardlink_to(label)
+    export(dataset, tmp_path / "out", ("yolo",))
+    assert (label.read_text(), (tmp_path / "kept").read_text()) == (whole, whole[:5])
 
 
 def test_another_split_needs_another_folder(dataset: Path, tmp_path: Path) -> None:

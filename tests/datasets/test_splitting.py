@@ -66,14 +66,14 @@ def test_a_class_that_few_scenes_hold_has_its_shares_where_they_allow_it() -> No
 
 
 def test_a_rare_class_weighs_as_much_as_a_common_one() -> None:
-    """20 people among 20,000 cracks: by numbers alone, where the people go would not matter."""
+    """20 people among 20,000 cracks: by numbers alone, where the people go would hardly matter."""
     rng = np.random.default_rng(2)
-    cracks = [["Single Crack"] * int(count) for count in rng.integers(20, 180, 200)]
-    people = [["Person"] if at < 20 else [] for at in range(200)]
-    images = [image(f"i{at}", f"scene {at}", *cracks[at], *people[at]) for at in range(200)]
+    cracks = rng.integers(20, 1000, 40).tolist()
+    images = [image(f"c{at}", f"street {at}", *["Single Crack"] * count) for at, count in enumerate(cracks)]
+    images += [image(f"p{at}", f"street {at}", *["Person"] * count) for at, count in enumerate((1, 2, 3, 4) * 2)]
     found = split_groups(images, SHARES, seed=0)
     assert found.shares["Person"] == pytest.approx((0.7, 0.2, 0.1), abs=1e-9)
-    assert found.shares["Single Crack"] == pytest.approx((0.7, 0.2, 0.1), abs=0.01)
+    assert found.shares["Single Crack"] == pytest.approx((0.7, 0.2, 0.1), abs=0.02)
 
 
 def test_the_usual_shares() -> None:

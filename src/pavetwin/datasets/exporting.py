@@ -3,7 +3,8 @@
 - `yolo`: `images/SPLIT`, `labels/SPLIT`, `data.yaml`. Ignored regions cannot be told and are left out.
 - `yolo-seg`: the same below `yolo-seg`, one polygon a line; only images whose labels all have an outline.
 - `coco`: `annotations/instances_SPLIT.json`. Ignored regions have `iscrowd` 1 and run lengths of their box; one
-  of no class is there once for each class, since COCO matches class by class.
+  of no class is there once for each class, since COCO matches class by class. A label without outline has an empty
+  `segmentation`: its mask is not known, and a rectangle would teach a wrong one.
 """
 
 import json
@@ -13,14 +14,16 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import shapely
 
 from pavetwin.datasets.annotated import AnnotatedImage, Annotation, class_names
 from pavetwin.datasets.common_form import PICTURES, annotation_path, read_image, write_description
-from pavetwin.datasets.importing import check_same
+from pavetwin.datasets.importing import check_same, move_in
 from pavetwin.datasets.merging import described
 from pavetwin.datasets.splitting import split_names
 from pavetwin.errors import PaveTwinError, no_such
-from pavetwin.files import link_or_copy, working_in, writing
+from pavetwin.files import link_or_copy, staging_folder, working_in, writing
+from pavetwin.labels.boxes import area
 from pavetwin.labels.classes import categories
 from pavetwin.labels.rle import encode
 from pavetwin.labels.yolo import box_line, data_yaml, polygon_line
@@ -56,20 +59,21 @@ def export(folder: Path, output: Path, formats: tuple[str, ...]) -> dict[str, in
     with working_in(output):
         check_same(output, made_by, DESCRIPTION)
         write_description(output, made_by, DESCRIPTION)
-        for split in splits:
-            for name in names[split]:
-                image = read_image(annotation_path(folder, name))
-                for each in formats:
-                    counts[each] += _write_image(folder, output, split, image, each)
-            if "coco" in formats:
-                _write(output / "annotations" / f"instances_{split}.json", _coco(folder, names, split))
+        with staging_folder(output / "staging") as staging:
+            for split in splits:
+                for name in names[split]:
+                    image = read_image(annotation_path(folder, name))
+                    for each in formats:
+                        counts[each] += _write_image(folder, output, staging, split, image, each)
+        for split in splits if "coco" in formats else ():
+            _write(output / "annotations" / f"instances_{split}.json", _coco(folder, names, split))
         for each, inner in (("yolo", output), (SEGMENTATION, output / SEGMENTATION)):
             if each in formats:
                 _write(inner / "data.yaml", iter([data_yaml(splits)]))
     return counts
 
 
-def _write_image(folder: Path, output: Path, split: str, image: AnnotatedImage, name: str) -> bool:
+def _write_image(folder: Path, output: Path, staging: Path, split: str, image: AnnotatedImage, name: str) -> bool:
     """Whether the image is in the format."""
     numbers = {category: at for at, category in enumerate(class_names())}
     lines: list[str] = []
@@ -90,7 +94,7 @@ def _write_image(folder: Path, output: Path, split: str, image: AnnotatedImage, 
     if name != "coco":
         labels = output / "labels" / split / f"{image.name}.txt"
         labels.parent.mkdir(parents=True, exist_ok=True)
-        labels.write_text("".join(lines), encoding="utf-8")
+        move_in(staging, labels, "".join(lines).encode())
     return True
 
 
@@ -136,7 +140,7 @@ def _rows(number: int, image: AnnotatedImage) -> Iterator[dict[str, Any]]:
         row = {
             "image_id": number,
             "bbox": [left, top, right - left, bottom - top],
-            "area": (right - left) * (bottom - top),
+            "area": _area_px(each),
             "segmentation": _segmentation(each, image.size_px),
             "iscrowd": int(each.ignored is not None),
             "ignored": each.ignored,
@@ -145,6 +149,15 @@ def _rows(number: int, image: AnnotatedImage) -> Iterator[dict[str, Any]]:
         }
         for category in class_names() if each.category is None else (each.category,):
             yield {"category_id": ids[category], **row}
+
+
+def _area_px(annotation: Annotation) -> float:
+    """Of what `_segmentation` says: the outline, by the even-odd rule; without one that has an area, the box."""
+    if annotation.ignored is None and annotation.outline is not None:
+        shown = float(shapely.area(shapely.make_valid(shapely.Polygon(annotation.outline))))
+        if shown > 0:
+            return round(shown, 2)
+    return area(annotation.box)
 
 
 def _segmentation(annotation: Annotation, size_px: tuple[int, int]) -> Any:
