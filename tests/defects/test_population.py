@@ -22,7 +22,7 @@ from pavetwin.defects import (
     place,
 )
 from pavetwin.defects.placement import SegmentPlacement
-from pavetwin.defects.population import Population, population, population_names
+from pavetwin.defects.population import ClassPopulation, Population, population, population_names
 from pavetwin.defects.poses import RoadSection
 from pavetwin.defects.pothole import pothole, sample_pothole_poses
 from pavetwin.defects.severity import pothole_severity
@@ -140,6 +140,32 @@ def test_cracks_are_wider_where_the_pavement_is_worn_and_over_all_as_the_file_sa
         update={"density": survey.density.model_copy(update={"per_segment": 5, "per_100_m2": None})}
     )
     assert even.worn("single_crack", strip(0, "street 0"), 0) == 1.0
+
+
+@pytest.mark.parametrize("growth", [0.0, 1.0])
+def test_the_median_of_a_size_holds_over_all_defects_however_their_class_grows(growth: float) -> None:
+    """Half of them lie on worse segments than the one where the median is as the file says."""
+    size = {"median": 0.4, "sigma": 0.1, "least": 0.05, "most": 4.0, "growth": 1.0}
+    holes = {"weight": 1, "growth": growth, "sizes": {"diameter_m": size}}
+    density = {"per_100_m2": 1.0, "segment_sigma": 0.7}
+    of = Population.parse({"title": "t", "density": density, "classes": {"pothole": holes}}, "t")
+    rng, worn, sizes = np.random.default_rng(1), [], []
+    for number in range(1200):
+        segment = strip(number, f"street {number}")
+        here = of.worn("pothole", segment, 0)
+        for _ in range(numbers_on(of, segment)):
+            worn.append(here)
+            sizes.append(dict(of.of_class("pothole").parameters(rng, here))["diameter_m"])
+    assert len(sizes) == pytest.approx(1200 * 7, rel=0.1)
+    assert np.mean(np.array(worn) > 1) == pytest.approx(0.5, abs=0.06)
+    assert np.median(sizes) == pytest.approx(0.4, rel=0.1)
+
+
+def test_a_class_lies_within_two_others_in_the_shares_that_are_given() -> None:
+    of = ClassPopulation(weight=1, within={"single_crack": 0.3, "crocodile_crack": 0.5})
+    found = Counter(of.host(seed) for seed in range(3000))
+    shares = {host: count / 3000 for host, count in found.items()}
+    assert shares == pytest.approx({"single_crack": 0.3, "crocodile_crack": 0.5, None: 0.2}, abs=0.03)
 
 
 def test_a_size_can_follow_another() -> None:
