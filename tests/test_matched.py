@@ -1,15 +1,21 @@
 """Photographs with their ground resolution and subject, and whether a frame shows its damage."""
 
+from io import BytesIO
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from gallery.matched import SEEN, darkness, photographs
+from gallery.matched import SEEN, darkness, photographs, stored
 from PIL import Image
+from PIL.JpegImagePlugin import JpegImageFile
+from scipy.fft import dctn
 
 from pavetwin.datasets.sources.base import source_of
 from scenes.photographs import pavement
+
+COARSE = 40
+"""Steps of the table of quality 75 that are large beside those of quality 95."""
 
 CRACK = np.array([[100.0, 200.0], [400.0, 202.0], [400.0, 208.0], [100.0, 206.0]])
 """Outline of a crack in a frame of 512 pixels."""
@@ -54,3 +60,24 @@ def test_what_is_dark_beside_the_damage_does_not_count() -> None:
 
 def test_damage_outside_the_frame_is_not_seen() -> None:
     assert darkness(road(50), CRACK + 600) == 0.0
+
+
+def off_steps(picture: Image.Image, table: np.ndarray) -> float:
+    """How far the coefficients of its blocks are from multiples of a table's coarse steps, × these: 0.25 by chance."""
+    lightness = np.asarray(picture.convert("YCbCr"), dtype=float)[..., 0] - 128
+    rows, columns = lightness.shape
+    blocks = lightness.reshape(rows // 8, 8, columns // 8, 8).transpose(0, 2, 1, 3)
+    steps = dctn(blocks, axes=(2, 3), norm="ortho")[..., table >= COARSE] / table[table >= COARSE]
+    return float(np.abs(steps - np.round(steps)).mean())
+
+
+def test_a_frame_is_stored_at_both_qualities_of_the_photographs() -> None:
+    """The steps of quality 75 show, blurred by those of quality 95, which come last."""
+    frame = Image.fromarray(np.random.default_rng(1).normal(128, 35, (128, 128)).clip(0, 255).astype(np.uint8))
+    file = BytesIO()
+    frame.save(file, "JPEG", quality=75)
+    file.seek(0)
+    table = np.array(JpegImageFile(file).quantization[0]).reshape(8, 8)
+    assert off_steps(frame, table) == pytest.approx(0.25, abs=0.02)
+    last = off_steps(stored(frame.convert("RGB")), table)
+    assert 1.5 * off_steps(Image.open(file), table) < last < 0.05

@@ -86,6 +86,16 @@ def test_what_never_overlaps_is_always_told_apart() -> None:
     assert (auc, low, high) == pytest.approx((1.0, 1.0, 1.0))
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_the_interval_lies_about_the_auc_where_resamples_tell_less(seed: int) -> None:
+    """Noise, each picture there twice: whose twin a classifier knows is told apart, and a resample lacks many twins."""
+    rng = np.random.default_rng(seed)
+    ours, real = (np.repeat(rng.normal(0, 1, (20, 40)), 2, axis=0) + rng.normal(0, 0.02, (40, 40)) for _ in range(2))
+    auc, low, high = told_apart(ours, real, resamples=30)
+    assert auc > 0.9
+    assert low < auc <= high
+
+
 def test_photographs_of_few_scenes_say_less() -> None:
     """Twelve scenes of ten pictures each that are nearly the same: the interval is that of twelve, not of 120."""
     rng = np.random.default_rng(5)
