@@ -191,7 +191,8 @@ LEGAL: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
 
 
 def shown(key: Key) -> str:
-    return ".".join(map(str, key))
+    """As messages have it: entries count from 1."""
+    return ".".join(str(part + 1) if isinstance(part, int) else part for part in key)
 
 
 def is_legal(kind: str, key: Key, what: str) -> bool:
@@ -221,6 +222,8 @@ def test_every_mistake_in_a_value_is_refused_in_one_line_with_its_key(kind: str,
                     wrong.append(f"{shown(key)}, {what}: taken")
             elif "\n" in told or not any(str(part) in told for part in key if isinstance(part, str)):
                 wrong.append(f"{shown(key)}, {what}: {told}")
+            elif any(words in told for words in ("tuple", "Tuple", "after validation", "`: ")):
+                wrong.append(f"{shown(key)}, {what}, in words of the program: {told}")
     assert wrong == []
 
 

@@ -99,7 +99,7 @@ def test_a_build_that_is_killed_goes_on_to_the_same_bytes(recipe: Path, tmp_path
         ("[50, 25, 25]", "[50, 25, 30]", "line 6: split: train, val and test must sum to 100 percent"),
         ("[50, 25, 25]", "[110, -20, 10]", "none below 0"),
         ("split:", "splitt:", "line 6: unknown key 'splitt'"),
-        ("gsd_mm: 12,", "gsd_mm: -1,", "line 4: sources.1.gsd_mm: "),
+        ("gsd_mm: 12,", "gsd_mm: -1,", "line 4: sources.2.gsd_mm: "),
         ("checked.txt", "chekced.txt", "chekced.txt' cannot be read as a list of pictures"),
         (
             "size: {longest_px: 128}",

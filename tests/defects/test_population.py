@@ -308,6 +308,10 @@ SURVEY = yaml.safe_load("title: t\ndensity: {per_100_m2: 2}\nclasses: {pothole: 
             "not listed before",
         ),
         ({"classes": {"pothole": {"weight": 1, "positions": {"kerb": 1}}}}, "positions"),
+        (
+            {"classes": {"pothoel": {"weight": 1}, "single_crack": {"weight": 1, "within": {"pothole": 0.1}}}},
+            "classes.pothoel: no defect class 'pothoel' (did you mean 'pothole'?)",
+        ),
         ({"classes": {"pothole": {"weight": 0}}}, "sum to 0"),
         ({"density": {"per_100_m2": 2, "per_segment": 3}}, "either"),
         ({"density": {"per_segment": 3, "street_sigma": 1}}, "per_100_m2"),

@@ -44,18 +44,26 @@ MEANT: Final[Mapping[str, str]] = {
 """Names from memory, each with the one that is meant."""
 
 
+_PARAMETER: Final = re.compile(r"^`\w+`: ")
+
+
+def _shown(key: object) -> str:
+    """A key, or the number of an entry, of which the first is 1."""
+    return str(key + 1) if isinstance(key, int) else str(key)
+
+
 class PlacedValueError(ValueError):
     """What a validator of a whole section raises about a part of it."""
 
     def __init__(self, place: tuple[object, ...], words: str, *, named: bool = True) -> None:
         """Args:
-        place: keys and numbers of entries, from the section on.
-        words: what is wrong, without a full stop.
+        place: keys and indices of entries, from the section on.
+        words: what is wrong, without a full stop; a parameter that they begin with is left out, as the place tells it.
         named: False where the words name the last of the keys, and messages need not.
         """
-        super().__init__(words)
+        super().__init__(_PARAMETER.sub("", words))
         self.place = place
-        self.shown = tuple(str(key) for key in (place if named else place[:-1]))
+        self.shown = tuple(map(_shown, place if named else place[:-1]))
 
 
 class Settings(BaseModel):
@@ -111,6 +119,7 @@ def _raised(error: ValidationError) -> PlacedValueError | None:
 
 
 _BY_NAME: Final = ("dict_type", "mapping_type", "model_type")
+_LISTS: Final = ("list_type", "tuple_type", "set_type", "frozen_set_type")
 _ONE_VALUE: Final = ("string_type", "float_type", "int_type", "bool_type")
 """Types of validation errors: a single value where values by name belong, and the other way round."""
 
@@ -119,7 +128,7 @@ def describe(error: ValidationError) -> str:
     """The first complaint of a validation error, as `key: what is wrong`, without a full stop."""
     first = error.errors()[0]
     raised = _raised(error)
-    parts = [str(part) for part in first["loc"] if part != "[key]"]
+    parts = [_shown(part) for part in first["loc"] if part != "[key]"]
     place = ".".join((*parts, *(raised.shown if raised is not None else ())))
     message = complaint(error)
     given = first["input"]
@@ -134,6 +143,10 @@ def describe(error: ValidationError) -> str:
 def complaint(error: ValidationError) -> str:
     """What a validation error says first, without its place and a full stop."""
     first = error.errors()[0]
+    if first["type"] in _LISTS:
+        return "it must be a list"
+    if first["type"] == "too_long":
+        return f"give at most {first['ctx']['max_length']}, not {first['ctx']['actual_length']}"
     if first["type"] == "too_short":
         least = first["ctx"]["min_length"]
         return f"give at least {'one' if least == 1 else least}"

@@ -59,7 +59,8 @@ def read_named(
         text = (files(package) / folder / f"{name}.yaml").read_text(encoding="utf-8")
         values = parse_yaml(text, where=name)
     else:
-        raise PaveTwinError(no_such(what, name, [*known, *more], key=f"`{key}`"))
+        instead = ", or a file whose name ends in .yaml"
+        raise PaveTwinError(no_such(what, name, [*known, *more], key=f"`{key}`", instead=instead))
     if not isinstance(values, dict):
         raise PaveTwinError(f"{what} '{name}': a list of keys with values is expected.")
     return checked(schema, values, text, where=f"{what} '{name}'", check=check)

@@ -232,6 +232,23 @@ class Population(Settings):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
+        try:
+            self._check_references()
+        except PlacedValueError:
+            self._check_names()  # a misspelt class is told before the others that name it
+            raise
+        if self.classes and not sum(each.weight for each in self.classes.values()) > 0:
+            raise PlacedValueError(("classes",), "the weights sum to 0")
+        return self
+
+    def _check_names(self) -> None:
+        for name in self.classes:
+            try:
+                DEFECT_CLASSES.get(name)
+            except PaveTwinError as error:
+                raise PlacedValueError(("classes", name), str(error)) from error
+
+    def _check_references(self) -> None:
         known: list[str] = []
         for name, of_class in self.classes.items():
             if (instead := of_class.on_slabs) is not None:
@@ -247,9 +264,6 @@ class Population(Settings):
                     raise PlacedValueError(
                         ("classes", name, "near", other), f"'{other}' is not listed before it", named=False
                     )
-        if self.classes and not sum(each.weight for each in self.classes.values()) > 0:
-            raise PlacedValueError(("classes",), "the weights sum to 0")
-        return self
 
     def _check_instead(self, name: str, instead: str) -> None:
         place = ("classes", name, "on_slabs")
@@ -264,11 +278,9 @@ class Population(Settings):
         Raises:
             PlacedValueError: an unknown class or parameter, or a size that its parameter cannot have.
         """
+        self._check_names()
         for name, of_class in self.classes.items():
-            try:
-                kind = DEFECT_CLASSES.get(name)
-            except PaveTwinError as error:
-                raise PlacedValueError(("classes", name), str(error)) from error
+            kind = DEFECT_CLASSES.get(name)
             for parameter, size in of_class.sizes.items():
                 for key, value in (("least", size.least), ("most", size.most)):
                     try:

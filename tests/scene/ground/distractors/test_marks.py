@@ -122,7 +122,9 @@ def test_water_runs_along_kerbs_as_often_as_the_look_says() -> None:
         ("position: roof", "position: "),
         ("wear: {least: 0.1, most: 1.5}", "wear: least and most lie between 0 and 0.95"),
         ("colours: {pink: 1}", "colours.pink"),
-        ("strokes: [[[0, 0]]]", "strokes.0"),
+        ("strokes: [[[0, 0]]]", "strokes.1"),
+        ("strokes: [[[0, 0], [1, 0, 0]]]", "strokes.1.2: give at most 2, not 3."),
+        ("strokes: 0.1", "strokes: it must be a list (got 0.1)."),
     ],
 )
 def test_a_mistake_in_a_mark_is_one_line_with_its_place(tmp_path: Path, change: str, told: str) -> None:

@@ -185,6 +185,16 @@ def test_a_mistake_in_a_pavement_is_one_line_with_its_place(
     assert "\n" not in message
 
 
+def test_a_number_of_wires_is_whole(tmp_path: Path) -> None:
+    with pytest.raises(PaveTwinError, match=r"overhead\.wires: least and most are whole numbers\.$"):
+        street_look(written(tmp_path / "look.yaml", LOOK | {"overhead": {"wires": {"least": 1.5, "most": 2}}}))
+
+
+def test_a_file_that_does_not_end_in_yaml_is_named_with_what_would(tmp_path: Path) -> None:
+    with pytest.raises(PaveTwinError, match=r"no street look '.*look\.txt'; known are .*name ends in \.yaml\.$"):
+        street_look(written(tmp_path / "look.txt", LOOK))
+
+
 def test_a_look_says_which_of_its_pavements_is_not_known(tmp_path: Path) -> None:
-    with pytest.raises(PaveTwinError, match=r"look\.yaml', line 3: main: .*'tarmac'"):
+    with pytest.raises(PaveTwinError, match=r"look\.yaml', line 3: main: no pavement 'tarmac'[^`]*$"):
         street_look(look_of(tmp_path, "tarmac"))

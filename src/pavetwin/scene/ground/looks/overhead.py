@@ -2,9 +2,11 @@
 
 from typing import Annotated
 
+from pydantic import AfterValidator
+
 from pavetwin.config.base import Settings
 from pavetwin.config.numbers import Share
-from pavetwin.scene.ground.looks.values import ValueRange, Within
+from pavetwin.scene.ground.looks.values import ValueRange, Within, whole
 
 
 class Overhead(Settings):
@@ -12,8 +14,8 @@ class Overhead(Settings):
 
     wired: Share = 0.0
     """Of streets with poles that have wires between them."""
-    wires: Annotated[ValueRange, Within(1, 6)] = ValueRange(least=1, most=4)
-    """On the poles of one street."""
+    wires: Annotated[ValueRange, Within(1, 6), AfterValidator(whole)] = ValueRange(least=1, most=4)
+    """On the poles of one street, a whole number."""
     diameter_m: Annotated[ValueRange, Within(0.005, 0.08)] = ValueRange(least=0.012, most=0.03)
     """Of a wire; bundles of insulated ones are the thickest."""
     sag: Annotated[ValueRange, Within(0.0, 0.06)] = ValueRange(least=0.01, most=0.03)

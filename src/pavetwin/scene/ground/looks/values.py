@@ -27,6 +27,17 @@ class ValueRange(Settings):
         return self.least + (self.most - self.least) * chance
 
 
+def whole(values: ValueRange) -> ValueRange:
+    """Refuse a range of a count whose ends are no whole numbers.
+
+    Raises:
+        ValueError: one is none.
+    """
+    if not (values.least.is_integer() and values.most.is_integer()):
+        raise ValueError("least and most are whole numbers")
+    return values
+
+
 @dataclass(frozen=True, slots=True)
 class Within:
     """Bounds of a range of values."""
