@@ -61,7 +61,7 @@ def composed(tmp_path_factory: pytest.TempPathFactory) -> CompositeSummary:
         labels = HOLES if number < 4 else (PERSON, HIDES)
         path.write_bytes(as_xml(replace(read_image(path), annotations=labels)))
     settings = CompositeSettings(
-        objects=("uav-cars",), roads=("uapd",), share=1.0, gap_m=GAP_M, road_masks=folder / "masks"
+        objects=("uav-cars",), roads=("uapd",), share=100, gap_m=GAP_M, road_masks=folder / "masks"
     )
     return compose(whole, folder / "out", settings, shares=(1.0, 0.0, 0.0))
 

@@ -24,7 +24,7 @@ from scenes.command_line import pavetwin, plain_refusal
 from scenes.photographs import pavement, voc, with_car, yolo
 
 SIZE = (320, 240)
-SETTINGS = CompositeSettings(objects=("uav-cars",), roads=("uapd",), share=1.0, gap_m=6)
+SETTINGS = CompositeSettings(objects=("uav-cars",), roads=("uapd",), share=100, gap_m=6)
 ALL_TRAIN = (1.0, 0.0, 0.0)
 
 
@@ -151,7 +151,7 @@ def test_a_split_with_too_few_cut_outs_says_how_many_it_has(towns: Path, tmp_pat
 
 
 def test_images_that_no_composite_needs_are_free_for_another_split(towns: Path, tmp_path: Path) -> None:
-    few = compose(towns, tmp_path / "out", SETTINGS.model_copy(update={"share": 0.3, "most": 1}))
+    few = compose(towns, tmp_path / "out", SETTINGS.model_copy(update={"share": 30, "most": 1}))
     images = {image.name: image for image in read_images(few.folder)}
     needed = {
         images[name].group
@@ -303,12 +303,27 @@ def test_the_command_and_its_refusals(dataset: Path, tmp_path: Path) -> None:
     for more, words in (
         ((), "Say which sources show roads"),
         (("--roads", "uadp"), "--roads: no source of this dataset 'uadp' (did you mean 'uapd'?)"),
-        (("--roads", "uapd", "--share", "0"), "--share 0: give a percentage above 0"),
+        (("--roads", "uapd", "--share", "0.3"), "--share: it must be a percentage, from 1 to 100 (got 0.3)"),
         (("--roads", "uapd", "--road-masks", tmp_path / "no"), "--road-masks: there is no folder"),
     ):
         assert words in plain_refusal(pavetwin(*ask, *more))
     refused = plain_refusal(pavetwin(*ask[:-1], "uav-car", "--roads", "uapd"))
     assert "--objects: no source of this dataset 'uav-car' (did you mean 'uav-cars'?)" in refused
+
+
+def test_shares_are_percent_and_it_is_told_that_no_road_was_drawn(dataset: Path, tmp_path: Path) -> None:
+    ask = ("data", "composite", dataset, "-o", tmp_path / "out", "--objects", "uav-cars", "--roads", "uapd")
+    done = pavetwin(*ask, "--share", "1", "--shares", "100/0/0")
+    assert done.returncode == 0, done.stderr
+    assert "Composites: 0." in done.stdout
+    assert "no composites: 0 of 4 road images were drawn for a share of 1 %" in " ".join(done.stderr.split())
+    recipe = tmp_path / "recipe.yaml"
+    recipe.write_text(
+        "sources: [{source: uav-cars, folder: cars}, {source: uapd, folder: roads}]\n"
+        "composite: {objects: [uav-cars], roads: [uapd], share: 0.3}\n"
+    )
+    refused = plain_refusal(pavetwin("data", "build", recipe, "-o", tmp_path / "built"))
+    assert "composite.share: it must be a percentage, from 1 to 100 (got 0.3)" in refused
 
 
 def test_a_recipe_composes_before_it_balances(dataset: Path, tmp_path: Path) -> None:
@@ -317,7 +332,7 @@ def test_a_recipe_composes_before_it_balances(dataset: Path, tmp_path: Path) -> 
     (tmp_path / "recipe.yaml").write_text(
         f"sources:\n  - {{source: uav-cars, folder: {dataset.parent}/cars}}\n"
         f"  - {{source: uapd, folder: {tmp_path}/roads, gsd_mm: 60}}\n"
-        "composite: {objects: [uav-cars], roads: [uapd], share: 1.0}\n"
+        "composite: {objects: [uav-cars], roads: [uapd], share: 100}\n"
         "balance: {copies: 1}\nexport: []\nsplit: [100, 0, 0]\n"
     )
     done = pavetwin("data", "build", tmp_path / "recipe.yaml", "-o", tmp_path / "out")

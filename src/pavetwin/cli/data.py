@@ -206,16 +206,14 @@ def composite(
         raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/mixed.")
     if not roads:
         raise PaveTwinError("Say which sources show roads from above with --roads, for example --roads uav-pdd2023.")
-    if not 0 < share <= 100:
-        raise PaveTwinError(f"--share {share:g}: give a percentage above 0, up to 100.")
     values = {
         "objects": [name for name in re.split(r"[,\s]+", objects) if name],
         "roads": [name for name in re.split(r"[,\s]+", roads) if name],
-        "share": share / 100,
+        "share": share,
         "repeat": repeat,
         "road_masks": road_masks,
     }
-    names = {"`objects`": "--objects", "`roads`": "--roads", "`road_masks`": "--road-masks"}
+    names = {"share": "--share", "`objects`": "--objects", "`roads`": "--roads", "`road_masks`": "--road-masks"}
     with naming(names), progress("Composing", lines=True) as tell:
         settings = CompositeSettings.parse(values, where="The composition")
         summary = compose(

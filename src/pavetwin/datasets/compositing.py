@@ -22,7 +22,7 @@ from typing import Any, Final
 
 import numpy as np
 from PIL import Image
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from pavetwin.arrays import BoolArray, UInt8Array
 from pavetwin.config.base import Settings
@@ -76,7 +76,7 @@ class CompositeSettings(Settings):
 
     objects: tuple[str, ...] = Field(min_length=1, description="Sources that people and vehicles are cut out of.")
     roads: tuple[str, ...] = Field(min_length=1, description="Sources whose pictures look straight down on roads.")
-    share: float = Field(default=0.3, gt=0.0, le=1.0, description="Of the road images that become a composite too.")
+    share: float = Field(default=30.0, le=100.0, description="Percent of the road images that become a composite too.")
     most: int = Field(default=3, ge=1, le=20, description="Objects on an image.")
     enlarge: float = Field(default=1.5, ge=1.0, le=4.0, description="An object is scaled up by this at most.")
     reduce: float = Field(
@@ -88,6 +88,13 @@ class CompositeSettings(Settings):
         default=None, description="Folder of masks NAME.png, white where an image shows road; else its look decides."
     )
     quality: int = Field(default=92, ge=50, le=100, description="Of JPEG.")
+
+    @field_validator("share")
+    @classmethod
+    def _is_percent(cls, percent: float) -> float:
+        if not percent >= 1:
+            raise ValueError(f"it must be a percentage, from 1 to 100 (got {percent:g})")
+        return percent
 
 
 @dataclass(frozen=True)
@@ -207,6 +214,7 @@ def _compose(
     """Write the composites. Returns the names of all there are now."""
     names = image_names(folder)
     known = set(names)
+    tried = Counter[str]()
 
     def found() -> Iterator[_Work]:
         for done, image in enumerate(read_images(folder), start=1):
@@ -214,8 +222,10 @@ def _compose(
             rng = _random_numbers(image, seed=seed)
             if image.source not in settings.roads or COMPOSITE_OF in image.attributes:
                 continue
-            if rng.random() >= settings.share:
+            tried["roads"] += 1
+            if rng.random() >= settings.share / 100:
                 continue
+            tried["drawn"] += 1
             if _name(image) in known:
                 report.add(Finding.NOTE, image.name, THERE, alike=THERE)
                 continue
@@ -231,6 +241,9 @@ def _compose(
     made = made_ahead(found(), make, exists=lambda work: annotation_path(output, _name(work.plan.image)).is_file())
     composites = [_name(work.plan.image) for work, job in made if _write(work.plan.image, job, output, staging, report)]
     planner.tell(report)
+    if not composites:
+        words = f"{tried['drawn']} of {tried['roads']} road images were drawn for a share of {settings.share:g} %"
+        report.add(Finding.NOTE, ", ".join(settings.roads), f"no composites: {words}")
     return composites
 
 
