@@ -213,7 +213,7 @@ def composite(
         "repeat": repeat,
         "road_masks": road_masks,
     }
-    names = {"share": "--share", "`objects`": "--objects", "`roads`": "--roads", "`road_masks`": "--road-masks"}
+    names = {" share:": " --share:", "`objects`": "--objects", "`roads`": "--roads", "`road_masks`": "--road-masks"}
     with naming(names), progress("Composing", lines=True) as tell:
         settings = CompositeSettings.parse(values, where="The composition")
         summary = compose(
