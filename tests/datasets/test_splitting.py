@@ -1,6 +1,7 @@
 """Train, val and test of photographs: every class in its shares, scenes undivided."""
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -102,6 +103,19 @@ def test_of_captures_that_show_one_place_the_split_of_most_counts_which_is_told(
     assert (found.splits["corner"], found.splits["square"]) == ("val", "test")
     (told,) = found.report
     assert str(told) == "corner: images given to train (1) are in val, with others that show the same place"
+
+
+@pytest.mark.parametrize("moved", ["road-composite", "film"])
+def test_scenes_that_were_joined_after_a_composite_was_made_are_refused_where_that_moves_it(moved: str) -> None:
+    """Else one object would be in two splits: on the composite, and on the picture it is cut out of."""
+    car = Annotation("Car", BOX, attributes={"cut_out": "film-000"})
+    road = replace(image("road-composite", "street", split="train"), annotations=(car,))
+    donor = image("film", "film", "Car", split="train")
+    assert split_groups([*town(300), road, donor], SHARES, seed=0).splits["street"] == "train"
+    group = {"road-composite": "street", "film": "film"}[moved]
+    joined = [image(f"d{at}", group, split="val") for at in range(2)]
+    with pytest.raises(PaveTwinError, match=f"'{moved}' shares an object .* in train, .* given to val; merge all"):
+        split_groups([*town(300), road, donor, *joined], SHARES, seed=0)
 
 
 def test_a_split_of_nothing_gets_nothing() -> None:

@@ -18,6 +18,7 @@ import numpy as np
 from pavetwin.arrays import Float64Array, IndexArray
 from pavetwin.datasets.annotated import AnnotatedImage, class_names
 from pavetwin.datasets.common_form import read_description, read_images
+from pavetwin.datasets.covering import CUT_OUT
 from pavetwin.datasets.report import FILE as REPORT
 from pavetwin.datasets.report import Finding, Report
 from pavetwin.errors import PaveTwinError
@@ -64,13 +65,15 @@ def split_groups(images: Iterable[AnnotatedImage], shares: Sequence[float], seed
         shares: of train, val and test, which sum to 1; one of 0 gets no scene but those to which it was given.
 
     Raises:
-        PaveTwinError: the shares do not sum to 1, or there are fewer scenes than splits.
+        PaveTwinError: the shares do not sum to 1, there are fewer scenes than splits, or an image with objects of
+            others, or one of those, would leave the split that was given to it.
     """
     if len(shares) != len(SPLITS) or min(shares) < 0 or abs(sum(shares) - 1) > 1e-6:
         raise PaveTwinError(f"`shares`: train, val and test must sum to 100 % (got {sum(shares):.0%}).")
     columns = {name: at for at, name in enumerate((*class_names(), "images"))}
     tallies: dict[str, Float64Array] = defaultdict(lambda: np.zeros(len(columns)))
     own: dict[str, Counter[str]] = defaultdict(Counter)
+    bound = _Bound()
     for image in images:
         tally = tallies[image.group]
         tally[columns["images"]] += 1
@@ -79,8 +82,10 @@ def split_groups(images: Iterable[AnnotatedImage], shares: Sequence[float], seed
             tally[columns[each.category]] += 1
         if (split := image.attributes.get(KEPT)) in SPLITS:
             own[image.group][split] += 1
+            bound.add(image, split)
     report = Report()
     given = {group: _given(group, of_scene, report) for group, of_scene in sorted(own.items())}
+    bound.check(given)
     groups = sorted(tallies)
     free = [at for at, group in enumerate(groups) if group not in given]
     if len(groups) < np.count_nonzero(shares):
@@ -94,6 +99,34 @@ def split_groups(images: Iterable[AnnotatedImage], shares: Sequence[float], seed
     told = {name: tuple(reached[:, at].tolist()) for name, at in columns.items() if totals[at]}
     splits = {group: SPLITS[at] for group, at in zip(groups, chosen.tolist(), strict=True)}
     return SplitShares(splits, told, report)
+
+
+class _Bound:
+    """Images that must stay where they are, since the same object is seen on them: composites, and what was cut."""
+
+    def __init__(self) -> None:
+        self._given: dict[str, tuple[str, str]] = {}
+        self._names: set[str] = set()
+
+    def add(self, image: AnnotatedImage, split: str) -> None:
+        """An image to which a split was given."""
+        self._given[image.name] = (image.group, split)
+        cut_outs = [each.attributes[CUT_OUT] for each in image.annotations if CUT_OUT in each.attributes]
+        if cut_outs:
+            # A cut-out is named by its image, and a number.
+            self._names |= {image.name, *(name.rpartition("-")[0] for name in cut_outs)}
+
+    def check(self, splits: Mapping[str, str]) -> None:
+        """Raises:
+        PaveTwinError: scenes were joined later, and one of these images with others of another split.
+        """
+        for name in sorted(self._names & self._given.keys()):
+            group, split = self._given[name]
+            if splits[group] != split:
+                raise PaveTwinError(
+                    f"'{name}' shares an object with other images in {split}, but shows one place with images given "
+                    f"to {splits[group]}; merge all datasets first, then run `pavetwin data composite`."
+                )
 
 
 def _given(group: str, own: Counter[str], report: Report) -> str:
