@@ -156,12 +156,28 @@ def test_boxes_of_photographs_are_read_with_what_their_border_cuts(rdd: Path, tm
 
 
 @pytest.mark.parametrize("crack_px", [0.0, 0.5, 0.9])
-def test_the_width_of_a_crack_is_what_it_darkens(tmp_path: Path, crack_px: float) -> None:
+@pytest.mark.parametrize("pixel_m", [None, 0.01])
+def test_the_width_of_a_crack_is_what_it_darkens(tmp_path: Path, crack_px: float, pixel_m: float | None) -> None:
     """Of clear cracks a little less: the darkness that noise alone would have is subtracted."""
     Image.fromarray(road(np.random.default_rng(1), crack_px)).save(tmp_path / "a.png")
-    rows = [(str(tmp_path / "a.png"), "single_crack", 240.0, 40.0, 270.0, 440.0, False)]
-    boxes = pl.DataFrame(rows, schema=["image", "kind", "xmin", "ymin", "xmax", "ymax", "cut"], orient="row")
-    assert crack_widths(Photographs("a", 1, boxes, 512)).tolist() == [pytest.approx(crack_px, abs=0.17)]
+    rows = [(str(tmp_path / "a.png"), "single_crack", 240.0, 40.0, 270.0, 440.0, False, pixel_m)]
+    columns = ["image", "kind", "xmin", "ymin", "xmax", "ymax", "cut", "pixel_m"]
+    boxes = pl.DataFrame(rows, schema=columns, orient="row")
+    scale = pixel_m or 0.005
+    width_m = pytest.approx(scale * crack_px, abs=scale * 0.17)
+    assert crack_widths(Photographs("a", 1, boxes.cast({"pixel_m": pl.Float64}), 512), 0.005).tolist() == [width_m]
+
+
+def test_only_photographs_of_known_resolution_tell_sizes(tmp_path: Path) -> None:
+    (tmp_path / "annotations").mkdir()
+    for name, side_px in (("sample_01_a", 100), ("sample_02_b", 200), ("sample_05_c", 400)):
+        text = BOX.format("Pothole", 10, 10, 10 + side_px, 10 + side_px)
+        (tmp_path / "annotations" / f"{name}_annotation.xml").write_text(f"<annotation>{text}</annotation>")
+    seen, nothing = uav_pdd2023(tmp_path), placed([("t", [strip(0, "a")], [])])
+    sizes_m, cut = stats.photographed(nothing, seen, "pothole")
+    assert sizes_m.tolist() == pytest.approx([1.1, 1.56])
+    assert not cut.any()
+    assert stats.resolutions(nothing, seen) == "7.8 and 11.0 mm"
 
 
 @pytest.fixture(scope="module")

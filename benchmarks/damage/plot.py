@@ -84,15 +84,15 @@ def _sizes(axes: Axes, found: Placed, seen: Sequence[Photographs]) -> None:
         sizes = np.sort(stats.box_sizes(found, kind))
         axes.plot(sizes, 100 * np.arange(1, len(sizes) + 1) / len(sizes), color=colour, label=NAMES[kind])
         for source, dash in zip(seen, DASHES, strict=False):
-            boxes = stats.photograph_sizes(source.boxes, kind)
+            boxes = stats.photographed(found, source, kind)
             if len(boxes[0]) >= LEAST_BOXES:
                 fit = stats.fitted(*boxes)
-                theirs = lognorm.cdf(grid, fit.sigma, scale=fit.median * stats.pixel_m(found, source))
+                theirs = lognorm.cdf(grid, fit.sigma, scale=fit.median)
                 axes.plot(grid, 100 * theirs, color=colour, linewidth=1.0, linestyle=dash)
     axes.set(xscale="log", xlim=(0.1, 12), ylim=(0, 100), ylabel="% are smaller")
     axes.set_xticks([0.1, 0.3, 1, 3, 10], ["0.1", "0.3", "1", "3", "10"])
     known = zip(
-        (f"{source.name} at {1000 * stats.pixel_m(found, source):.1f} mm" for source in seen),
+        (f"{source.name} at {stats.resolutions(found, source)}" for source in seen),
         ("– –", "· ·"),
         strict=False,
     )
@@ -123,7 +123,7 @@ def _widths(axes: Axes, found: Placed, seen: Sequence[Photographs]) -> None:
     axes.axvline(1000 * CRACK_MEDIUM_M, color=style.INK_SOFT, linewidth=0.8, linestyle=(0, (3, 2)))
     axes.annotate("medium\nseverity", (11, 0.62), xycoords=("data", "axes fraction"), fontsize=6.5, va="top")
     for source, colour in zip(seen, (THEIRS, LIGHT), strict=False):
-        middle = 1000 * stats.pixel_m(found, source) * float(np.median(crack_widths(source)))
+        middle = 1000 * float(np.median(crack_widths(source, stats.pixel_m(found, source))))
         axes.axvline(middle, color=colour, linewidth=1.2, label=f"median, {source.name}")
     if seen:
         axes.legend(loc="upper right", handlelength=1.0, borderaxespad=0)

@@ -31,9 +31,13 @@ POTHOLES_PER_KM: Final[Mapping[str, float]] = {
 REPAIRED_M: Final = (0.04, 0.20)
 """Depth and width from which a council repairs a pothole (Suffolk County Council)."""
 
-PDD_PIXEL_M: Final = 0.010
-"""Of the samples of UAV-PDD2023, 1280 pixels wide: lanes of 3.5 to 3.75 m are 350 to 380 pixels wide in them, and a car
-some 500 long."""
+PDD_PIXELS_M: Final[Mapping[str, float]] = {
+    **dict.fromkeys(("sample_01", "sample_06", "sample_08"), 0.011),
+    **dict.fromkeys(("sample_02", "sample_03", "sample_04", "sample_07"), 0.0078),
+}
+"""Metres a pixel of samples of UAV-PDD2023, 1280 pixels wide, by the beginning of their names. Lanes tell it, taken for
+3.75 m wide: 315 to 346 pixels in the first three (10.8 to 11.9 mm), 440 to 506 in the others (7.4 to 8.5 mm). In
+sample_06 a car, taken for 4.7 m long, is 434 pixels without its shadow (10.8 mm). The other samples show neither."""
 
 _CLASS_OF: Final = {
     **{"D00": "single_crack", "D10": "single_crack", "D20": "crocodile_crack", "D40": "pothole"},
@@ -50,12 +54,21 @@ class Photographs:
     name: str
     images: int
     boxes: pl.DataFrame
-    """Columns `image` (its file), `kind`, `xmin`, `ymin`, `xmax`, `ymax` (pixels), and `cut`: whether the border cuts
-    the box."""
+    """Columns `image` (its file), `kind`, `xmin`, `ymin`, `xmax`, `ymax` (pixels), `cut`: whether the border cuts the
+    box, and `pixel_m`: what a pixel of its photograph covers, where that is known."""
     side_px: int
     """Of the shorter side of a photograph."""
-    pixel_m: float | None = None
-    """What a pixel covers, where it is known."""
+
+    @property
+    def measured(self) -> pl.DataFrame:
+        """The boxes in photographs whose ground resolution is known; all where none is."""
+        known = self.boxes.drop_nulls("pixel_m")
+        return known if known.height else self.boxes
+
+    @property
+    def known_pixels_m(self) -> list[float]:
+        """The ground resolutions that are known, in order."""
+        return sorted(self.boxes["pixel_m"].drop_nulls().unique())
 
 
 def rdd2022(folder: Path) -> Photographs:
@@ -79,7 +92,7 @@ def uav_pdd2023(folder: Path) -> Photographs:
     files = sorted((folder / "annotations").glob("*_annotation.xml"))
     _check(files, folder, "annotations/*_annotation.xml of UAV-PDD2023")
     images = [folder / f"{file.stem.removesuffix('_annotation')}.jpg" for file in files]
-    return Photographs(PDD, len(files), _boxes(files, images, (1280, 960)), 960, PDD_PIXEL_M)
+    return Photographs(PDD, len(files), _boxes(files, images, (1280, 960)), 960)
 
 
 def _check(files: list[Path], folder: Path, what: str) -> None:
@@ -90,10 +103,12 @@ def _check(files: list[Path], folder: Path, what: str) -> None:
 def _boxes(files: list[Path], images: list[Path], size_px: tuple[int, int]) -> pl.DataFrame:
     rows = []
     for file, image in zip(files, images, strict=True):
+        pixel_m = next((size for name, size in PDD_PIXELS_M.items() if image.name.startswith(name)), None)
         for thing in ElementTree.parse(file).getroot().iter("object"):
             kind = _CLASS_OF.get(thing.findtext("name", ""))
             if kind is not None:
                 corners = [float(thing.findtext(f"bndbox/{name}", "nan")) for name in _CORNERS]
                 inside = min(corners) > 1 and corners[2] < size_px[0] - 2 and corners[3] < size_px[1] - 2
-                rows.append((str(image), kind, *corners, not inside))
-    return pl.DataFrame(rows, schema=["image", "kind", *_CORNERS, "cut"], orient="row")
+                rows.append((str(image), kind, *corners, not inside, pixel_m))
+    columns = {"image": pl.String, "kind": pl.String, **dict.fromkeys(_CORNERS, pl.Float64)}
+    return pl.DataFrame(rows, schema={**columns, "cut": pl.Boolean, "pixel_m": pl.Float64}, orient="row")

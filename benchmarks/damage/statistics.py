@@ -69,12 +69,25 @@ def _sizes(along: Float64Array, across: Float64Array, kind: str) -> Float64Array
     return np.hypot(along, across) if kind == "single_crack" else np.maximum(along, across)
 
 
+def photographed(found: Placed, seen: Photographs, kind: str) -> tuple[Float64Array, Float64Array]:
+    """The same of the photographs' boxes [m]: of those of known ground resolution, or all at the fitted one."""
+    own = seen.measured.filter(pl.col("kind") == kind)
+    sizes, cut = photograph_sizes(own, kind)
+    return sizes * own["pixel_m"].fill_null(pixel_m(found, seen)).to_numpy(), cut
+
+
+def resolutions(found: Placed, seen: Photographs) -> str:
+    """The known ground resolutions, or the fitted one: `7.8 and 11.0 mm`."""
+    pixels_m = seen.known_pixels_m or [pixel_m(found, seen)]
+    return " and ".join(f"{1000 * pixel:.1f}" for pixel in pixels_m) + " mm"
+
+
 @cache
 def pixel_m(found: Placed, seen: Photographs) -> float:
-    """What a pixel covers [m]; where it is not known, the one resolution at which the medians of the three classes are,
-    as a whole, what is placed."""
-    if seen.pixel_m is not None:
-        return seen.pixel_m
+    """What a pixel of photographs covers [m] whose ground resolution is not known: the one resolution at which the
+    medians of the three classes are, as a whole, what is placed. Of others, the finest."""
+    if seen.known_pixels_m:
+        return seen.known_pixels_m[0]
     ratios = [
         math.log(fitted(box_sizes(found, kind)).median / fitted(*photograph_sizes(seen.boxes, kind)).median)
         for kind in CLASSES

@@ -61,10 +61,10 @@ def _sizes(found: Placed, photographs: Sequence[Photographs]) -> Iterator[Row]:
     for kind in CLASSES:
         own, theirs = stats.fitted(stats.box_sizes(found, kind)), []
         for seen in photographs:
-            boxes, pixel_m = stats.photograph_sizes(seen.boxes, kind), stats.pixel_m(found, seen)
+            boxes = stats.photographed(found, seen, kind)
             if len(boxes[0]) >= LEAST_BOXES:
                 fit = stats.fitted(*boxes)
-                theirs.append((seen.name, f"{fit.median * pixel_m:.2f} m, σ {fit.sigma:.2f} ({fit.number})"))
+                theirs.append((seen.name, f"{fit.median:.2f} m, σ {fit.sigma:.2f} ({fit.number})"))
         what = "diagonal" if kind == "single_crack" else "longer side"
         yield (
             f"box of {NAMES[kind]}, {what}: median, σ (number)",
@@ -82,18 +82,20 @@ def _sizes(found: Placed, photographs: Sequence[Photographs]) -> Iterator[Row]:
 
 def _widths(found: Placed, seen: Photographs) -> str:
     """The median and what 95 % stay below, of which noise is a part."""
-    middle, most = np.quantile(crack_widths(seen), [0.5, 0.95]) * 1000 * stats.pixel_m(found, seen)
-    return f"median {middle:.1f}, 95 % {most:.0f} at {1000 * stats.pixel_m(found, seen):.1f} mm a pixel"
+    middle, most = 1000 * np.quantile(crack_widths(seen, stats.pixel_m(found, seen)), [0.5, 0.95])
+    return f"median {middle:.1f}, 95 % {most:.0f} at {stats.resolutions(found, seen)} a pixel"
 
 
 def _densities(found: Placed) -> Iterator[Row]:
     streets, towns = stats.per_km(found), stats.per_km(found, "pothole", by="town")
     total = 100 * found.defects.height / found.segments["area_m2"].sum()
-    yield "defects on 100 m²", f"{total:.1f}", "–"
+    by_town = stats.per_km(found, by="town")["per_100_m2"]
+    yield "defects on 100 m²", f"{total:.2f} ({by_town.min():.1f} to {by_town.max():.1f} by town)", "–"
     yield "defects a kilometre, by street: 5 %, median, 95 %", _quantiles(streets["per_km"].to_numpy(), 0), "–"
+    with_any = streets.filter(pl.col("number") > 0)["per_km"].to_numpy()
     yield (
-        "σ of the logarithm of the density between streets, without what small numbers add",
-        f"{stats.street_spread(found):.2f}",
+        "σ of the logarithm of the density between streets: without what small numbers add : with it, as plotted",
+        f"{stats.street_spread(found):.2f} : {stats.fitted(with_any).sigma:.2f}",
         "–",
     )
     holes = towns["number"].sum() / towns["length_m"].sum() * 1000

@@ -28,9 +28,13 @@ WIDEST: Final = 0.98
 
 
 @cache
-def crack_widths(seen: Photographs, most: int = 300) -> Float64Array:
-    """(cracks,) their width where they are widest [pixels]; negative where the pavement beside is as dark."""
-    cracks = seen.boxes.filter(pl.col("kind") == "single_crack")
+def crack_widths(seen: Photographs, pixel_m: float, most: int = 300) -> Float64Array:
+    """(cracks,) their width where they are widest [m]; negative where the pavement beside is as dark.
+
+    Args:
+        pixel_m: what a pixel covers where no photograph's ground resolution is known.
+    """
+    cracks = seen.measured.filter(pl.col("kind") == "single_crack")
     found: list[float] = []
     for key, own in cracks.gather_every(max(1, cracks.height // most)).group_by("image", maintain_order=True):
         with Image.open(str(key[0])) as image:
@@ -39,7 +43,7 @@ def crack_widths(seen: Photographs, most: int = 300) -> Float64Array:
         for row in own.iter_rows(named=True):
             corners = [round(row[name]) for name in ("xmin", "ymin", "xmax", "ymax")]
             width = _width(dark, *corners)
-            found += [] if width is None else [width]
+            found += [] if width is None else [width * (row["pixel_m"] or pixel_m)]
     return np.array(found)
 
 
