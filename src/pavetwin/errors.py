@@ -2,9 +2,10 @@
 
 import re
 import traceback
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from difflib import get_close_matches
+from difflib import SequenceMatcher, get_close_matches
+from operator import eq
 from pathlib import Path
 from sysconfig import get_paths
 
@@ -73,14 +74,22 @@ def told_at(error: BaseException) -> str:
     return f"{told(error)} ({where.filename}, line {where.lineno})" if where is not None else told(error)
 
 
-def nearest_name(word: str, known: Iterable[str]) -> str:
+def nearest_name(word: str, known: Iterable[str], compared: Callable[[str], str] = str) -> str:
     """` (did you mean 'hover'?)` for the known name closest to `word`, or an empty string when none is near.
 
-    Of numbered names (`s0001`) the one of the same number is the closest to `s1`, `S01` or `1`.
+    Of numbered names (`s0001`) the one of the same number is the closest to `s1`, `S01` or `1`; of equally close ones,
+    that with most letters in the same places.
+
+    Args:
+        compared: what of a name is compared, such as its letters in lower case.
     """
-    names = list(known)
-    match = _same_number(word, names) or get_close_matches(word, names, n=1, cutoff=0.5)
-    return f" (did you mean '{match[0]}'?)" if match else ""
+    names = {compared(name): name for name in known}
+    word = compared(word)
+    match = _same_number(word, names) or get_close_matches(word, names, n=max(1, len(names)), cutoff=0.5)
+    if not match:
+        return ""
+    best = max(match, key=lambda name: (SequenceMatcher(None, name, word).ratio(), sum(map(eq, name, word))))
+    return f" (did you mean '{names[best]}'?)"
 
 
 def _same_number(word: str, names: Iterable[str]) -> list[str]:

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Annotated, Final
 
 from pydantic import AfterValidator
@@ -19,30 +20,35 @@ DISCARD: Final = "discard image"
 OUTCOMES: Final = (DROP, IGNORE, DISCARD)
 
 
+@lru_cache(maxsize=4096)
 def plain(label: str) -> str:
     """A class's name as it is compared: `Longitudinal_Crack` and `longitudinal crack` are one."""
     return re.sub(r"[\s_-]+", " ", label).strip().casefold()
 
 
 def _checked(table: Mapping[str, str]) -> Mapping[str, str]:
-    known = (*class_names(), *OUTCOMES)
+    known, spelled = (*class_names(), *OUTCOMES), dict[str, str]()
     for label, outcome in table.items():
         if outcome not in known:
             raise ValueError(
                 f"'{label}' becomes '{outcome}'{nearest_name(outcome, known)}; it must be one of {', '.join(known)}"
             )
-    return {plain(label): outcome for label, outcome in table.items()}
+        other = spelled.setdefault(plain(label), label)
+        if table[other] != outcome:
+            raise ValueError(f"'{other}' and '{label}' are compared as one class, and become two")
+    return table
 
 
 ClassRules = Annotated[Mapping[str, str], AfterValidator(_checked)]
-"""By class of the source (`plain`): a class of the common form, or one of `OUTCOMES`."""
+"""By class of the source, compared as `plain`: a class of the common form, or one of `OUTCOMES`."""
 
 
 def outcome(rules: Mapping[str, str], label: str) -> str | None:
     """What becomes of a class; None where no rule names it."""
-    return rules.get(plain(label))
+    wanted = plain(label)
+    return next((becomes for name, becomes in rules.items() if plain(name) == wanted), None)
 
 
 def unknown_class(rules: Mapping[str, str], label: str) -> str:
     """The words about a class that no rule names, with the nearest."""
-    return f"class '{label}' is not known{nearest_name(plain(label), rules)}"
+    return f"class '{label}' is not known{nearest_name(label, rules, compared=plain)}"
