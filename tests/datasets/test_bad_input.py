@@ -16,12 +16,13 @@ from PIL import Image
 
 from pavetwin.datasets.common_form import read_images
 from pavetwin.datasets.convert import convert
-from pavetwin.datasets.importing import import_source
+from pavetwin.datasets.importing import ImportSummary, import_source
 from pavetwin.datasets.layouts.base import RawImage, RawObject
 from pavetwin.datasets.layouts.yolo import names_in
 from pavetwin.datasets.normalise import ImageSize
 from pavetwin.datasets.pictures import picture_size
 from pavetwin.datasets.report import Finding, Report
+from pavetwin.datasets.rules import outcome, unknown_class
 from pavetwin.datasets.safe_xml import parse_xml
 from pavetwin.datasets.sources import source_of
 from pavetwin.errors import PaveTwinError
@@ -154,7 +155,7 @@ def a_box_twice(folder: Path) -> None:
         (a_corner_without_a_number, "refused bad.xml:5: ymin is 'one', which is no number; the image is left out"),
         (
             labels_of_another_picture,
-            "refused bad.xml: the labels are for 64 × 48 pixels, the picture has 80 × 48; the image is left out",
+            "refused bad.xml:3: the labels are for 64 × 48 pixels, the picture has 80 × 48; the image is left out",
         ),
         (half_a_picture, "refused bad.jpg: the picture is damaged; the image is left out"),
         (much_text_behind_the_pixels, "refused bad.png: the picture is damaged; the image is left out"),
@@ -449,6 +450,69 @@ def test_a_coco_file_that_lacks_what_it_needs(
     summary = import_source(name, source, tmp_path / "photos", tmp_path / "dataset", size=ImageSize())
     assert [f"{each.finding.value} {each}" for each in summary.report] == lines
     assert summary.images == len(list(read_images(summary.folder))) == left
+
+
+@pytest.mark.parametrize(
+    ("label", "meant"), [("D0O", "D00"), ("d1O", "D10"), ("longitudnal_crack", "Longitudinal Crack")]
+)
+def test_a_class_is_suggested_as_its_source_spells_it(label: str, meant: str) -> None:
+    rules = {"D00": "Single Crack", "D10": "Single Crack", "D40": "Pothole", "Longitudinal Crack": "Single Crack"}
+    assert unknown_class(rules, label) == f"class '{label}' is not known (did you mean '{meant}'?)"
+    assert outcome(rules, meant.upper().replace(" ", "_")) == rules[meant]
+
+
+def test_one_class_that_becomes_two_is_refused(tmp_path: Path) -> None:
+    mapping = tmp_path / "mine.yaml"
+    mapping.write_text("labels: {format: coco}\nclasses: {big car: Car, Big-Car: Person}\n")
+    with pytest.raises(PaveTwinError, match="'big car' and 'Big-Car' are compared as one class, and become two"):
+        source_of(str(mapping))
+
+
+@pytest.mark.parametrize(
+    ("values", "lines"),
+    [
+        ((0, 255), []),
+        ((0, 128), []),
+        ((0, 0), ["dropped good.png: no valid box, and not listed as verified background; the image is left out"]),
+        *(
+            (
+                (0, value),
+                [
+                    f"note good_hole.png: no pixel of this mask is brighter than {value} of 255, and only those from "
+                    f"128 on count; multiply its values if they are 0 and {value}",
+                    "dropped good.png: no valid box, and not listed as verified background; the image is left out",
+                ],
+            )
+            for value in (1, 127)
+        ),
+    ],
+)
+def test_a_mask_that_is_too_dark_is_told(tmp_path: Path, values: tuple[int, int], lines: list[str]) -> None:
+    picture(tmp_path / "photos" / "good.png")
+    mask = np.full((48, 64), values[0], np.uint8)
+    mask[10:20, 10:20] = values[1]
+    Image.fromarray(mask).save(tmp_path / "photos" / "good_hole.png")
+    assert [f"{each.finding.value} {each}" for each in of_masks(tmp_path).report] == lines
+
+
+def test_masks_of_two_sizes_are_refused(tmp_path: Path) -> None:
+    picture(tmp_path / "photos" / "good.png")
+    for name, size in (("hole", (64, 48)), ("crack", (48, 64))):
+        Image.new("L", size, 255).save(tmp_path / "photos" / f"good_{name}.png")
+    assert list(map(str, of_masks(tmp_path).report)) == [
+        "good.png: its masks are not of one size; the image is left out"
+    ]
+
+
+def of_masks(folder: Path) -> ImportSummary:
+    """The import of `photos`, with masks of two classes."""
+    mapping = folder / "mine.yaml"
+    mapping.write_text(
+        "labels: {format: masks, masks: {hole: _hole.png, crack: _crack.png}}\n"
+        "classes: {hole: Pothole, crack: Single Crack}\n"
+    )
+    name, source = source_of(str(mapping))
+    return import_source(name, source, folder / "photos", folder / "dataset", size=ImageSize())
 
 
 @pytest.mark.parametrize(

@@ -51,7 +51,7 @@ def convert(
     if raw.size_px is not None and sorted(raw.size_px) != sorted(size_px):
         made_for, found = ("{} × {}".format(*each) for each in (raw.size_px, size_px))
         words = f"the labels are for {made_for} pixels, the picture has {found}; the image is left out"
-        report.add(Finding.REFUSED, raw.labels, words)
+        report.add(Finding.REFUSED, raw.labels, words, raw.line)
         return None
     annotations: list[Annotation] = []
     known: set[tuple[str | None, PixelBox]] = set()
@@ -81,7 +81,7 @@ def convert(
         annotations.append(annotation)
     has_labels = any(each.ignored is None for each in annotations)
     if is_background and has_labels:
-        report.add(Finding.REFUSED, raw.labels, "listed as background, and has labels; the image is left out")
+        report.add(Finding.REFUSED, raw.labels, "listed as background, and has labels; the image is left out", raw.line)
         return None
     if not has_labels and not is_background:
         words = "no valid box, and not listed as verified background; the image is left out"

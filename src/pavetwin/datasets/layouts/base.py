@@ -47,6 +47,8 @@ class RawImage:
     """Whether boxes and outlines are shares of the image."""
     size_px: tuple[int, int] | None = None
     """Width, height of the picture that the labels were made for, where they say so."""
+    line: int | None = None
+    """Where in the label file the image, or else its size, is."""
     gsd_mm: float | None = None
     group: str | None = None
     is_background: bool = False

@@ -91,7 +91,7 @@ class CocoLayout(LabelLayout):
                 words = f"image '{original}': gsd_mm is not above 0 and at most {LARGEST_GSD_MM:g}; taken as not known"
                 report.add(Finding.NOTE, labels, words, line, alike=f"gsd_mm in {labels}")
                 known["gsd_mm"] = None
-            yield RawImage(path, original, labels, tuple(objects), size_px=_size(image.content), **known)
+            yield RawImage(path, original, labels, tuple(objects), size_px=_size(image.content), line=line, **known)
 
     def details(self, labels: str, image: Mapping[str, Any]) -> dict[str, Any]:
         """What else is known of an image: `gsd_mm`, which is checked later, `group`, `attributes` of its RawImage.

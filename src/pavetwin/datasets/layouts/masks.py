@@ -6,17 +6,19 @@ that of its own pixels, not of the joined ones.
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePosixPath
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
-from PIL import Image
 from pydantic import Field
 from scipy import ndimage
 
-from pavetwin.arrays import BoolArray
+from pavetwin.arrays import BoolArray, UInt8Array
 from pavetwin.datasets.layouts.base import LabelLayout, RawImage, RawObject, unlabelled
 from pavetwin.datasets.pictures import PictureError, PictureIndex, opened
 from pavetwin.datasets.report import Finding, Report
+
+HALF: Final = 128
+"""Pixels from this brightness on, of 255 and in any channel, belong to an object."""
 
 
 class MaskLayout(LabelLayout):
@@ -45,12 +47,19 @@ class MaskLayout(LabelLayout):
                 continue
             pictures.unused.pop(name)
             try:
-                parts = [(label, *read_mask(folder / mask)) for label, mask in there.items()]
-                objects = tuple(each for label, mask, _ in parts for each in self._objects(label, mask, name, report))
+                parts = {label: _brightness(folder / mask) for label, mask in there.items()}
             except PictureError as error:
                 report.add(Finding.REFUSED, name, f"of a mask: {error}; the image is left out")
                 continue
-            yield RawImage(folder / name, name, name, objects, size_px=parts[0][2])
+            sizes = {each.shape[::-1] for each in parts.values()}
+            if len(sizes) > 1:
+                report.add(Finding.REFUSED, name, "its masks are not of one size; the image is left out")
+                continue
+            for label, brightness in parts.items():
+                _tell_dark(brightness, there[label], report)
+            masks = {label: brightness >= HALF for label, brightness in parts.items()}
+            objects = tuple(each for label, mask in masks.items() for each in self._objects(label, mask, name, report))
+            yield RawImage(folder / name, name, name, objects, size_px=sizes.pop())
         yield from unlabelled(folder, pictures)
 
     def _objects(self, label: str, mask: BoolArray, name: str, report: Report) -> Iterator[RawObject]:
@@ -66,17 +75,26 @@ class MaskLayout(LabelLayout):
             yield RawObject(label, box)
 
 
-def read_mask(path: Path) -> tuple[BoolArray, tuple[int, int]]:
-    """A mask (height, width): true where the image is at least half bright in any channel. And its width and height.
+def _brightness(path: Path) -> UInt8Array:
+    """Of a mask (height, width): of each pixel its brightest channel.
 
     Raises:
         PictureError: it cannot be read.
     """
     with opened(path) as picture:
-        grey = Image.Image.getchannel
-        bands = [np.asarray(grey(picture.convert("RGB"), band)) for band in "RGB"]
-    mask = np.maximum.reduce(bands) >= 128
-    return mask, (mask.shape[1], mask.shape[0])
+        coloured = picture.convert("RGB")
+        brightest: UInt8Array = np.maximum.reduce([np.asarray(coloured.getchannel(band)) for band in "RGB"])
+    return brightest
+
+
+def _tell_dark(brightness: UInt8Array, mask: str, report: Report) -> None:
+    """Tell of a mask that is not black and shows nothing: often its values are 0 and 1."""
+    brightest = int(brightness.max())
+    if 0 < brightest < HALF:
+        words = f"no pixel of this mask is brighter than {brightest} of 255, and only those from {HALF} on count"
+        report.add(
+            Finding.NOTE, mask, f"{words}; multiply its values if they are 0 and {brightest}", alike="dark masks"
+        )
 
 
 def components(mask: BoolArray, join_px: int = 0) -> list[tuple[tuple[float, float, float, float], int]]:

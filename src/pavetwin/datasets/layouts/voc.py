@@ -35,7 +35,7 @@ class VocLayout(LabelLayout):
             except XmlError as error:
                 report.add(Finding.REFUSED, labels, f"{error}; the image is left out", error.line)
                 continue
-            yield RawImage(folder / picture, picture, labels, objects, size_px=size_px)
+            yield RawImage(folder / picture, picture, labels, objects, size_px=size_px, line=_line(root.find("size")))
         yield from unlabelled(folder, pictures)
 
     def _object(self, node: Element, labels: str, report: Report) -> RawObject:
@@ -80,6 +80,10 @@ def _size(root: Element) -> tuple[int, int] | None:
         return None
     width, height = _number(node, "width"), _number(node, "height")
     return (round(width), round(height)) if width > 0 and height > 0 else None
+
+
+def _line(node: Element | None) -> int | None:
+    return node.line if node is not None else None
 
 
 def _check_filename(folder: Path, root: Element) -> None:
