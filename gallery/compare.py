@@ -23,11 +23,11 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageFilter
 
+from gallery.frame_matcher import FrameMatcher
 from gallery.matched import (
     Pair,
     Photograph,
     flight_view,
-    frame_like,
     is_padded,
     metres,
     photographs,
@@ -39,6 +39,7 @@ from gallery.renderer import LOW_SUN, MORNING, OVERCAST, GalleryRenderer
 from gallery.scenes import scenes_of
 from gallery.sheet import save
 from gallery.texture import GROUPS, SIDE_PX, texture_statistics, told_apart
+from pavetwin.capture.daylight import draw_compensation_ev
 from pavetwin.cli.console import fail, out
 from pavetwin.datasets.markings import LINE_WIDTH_M
 from pavetwin.datasets.sources.base import source_of
@@ -81,13 +82,16 @@ def _band(lightness: Float, scale_px: float) -> float:
 
 
 def frames(renderer: GalleryRenderer) -> Iterable[Image.Image]:
-    """Frames of empty streets over evenly chosen defects, at even steps of ground resolution, under three skies."""
+    """Frames of empty streets over evenly chosen defects, at even steps of ground resolution, under three skies,
+    exposed as datasets are."""
     defects = renderer.world.defects[:: max(1, len(renderer.world.defects) // FRAMES)][:FRAMES]
     finest, coarsest = GSD_M
     for index, defect in enumerate(defects):
         gsd_m = finest * (coarsest / finest) ** (index * 0.618034 % 1)
         view = flight_view(renderer, defect, (defect.centre.x, defect.centre.y), gsd_m, index, SIDE_PX)
-        yield stored(Image.fromarray(renderer.take(view, (MORNING, LOW_SUN, OVERCAST)[index % 3])))
+        light = (MORNING, LOW_SUN, OVERCAST)[index % 3]
+        stops = draw_compensation_ev(np.random.default_rng([20, index]))
+        yield stored(Image.fromarray(renderer.take(view, light, compensation_ev=stops)))
 
 
 def main() -> int:
@@ -120,7 +124,7 @@ def main() -> int:
         known = photographs(
             options.photographs, found, source=source, gsd_m=metres(options.gsd_mm), line_m=options.line_width_m
         )
-        pairs = [(each, frame_like(renderer, each, index)) for index, each in enumerate(_some_of_each(known))]
+        pairs = FrameMatcher(renderer).pairs(_some_of_each(known))
         _compare_by_resolution(pairs)
     except PaveTwinError as error:
         fail(str(error))

@@ -1,4 +1,4 @@
-"""Photographs with their ground resolution and subject, and a frame of the same resolution and subject for each."""
+"""Photographs with their ground resolution and subject, and how frames like them are taken, stored and judged."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -10,17 +10,14 @@ from typing import Final
 import cv2
 import numpy as np
 import numpy.typing as npt
-import shapely
 from PIL import Image
 
-from gallery.renderer import MORNING, OVERCAST, GalleryRenderer
+from gallery.renderer import GalleryRenderer
 from gallery.texture import SIDE_PX
 from pavetwin.datasets.markings import marking_gsd_mm, painted_lines
 from pavetwin.datasets.report import Report
 from pavetwin.datasets.rules import outcome
 from pavetwin.datasets.sources.base import DatasetSource
-from pavetwin.defects.measures import extents_m
-from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import FloatBox
 from pavetwin.scene.view import View, look
 from pavetwin.world.model import Defect
@@ -37,10 +34,6 @@ KINDS: Final = {
 }
 """The town's defects by the class of a photograph's label; the first that a photograph has is its subject."""
 
-SUNNY: Final = 8
-"""One frame in so many is in the sun, the others are overcast: of 96 photographs of RDD2022's China drone subset that
-were looked at, about ten show cast shadows."""
-
 HOVERING: Final = 4
 """Every so many frames is taken while hovering; the others while flying along the street at `SPEED_MPS`, as those of
 datasets are. (Photographs show it: without motion their finest detail is told apart more easily.)"""
@@ -49,18 +42,10 @@ STORED: Final = (75, 95)
 """Qualities at which pictures were stored one after the other, as JPEG with halved colours. The coefficients of all 40
 photographs of RDD2022's China drone subset that were looked at are multiples of the table of quality 75, aligned with
 the picture; the table of their files is that of 95."""
-TRIES: Final = 8
-"""Places at which a frame with a painted line is looked for, where the photograph has one."""
-LEAST_WIDTH_PX: Final = 0.7
-LEAST_LENGTH_PX: Final = 64.0
-"""Widest opening and length of damage beside a labelled photograph, where the town has any: people label what they
-see."""
 NARROW_PX: Final = 9
 BESIDE_PX: Final = 16
 SEEN: Final = 1.9
 """`darkness` of damage that can be seen without being pointed at, in frames that we looked at."""
-INSIDE: Final = 0.8
-"""Share of the half image within which what is to be seen lies."""
 
 
 @dataclass(frozen=True)
@@ -179,39 +164,6 @@ def flight_view(
     )
 
 
-def frame_like(renderer: GalleryRenderer, photograph: Photograph, index: int) -> Image.Image:
-    """A frame of a photograph's ground resolution and size, over damage of its kind that can be seen, with a painted
-    line if it has one (of `TRIES` places the first that fits, else that which fits best), stored as photographs are.
-
-    Args:
-        renderer: of the town.
-        photograph: what is to be matched.
-        index: another one gives another place, direction and speed.
-    """
-    defects = [each for each in renderer.world.defects if photograph.kind in (None, each.kind)]
-    half_m = 0.5 * SIDE_PX * photograph.gsd_m
-    aims = [(each, _aim(renderer, each, half_m, with_line=photograph.has_line)) for each in defects]
-    places = [(defect, at) for defect, at in aims if at is not None]
-    if not places:
-        raise PaveTwinError(f"The town has no {photograph.kind or 'damage'} that a frame like {photograph.name} shows.")
-    if photograph.kind is not None:
-        places.sort(key=lambda each: _size(each[0], photograph.gsd_m), reverse=True)
-        large = sum(_size(defect, photograph.gsd_m) >= 1 for defect, _ in places)
-        places = places[: max(large, TRIES)]
-    light = OVERCAST if index % SUNNY else MORNING
-    tried = []
-    for number in np.random.default_rng([20, index]).permutation(len(places))[:TRIES].tolist():
-        defect, at = places[number]
-        view = flight_view(renderer, defect, at, photograph.gsd_m, index, SIDE_PX)
-        frame = stored(Image.fromarray(renderer.take(view, light)))
-        is_like = bool(painted_lines(np.asarray(frame))) == photograph.has_line
-        contrast = SEEN if photograph.kind is None else min(SEEN, darkness(frame, view.project(_outline(defect))))
-        tried.append(((is_like, contrast), frame))
-        if is_like and contrast >= SEEN:
-            break
-    return max(tried, key=lambda each: each[0])[1]
-
-
 def darkness(frame: Image.Image, outline_px: npt.NDArray[np.float64]) -> float:
     """How much darker narrow dark features are within an outline (n, 2) than beside it; 1 where they are alike.
 
@@ -226,32 +178,6 @@ def darkness(frame: Image.Image, outline_px: npt.NDArray[np.float64]) -> float:
     if not inside.any() or (far == near).all():
         return 0.0
     return float(narrow[inside > 0].mean() / max(narrow[far > near].mean(), 0.5))
-
-
-def _size(defect: Defect, gsd_m: float) -> float:
-    """Whether damage is wide and long enough to be labelled in a photograph: 1, where it just is."""
-    length_m = extents_m(defect.polygon)[0]
-    return min(defect.width_m / (LEAST_WIDTH_PX * gsd_m), length_m / (LEAST_LENGTH_PX * gsd_m))
-
-
-def _outline(defect: Defect) -> npt.NDArray[np.float64]:
-    """Corners (n, 3) of a defect's outline, world frame."""
-    corners = shapely.get_coordinates(defect.polygon.exterior)
-    return np.column_stack([corners, np.zeros(len(corners))])
-
-
-def _aim(renderer: GalleryRenderer, defect: Defect, half_m: float, *, with_line: bool) -> tuple[float, float] | None:
-    """Where a camera sees a defect and, if it is to, the middle of its street; None where it cannot."""
-    x, y = defect.centre.x, defect.centre.y
-    if not with_line:
-        return x, y
-    line = renderer.world.segment(defect.segment).centre_line
-    middle = line.interpolate(line.project(defect.centre))
-    away = math.dist((x, y), (middle.x, middle.y))
-    if away > 2 * INSIDE * half_m:
-        return None
-    share = min(0.5, INSIDE * half_m / max(away, 1e-9))
-    return x + share * (middle.x - x), y + share * (middle.y - y)
 
 
 def stored(picture: Image.Image) -> Image.Image:

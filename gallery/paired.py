@@ -7,7 +7,8 @@ from typing import Final
 import numpy as np
 from PIL import Image
 
-from gallery.matched import Pair, Photograph, frame_like, photographs, pictures_in
+from gallery.frame_matcher import FrameMatcher
+from gallery.matched import Pair, Photograph, photographs, pictures_in
 from gallery.renderer import GalleryRenderer, Picture
 from gallery.sheet import captioned, grid
 from pavetwin.datasets.markings import LINE_WIDTH_M
@@ -57,5 +58,4 @@ def beside_photographs(
     found = list(photographs(folder, pictures_in(folder), source=source, gsd_m=gsd_m, line_m=LINE_WIDTH_M))
     if not found:
         raise PaveTwinError(f"'{folder}' holds no photograph whose ground resolution is known; give it.")
-    pairs = [(found[index], frame_like(renderer, found[index], index)) for index in evenly(found)]
-    return paired_sheet(pairs, source)
+    return paired_sheet(FrameMatcher(renderer).pairs(found[index] for index in evenly(found)), source)

@@ -16,7 +16,8 @@ from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.files import writing
 from pavetwin.render.exposure import METERED, Exposure, programme
 from pavetwin.render.renderer import Renderer
-from pavetwin.scene.ground.looks import DEFAULT_LOOK
+from pavetwin.scene.ground import GroundPlan, plan_ground
+from pavetwin.scene.ground.looks import DEFAULT_LOOK, street_look
 from pavetwin.scene.light import LUMINANCE, Light, harmonics
 from pavetwin.scene.model import Instance, labelled_agent
 from pavetwin.scene.scene import Scene
@@ -95,6 +96,11 @@ class GalleryRenderer:
         return Scene(self.world, seed=SEED, look=self.look)
 
     @cached_property
+    def plan(self) -> GroundPlan:
+        """Of the town's streets: their pavements and what is painted on them."""
+        return plan_ground(self.world, SEED, look=street_look(self.look))
+
+    @cached_property
     def renderer(self) -> Renderer:
         return Renderer(self.scene)
 
@@ -111,6 +117,7 @@ class GalleryRenderer:
         without: int | None = None,
         more: Sequence[Instance] = (),
         exposure: Exposure | None = None,
+        compensation_ev: float = 0.0,
     ) -> Picture:
         """A picture (height, width, 3).
 
@@ -121,6 +128,7 @@ class GalleryRenderer:
             without: an agent that is left out: the car that carries the camera.
             more: additional instances.
             exposure: None for automatic exposure.
+            compensation_ev: added to automatic exposure, in stops.
         """
         near = (float(view.position[0]), float(view.position[1]), 160.0)
         agents = self.scene.agents(None if time_s is None else self.recording, time_s or 0.0, near)
@@ -131,14 +139,16 @@ class GalleryRenderer:
             camera=self.camera,
             instances=[*shown, *more],
             exposure=exposure,
+            compensation_ev=compensation_ev,
             seed=SEED,
             labels=False,
             depth=False,
         )
         return frame.rgb
 
-    def grey_card(self, light: Light) -> Exposure:
-        """The exposure for level ground of `GREY` in the open: what is paler or darker stays so in the picture."""
+    def grey_card(self, light: Light, compensation_ev: float = 0.0) -> Exposure:
+        """The exposure for level ground of `GREY` in the open, and some stops more: what is paler or darker stays so
+        in the picture."""
         shade = light.sky_irradiance.T @ harmonics(np.array([0.0, 0.0, 1.0]))
         lit = float((light.sun_klux * light.to_sun[2] + shade) @ LUMINANCE)
-        return programme(self.camera, METERED / (GREY * lit / np.pi))
+        return programme(self.camera, METERED / (GREY * lit / np.pi) * 2.0**compensation_ev)

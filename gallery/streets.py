@@ -1,59 +1,58 @@
 """24 streets of several towns from the air: generated ones and, where there are maps, real ones."""
 
 import math
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 from PIL import Image
-from shapely import Point
 
-from gallery.renderer import LOW_SUN, MORNING, OVERCAST, SEED, GalleryRenderer, Picture
+from gallery.renderer import LOW_SUN, MORNING, OVERCAST, GalleryRenderer, Picture
 from gallery.sheet import captioned, grid
 from pavetwin.cli.demo import TOWN_SEED
-from pavetwin.scene.ground import GroundPlan, plan_ground
-from pavetwin.scene.ground.looks import mark, street_look
+from pavetwin.scene.ground import GroundPlan
+from pavetwin.scene.ground.looks import mark
+from pavetwin.scene.ground.markings.painter import Paint
+from pavetwin.scene.ground.markings.placement import markings
 from pavetwin.scene.view import look
 from pavetwin.world.build import BuildOptions
-from pavetwin.world.model import Segment
 from pavetwin.world.segments import direction_at
 
 STREETS: Final = 24
-ALTITUDE_M: Final = 10.0
-SHOWN_M: Final = (9.6, 7.2)
-"""Of each street, across and along."""
-TAKEN_PX: Final = (640, 480)
+ALTITUDE_M: Final = 40.0
+SHOWN_M: Final = (24.0, 18.0)
+"""Of each street, along and across."""
+TAKEN_PX: Final = (960, 720)
 CELL_PX: Final = (320, 240)
-IN_SIGHT_M: Final = 3.5
-"""Half of what is shown along a street."""
+IN_SIGHT_M: Final = (8.0, 6.0)
+"""Half of the part, along and across, in which a marking is seen whole or nearly so."""
+EVERY_M: Final = 4.0
+"""Between places along a street that are chosen from."""
+ON_ROAD_M: Final = 7.0
+"""So far ahead and behind there is carriageway: at the border of a map a street ends in a lawn."""
 SHORTEST_M: Final = 40.0
 """Streets below are mostly stubs at the border of a map."""
-FROM_END_M: Final = 5.0
-"""Of the places before junctions, where most markings are."""
-LEAST_WIDTH_M: Final = 0.012
-"""Of damage that is seen at 30 mm a pixel, as lines somewhat darker than their surroundings."""
-BESIDE_M: Final = 8.0
-"""A crossing nearer to a segment's line than this is at its end."""
-ASIDE_M: Final = 2.0
-"""From the middle line towards damage, at most half of the way."""
-SHIFT_M: Final = 1.5
-"""From the middle of a crossing towards its street."""
-LEAST_BARS: Final = 2
-"""Of a painted crossing: some are only kerbs that are lowered."""
-BUS_STOP: Final = "bus_stop"
+LEAST_WIDTH_M: Final = 0.03
+"""Of damage that counts between places that show the same: narrower cracks are not seen at 75 mm a pixel."""
+MARKS: Final = ("bus_stop", "bicycle")
+"""Painted marks that are to be shown."""
+RULES: Final = ("hatching", "box", "rumble")
+"""Parts of a marking standard that are to be shown."""
+
+Float = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Town:
     """A town of the sheet."""
 
-    title: str
     renderer: GalleryRenderer
     streets: int
-    phase: float = 0.25
-    """Which of its streets, 0 … 1: two towns of one map show different ones."""
+    """Cells that it has."""
 
 
 def towns(renderer: GalleryRenderer) -> list[Town]:
@@ -64,8 +63,8 @@ def towns(renderer: GalleryRenderer) -> list[Town]:
     china = GalleryRenderer.with_markings(folder / "china", "china")
     china.options = BuildOptions(seed=TOWN_SEED + 1)
     found = [
-        Town("generated, markings of Germany", renderer, share),
-        Town("generated, markings of China", china, share, 0.75),
+        Town(renderer, share),
+        Town(china, share),
     ]
     if not maps:
         return found
@@ -75,115 +74,145 @@ def towns(renderer: GalleryRenderer) -> list[Town]:
     rule = BuildOptions(parking_rule="north_america")
     return [
         *found,
-        Town("Seattle", GalleryRenderer(folder / "seattle", source=seattle, options=rule), 6),
-        Town("Berlin", GalleryRenderer(folder / "berlin", source=berlin, options=BuildOptions()), 4),
-        Town("Berlin, keeping left, markings of the UK", left, 4, 0.75),
+        Town(GalleryRenderer(folder / "seattle", source=seattle, options=rule), 6),
+        Town(GalleryRenderer(folder / "berlin", source=berlin, options=BuildOptions()), 4),
+        Town(left, 4),
     ]
 
 
-def streets(renderer: GalleryRenderer) -> Picture:
-    """Streets of several towns as the UAV sees them, half of them where damage is largest, the others at a crossing, a
-    bus stop or before a junction, under changing skies; each sky has one exposure, so that pale streets are pale and
-    dark ones dark."""
-    whole = grid([cell for town in towns(renderer) for cell in _cells(town)], columns=4)
-    note = f"{1000 * SHOWN_M[0] / CELL_PX[0]:.0f} mm a pixel."
-    if renderer.maps:
-        note += " Maps of Seattle and Berlin: © OpenStreetMap contributors, ODbL (openstreetmap.org/copyright)"
-    return captioned(whole, note, height_px=whole.shape[0])
+@dataclass(frozen=True)
+class Place:
+    """What a camera looks down on, its image's long side along the street."""
 
-
-def _cells(town: Town) -> Iterator[Picture]:
-    """One cell a street: the places are shown in turn, each on a street that has one and is not shown yet."""
-    renderer = town.renderer
-    plan = plan_ground(renderer.world, SEED, look=street_look(renderer.look))
-    long = [each for each in renderer.world.segments if each.length_m >= SHORTEST_M]
-    unused = sorted({each.street for each in long})
-    for index in range(min(town.streets, len(unused))):
-        for choose in (PLACES[index % len(PLACES)], *PLACES):
-            best: dict[str, _Place] = {}
-            for segment in long:
-                for place in choose(plan, segment) if segment.street in unused else ():
-                    best[segment.street] = max(place, best.get(segment.street, place))
-            if best:
-                break
-        name = sorted(best)[int((town.phase + index * 0.618034) % 1 * len(best))]
-        unused.remove(name)
-        place = best[name]
-        view = look(
-            (place.x_m, place.y_m, ALTITUDE_M),
-            yaw_rad=place.yaw_rad,
-            pitch_rad=-math.pi / 2,
-            size_px=TAKEN_PX,
-            vertical_fov_rad=2 * math.atan(SHOWN_M[1] / 2 / ALTITUDE_M),
-        )
-        light = (OVERCAST, MORNING, OVERCAST, LOW_SUN, MORNING)[index % 5]
-        taken = Image.fromarray(renderer.take(view, light, exposure=renderer.grey_card(light)))
-        cell = np.asarray(taken.resize(CELL_PX, Image.Resampling.LANCZOS))
-        yield captioned(cell, town.title, height_px=CELL_PX[1])
-
-
-@dataclass(frozen=True, order=True)
-class _Place:
-    """What a camera looks down on; the greatest is the one with most damage that can be seen."""
-
-    damage_m2: float
-    segment: str
+    town: int
+    street: str
     x_m: float
     y_m: float
     yaw_rad: float
+    """Of the street."""
+    pavement: str
+    standard: str
+    markings: frozenset[str]
+    """Kinds of markings in sight."""
+    damage_m2: float
+    """Area of wide damage in sight."""
+
+    @property
+    def title(self) -> str:
+        return f"{self.pavement}, {self.standard}"
 
 
-def _place(plan: GroundPlan, segment: Segment, at: Point) -> _Place:
-    """A place on a segment, or near it, with the area of wide damage in sight there."""
-    line = segment.centre_line
-    dx, dy = direction_at(line, line.project(at))
-    sight = at.buffer(IN_SIGHT_M)
-    wide = (each for each in plan.world.defects_of(segment.id) if each.width_m >= LEAST_WIDTH_M)
-    damage = sum(each.area_m2 for each in wide if sight.contains(each.centre))
-    return _Place(damage, segment.id, at.x, at.y, math.atan2(dy, dx))
+def streets(renderer: GalleryRenderer) -> Picture:
+    """Streets of several towns as the UAV sees them: every pavement and kind of marking that the towns have before any
+    is shown twice, then where most damage is. Skies change; each has one exposure, so that pale streets are pale and
+    dark ones dark."""
+    found = towns(renderer)
+    places = [place for town, each in enumerate(found) for place in places_of(each.renderer, town)]
+    chosen = varied(places, [each.streets for each in found])
+    cells = [_cell(found[place.town].renderer, place, index) for index, place in enumerate(chosen)]
+    note = f"Each {SHOWN_M[0]:.0f} by {SHOWN_M[1]:.0f} m: pavement, standard of the markings."
+    if renderer.maps:
+        note += " Maps of Seattle and Berlin: © OpenStreetMap contributors, ODbL (openstreetmap.org/copyright)"
+    whole = grid(cells, columns=4)
+    return captioned(whole, note, height_px=whole.shape[0])
 
 
-def _damaged(plan: GroundPlan, segment: Segment) -> Iterator[_Place]:
-    """At each defect, towards the middle line; and in the middle."""
-    line = segment.centre_line
-    for each in plan.world.defects_of(segment.id):
-        along = line.interpolate(line.project(each.centre))
-        share = min(0.5, ASIDE_M / max(along.distance(each.centre), ASIDE_M))
-        x, y = (low + share * (high - low) for low, high in zip(along.coords[0], each.centre.coords[0], strict=True))
-        yield _place(plan, segment, Point(x, y))
-    yield _place(plan, segment, line.interpolate(line.length / 2))
+def varied(places: Sequence[Place], shares: Sequence[int]) -> list[Place]:
+    """Places that show as much as possible, by town: each time the one with most pavements and kinds of markings not
+    shown yet, then one whose pavement is not shown under its standard, then the pavement shown least, then the one
+    with most damage.
+
+    Args:
+        places: to choose from; of each street of a town one at most is taken.
+        shares: how many of each town.
+    """
+    chosen: list[Place] = []
+    shown: Counter[str] = Counter()
+    free = list(places)
+    while free:
+
+        def novelty(place: Place) -> tuple[int, bool, int, float]:
+            new = sum(not shown[each] for each in (place.pavement, *place.markings))
+            return new, not shown[place.title], -shown[place.pavement], place.damage_m2
+
+        best = max(free, key=novelty)
+        chosen.append(best)
+        shown.update((best.pavement, best.title, *best.markings))
+        full = {town for town, share in enumerate(shares) if sum(each.town == town for each in chosen) >= share}
+        taken = {(each.town, each.street) for each in chosen}
+        free = [each for each in free if each.town not in full and (each.town, each.street) not in taken]
+    return sorted(chosen, key=lambda each: each.town)
 
 
-def _before_junction(plan: GroundPlan, segment: Segment) -> Iterator[_Place]:
-    for station in (FROM_END_M, segment.length_m - FROM_END_M):
-        yield _place(plan, segment, segment.centre_line.interpolate(station))
-
-
-def _at_crossing(plan: GroundPlan, segment: Segment) -> Iterator[_Place]:
-    """At painted crossings at an end of a segment, with some of the street before them."""
-    line, bars = segment.centre_line, plan.paint.bars[~plan.paint.is_former]
-    for crossing in plan.world.crossings:
-        middle = crossing.polygon.centroid
-        if line.distance(middle) > BESIDE_M:
+def places_of(renderer: GalleryRenderer, town: int) -> Iterator[Place]:
+    """Places along the streets of a town, where they have the pavement that they had from the start."""
+    plan, world = renderer.plan, renderer.world
+    painted = markings_of(plan)
+    shapely.prepare(plan.road)
+    wide = [each for each in world.defects if each.width_m >= LEAST_WIDTH_M]
+    damage = np.array([(each.centre.x, each.centre.y) for each in wide]).reshape(-1, 2)
+    area_m2 = np.array([each.area_m2 for each in wide])
+    for segment, street in plan.segments:
+        if segment.length_m < SHORTEST_M:
             continue
-        painted = int(shapely.contains_xy(crossing.polygon.buffer(0.5), bars[:, :2]).sum())
-        if painted >= LEAST_BARS:
-            ahead = line.interpolate(min(max(line.project(middle), BESIDE_M), line.length - BESIDE_M))
-            share = SHIFT_M / max(middle.distance(ahead), SHIFT_M)
-            at = Point(middle.x + share * (ahead.x - middle.x), middle.y + share * (ahead.y - middle.y))
-            yield _place(plan, segment, at)
+        for station in np.arange(0.0, segment.length_m, EVERY_M).tolist():
+            at = segment.centre_line.interpolate(station)
+            if plan.paved_at(at.x, at.y).material != plan.surface_of(street).material:
+                continue
+            ahead = np.array(direction_at(segment.centre_line, station))
+            here, yaw = np.array([at.x, at.y]), math.atan2(ahead[1], ahead[0])
+            if not shapely.contains_xy(plan.road, [here + ON_ROAD_M * ahead, here - ON_ROAD_M * ahead]).all():
+                continue
+            yield Place(
+                town,
+                segment.street,
+                at.x,
+                at.y,
+                yaw,
+                plan.pavement(street).title,
+                plan.standard.title,
+                frozenset(kind for kind, points in painted.items() if _in_sight(points, here, yaw).any()),
+                float(area_m2[_in_sight(damage, here, yaw)].sum()),
+            )
 
 
-def _at_bus_stop(plan: GroundPlan, segment: Segment) -> Iterator[_Place]:
-    """At the words of bus stops: the long side of their cage is the longest stroke of all marks."""
-    stop = mark(BUS_STOP)
-    length_m = max(float(np.abs(np.diff(stroke, axis=0)).max()) for stroke in map(np.array, stop.strokes))
-    bars = plan.paint.bars
-    cages = np.isclose(2 * bars[:, 3], length_m, atol=stop.width_m) & np.isclose(2 * bars[:, 4], stop.width_m)
-    for x, y in bars[cages, :2].tolist():
-        if segment.polygon.contains(Point(x, y)):
-            yield _place(plan, segment, Point(x, y))
+def markings_of(plan: GroundPlan) -> dict[str, Float]:
+    """Middles (n, 2) of the paint of each kind: marks told by the width of their strokes, which no other paint has, and
+    what a standard without a rule does not paint."""
+    bars = plan.paint.bars[~plan.paint.is_former]
+    found = {name: bars[np.isclose(2 * bars[:, 4], mark(name).width_m, atol=1e-6), :2] for name in MARKS}
+    every = _middles(markings(plan, plan.standard))
+    for rule in RULES:
+        others = {tuple(each) for each in _middles(markings(plan, plan.standard.model_copy(update={rule: None})))}
+        found[rule] = np.array([each for each in every.tolist() if tuple(each) not in others]).reshape(-1, 2)
+    crossings = shapely.union_all([each.polygon for each in plan.world.crossings])
+    found["crossing"] = bars[shapely.contains_xy(crossings, bars[:, :2]), :2]
+    return found
 
 
-PLACES: Final = (_damaged, _at_crossing, _damaged, _at_bus_stop, _damaged, _before_junction)
-"""In turn, where a street has them."""
+def _middles(paint: Paint) -> Float:
+    """(n, 2): of bars, outlines, and grooves."""
+    outlines = [ring.mean(axis=0) for ring in paint.outlines]
+    return np.concatenate([paint.bars[~paint.is_former, :2], np.reshape(outlines, (-1, 2)), paint.scars[:, :2]])
+
+
+def _in_sight(points: Float, here: Float, yaw_rad: float) -> npt.NDArray[np.bool_]:
+    """Which of points (n, 2) are seen from a place along a street."""
+    ahead = np.array([math.cos(yaw_rad), math.sin(yaw_rad)])
+    away = points - here
+    along, across = away @ ahead, away @ np.array([-ahead[1], ahead[0]])
+    return np.asarray((np.abs(along) < IN_SIGHT_M[0]) & (np.abs(across) < IN_SIGHT_M[1]))
+
+
+def _cell(renderer: GalleryRenderer, place: Place, index: int) -> Picture:
+    view = look(
+        (place.x_m, place.y_m, ALTITUDE_M),
+        yaw_rad=place.yaw_rad + math.pi / 2,
+        pitch_rad=-math.pi / 2,
+        size_px=TAKEN_PX,
+        vertical_fov_rad=2 * math.atan(SHOWN_M[1] / 2 / ALTITUDE_M),
+    )
+    light = (OVERCAST, MORNING, OVERCAST, LOW_SUN, MORNING)[index % 5]
+    taken = Image.fromarray(renderer.take(view, light, exposure=renderer.grey_card(light)))
+    cell = np.asarray(taken.resize(CELL_PX, Image.Resampling.LANCZOS))
+    return captioned(cell, place.title, height_px=CELL_PX[1])
