@@ -12,7 +12,7 @@ from types import SimpleNamespace
 from unittest.mock import create_autospec
 
 import pytest
-from benchmarks import commands, coverage, frames, machine, startup, streets, waiting, worlds
+from benchmarks import commands, coverage, frames, machine, pairs, startup, streets, waiting, worlds
 from benchmarks.__main__ import PARTS, main, measure
 from benchmarks.measure import Kind, Line, Size, median_s
 from benchmarks.table import as_json, notes, table
@@ -167,6 +167,18 @@ def test_every_line_function_is_measured() -> None:
     }
     assert len(line_functions()) >= 11
     assert line_functions() - called == set()
+
+
+def test_pairs_compare_the_least_of_each_place_and_all_rounds() -> None:
+    before = [{"a frame": [0.1, 0.4]}, {"a frame": [0.2, 0.2]}]
+    now = [{"a frame": [0.3, 0.2]}, {"a frame": [0.2, 0.1]}]
+    assert pairs.table(before, now).splitlines()[2] == "| a frame | 150 ms | 150 ms | 1.00 × | 0.89 × |"
+
+
+def test_pairs_say_that_a_checkout_cannot_measure(tmp_path: Path) -> None:
+    """A folder that holds no package: this interpreter's own is taken, which cannot open the world."""
+    with pytest.raises(SystemExit, match="cannot measure"):
+        pairs.main([str(tmp_path), str(tmp_path / "no-world")])
 
 
 def test_what_waits_correlate_with_is_counted(
