@@ -187,7 +187,12 @@ def test_a_mistake_in_a_pavement_is_one_line_with_its_place(
 
 def test_a_number_of_wires_is_whole(tmp_path: Path) -> None:
     with pytest.raises(PaveTwinError, match=r"overhead\.wires: least and most are whole numbers\.$"):
-        street_look(written(tmp_path / "look.yaml", LOOK | {"overhead": {"wires": {"least": 1.5, "most": 2}}}))
+        street_look(
+            written(
+                tmp_path / "look.yaml",
+                LOOK | {"stretches": STRETCHES, "overhead": {"wires": {"least": 1.5, "most": 2}}},
+            )
+        )
 
 
 def test_a_file_that_does_not_end_in_yaml_is_named_with_what_would(tmp_path: Path) -> None:
