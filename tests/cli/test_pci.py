@@ -1,5 +1,6 @@
 """`pavetwin pci` as a user types it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import polars as pl
@@ -56,6 +57,16 @@ def test_a_mission_is_rated_by_what_it_found(world: Path, tmp_path: Path) -> Non
     streets = pl.read_csv(tmp_path / "m" / "streets.csv").sort("street")
     mine = pl.read_csv(tmp_path / "out" / "streets.csv").sort("street")
     assert streets.select("pci", "pci_found").rows() == mine.select("pci", "pci_found").rows()
+
+
+def test_defects_that_do_not_count_are_told(world: Path, tmp_path: Path) -> None:
+    built = damaged("cross", 8)
+    heaves = [replace(built.world.defects[0], kind="frost_heave"), *built.world.defects[1:]]
+    save_world(replace(built, world=replace(built.world, defects=tuple(heaves))), tmp_path / "w")
+    done = pavetwin("pci", tmp_path / "w")
+    assert done.returncode == 0, done.stderr
+    assert "Not counted: 1 defects of the class 'frost_heave'" in done.stdout
+    assert "Not counted" not in pavetwin("pci", world).stdout
 
 
 def test_what_is_neither_world_nor_mission_is_refused(world: Path, tmp_path: Path) -> None:

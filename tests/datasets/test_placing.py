@@ -164,7 +164,7 @@ def test_a_shadow_falls_where_it_does(shadow_deg: float, side: str) -> None:
 def test_a_label_stays_is_ignored_or_goes_by_its_visible_share(columns: int) -> None:
     over = np.zeros(SIZE[::-1], dtype=np.bool_)
     over[:, 50 : 50 + columns] = True
-    for outline in (None, ((50.0, 20.0), (109.0, 20.0), (109.0, 39.0), (50.0, 39.0))):
+    for outline in (None, ((50.0, 20.0), (110.0, 20.0), (110.0, 40.0), (50.0, 40.0))):
         annotation = Annotation("Pothole", (50, 20, 110, 40), outline=outline)
         left, share = covered(annotation, over, SIZE), 1 - columns / 60
         if share < GONE_SHARE:
@@ -184,4 +184,4 @@ def test_the_label_of_an_object_is_that_of_its_pixels() -> None:
     label = pasted(mask, "Car", "c-000")
     assert (label.category, label.box, label.attributes) == ("Car", (50, 20, 110, 40), {"cut_out": "c-000"})
     assert label.outline is not None
-    assert {(50.0, 20.0), (109.0, 39.0)} <= set(label.outline)
+    assert {(50.0, 20.0), (110.0, 40.0)} <= set(label.outline)

@@ -61,6 +61,10 @@ def pci(
     if small := sum(not condition.unit.has_usual_size for condition in report.true):
         units = "unit is" if small == 1 else "units are"
         out.line(f"{small} {units} smaller than the 135 m² of the standard, as the segments are.")
+    for name, number in report.not_counted.items():
+        out.line(
+            f"Not counted: {number} defects of the class '{name}', which stands for no distress of the standard here."
+        )
     out.line(f"Written to {target}.")
     note_fonts(report.world)
 

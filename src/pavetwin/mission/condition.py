@@ -1,6 +1,6 @@
 """The condition index of what a mission inspected: as it is, and as what was found would have it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -12,7 +12,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.mission.again import FormerMission
 from pavetwin.mission.inputs import check_unchanged, defects_of, world_of
-from pavetwin.pci import Survey, UnitCondition, mean_pci, rating_of, sample_units
+from pavetwin.pci import Survey, UnitCondition, mean_pci, not_counted, rating_of, sample_units
 from pavetwin.world.layers import write_layer
 from pavetwin.world.model import World
 
@@ -27,6 +27,8 @@ class ConditionReport:
     true: tuple[UnitCondition, ...]
     found: tuple[UnitCondition, ...] | None
     """Of the same units; None where nobody inspected them."""
+    not_counted: Mapping[str, int]
+    """Defects of classes that stand for no distress, by class."""
 
     @property
     def pci(self) -> float:
@@ -39,7 +41,8 @@ class ConditionReport:
 
 def condition_of_world(world: World) -> ConditionReport:
     """The true condition of all of a world."""
-    return ConditionReport(world, Survey(sample_units(world.segments), world.defects).conditions(), None)
+    true = Survey(sample_units(world.segments), world.defects).conditions()
+    return ConditionReport(world, true, None, not_counted(world.defects))
 
 
 def condition_of_mission(mission: FormerMission) -> ConditionReport:
@@ -55,9 +58,12 @@ def condition_of_mission(mission: FormerMission) -> ConditionReport:
     world = world_of(mission.spec.world)
     check_unchanged(mission.spec, world)
     targets = [world.segment(name) for name in mission.spec.targets]
-    survey = Survey(sample_units(targets), defects_of(world, mission.spec.defects, mission.spec.targets))
+    inspected = {segment.id for segment in targets}
+    placed = defects_of(world, mission.spec.defects, mission.spec.targets)
+    defects = [defect for defect in placed if defect.segment in inspected]
+    survey = Survey(sample_units(targets), defects)
     found = [int(feature["id"]) for feature in mission.detections["features"]]
-    return ConditionReport(world, survey.conditions(), survey.conditions(found))
+    return ConditionReport(world, survey.conditions(), survey.conditions(found), not_counted(defects))
 
 
 def unit_table(report: ConditionReport) -> pl.DataFrame:

@@ -2,7 +2,7 @@
 
 from pavetwin.pci.index import Deduct, Rating, pavement_condition_index, rating_of
 from pavetwin.pci.sample_units import SampleUnit, sample_units
-from pavetwin.pci.survey import Survey, UnitCondition, mean_pci
+from pavetwin.pci.survey import Survey, UnitCondition, mean_pci, not_counted
 
 __all__ = [
     "Deduct",
@@ -11,6 +11,7 @@ __all__ = [
     "Survey",
     "UnitCondition",
     "mean_pci",
+    "not_counted",
     "pavement_condition_index",
     "rating_of",
     "sample_units",

@@ -1,5 +1,6 @@
 """A survey: the distresses and the condition index of sample units, from defects."""
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -52,13 +53,11 @@ class Survey:
     the defects: of those that were found.
 
     A defect that lies in several units counts in each by the share of its outline there; a pothole counts where its
-    centre lies. Defects of classes that stand for no distress, or of other segments, do not count.
+    centre lies. Defects of classes that stand for no distress or are not registered here, and those of other segments,
+    do not count.
     """
 
     def __init__(self, units: Sequence[SampleUnit], defects: Iterable[Defect]) -> None:
-        """Raises:
-        PaveTwinError: the class of a defect is not registered here.
-        """
         self.units = tuple(units)
         self._parts = {defect.id: parts for defect, parts in _parts(self.units, defects)}
 
@@ -103,14 +102,21 @@ def quantity_of(defect: Defect, distress: Distress) -> float:
     return defect.area_m2
 
 
+def not_counted(defects: Iterable[Defect]) -> dict[str, int]:
+    """How many defects are of classes that stand for no distress or are not registered here, by class."""
+    counted = {kind.name for kind in DEFECT_CLASSES.values() if kind.distress is not None}
+    return dict(sorted(Counter(defect.kind for defect in defects if defect.kind not in counted).items()))
+
+
 def _parts(units: Sequence[SampleUnit], defects: Iterable[Defect]) -> Iterator[tuple[Defect, tuple[_Part, ...]]]:
     of_segment: dict[str, list[int]] = {}
     for number, unit in enumerate(units):
         of_segment.setdefault(unit.segment.id, []).append(number)
     for unit in units:
         shapely.prepare(unit.polygon)
+    distresses = {kind.name: kind.distress for kind in DEFECT_CLASSES.values()}
     for defect in defects:
-        distress = DEFECT_CLASSES.get(defect.kind).distress
+        distress = distresses.get(defect.kind)
         near = of_segment.get(defect.segment)
         if distress is None or not near:
             continue

@@ -44,7 +44,13 @@ def test_a_coarse_mask_decides_less() -> None:
 
 @pytest.mark.parametrize(
     ("diameter_mm", "told"),
-    [(120.0, "low to medium"), (320.0, NOT_RESOLVABLE), (600.0, "medium to high"), (1100.0, "medium to high")],
+    [
+        (120.0, "low to medium"),
+        (320.0, "low to medium"),
+        (450.0, NOT_RESOLVABLE),  # between a size that no depth makes high and one that no depth makes low
+        (600.0, "medium to high"),
+        (1100.0, "medium to high"),
+    ],
 )
 def test_a_pothole_by_its_diameter_at_any_depth(diameter_mm: float, told: str) -> None:
     assert visible_severity("Pothole", hole(diameter_mm, 2.5), 2.5) == told

@@ -90,7 +90,7 @@ def test_the_hash_of_a_look_covers_what_repairs_are_made_of(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("repairs", "told"),
     [
-        ("{patches: {tar: 1}}", r"repairs\.patches: `pavements`: no pavement 'tar'"),
+        ("{patches: {tar: 1}}", r"repairs\.patches: no pavement 'tar'"),
         ("{patches: {own: 0}}", r"repairs\.patches: the weights sum to 0"),
         ("{renewed: 2}", r"repairs\.renewed: "),
     ],
