@@ -62,9 +62,8 @@ def pci(
         units = "unit is" if small == 1 else "units are"
         out.line(f"{small} {units} smaller than the 135 m² of the standard, as the segments are.")
     for name, number in report.not_counted.items():
-        out.line(
-            f"Not counted: {number} defects of the class '{name}', which stands for no distress of the standard here."
-        )
+        defects = "a defect" if number == 1 else f"{number} defects"
+        out.line(f"Not counted: {defects} of the class '{name}', for which the standard's distress is not known here.")
     out.line(f"Written to {target}.")
     note_fonts(report.world)
 
