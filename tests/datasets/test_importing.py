@@ -272,7 +272,7 @@ def grained(path: Path, size: tuple[int, int], seed: int) -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("count", "size", "most_mib"), [(20_000, (256, 192), 1024), (1_000, (640, 480), 512)])
+@pytest.mark.parametrize(("count", "size", "most_mib"), [(20_000, (256, 192), 1024), (1_000, (640, 480), 768)])
 def test_memory_is_bounded_for_many_pictures_and_for_large_ones(
     tmp_path: Path, count: int, size: tuple[int, int], most_mib: int
 ) -> None:
