@@ -83,7 +83,7 @@ def told_apart(
 ) -> tuple[float, float, float]:
     """The AUC of a classifier that tells the rows of two tables apart, and its 95 % interval.
 
-    The interval is that of a bootstrap over scenes, with the classifier fitted and cross-validated anew on each
+    The interval is that of a bootstrap over scenes, with the classifier fitted and cross-validated again on each
     resample, so that it holds the chance of training too. Photographs of one scene are drawn together and held out
     together, and so are the copies of a picture that is drawn several times: no picture is scored by a classifier that
     knows its place. A resample has fewer different pictures than there are, so its classifier tells less; the quantiles
