@@ -24,6 +24,7 @@ class Stream(IntEnum):
     BALANCE = 13
     COMPOSITE = 14
     TRAINING = 15
+    PHOTOGRAPHS = 16
 
 
 def child(seed: int, stream: Stream, *keys: int) -> np.random.Generator:

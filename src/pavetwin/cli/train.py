@@ -38,6 +38,9 @@ def train(
         typer.Option("--set", metavar="NAME=VALUE", help="Any other setting, as in --set width=0.125; repeatable."),
     ] = None,
     start: Annotated[Path | None, typer.Option(help="Weights to begin with, as in --start other/best.pt.")] = None,
+    photographs: Annotated[
+        Path | None, typer.Option(help="Photographs without labels, for fourier, appearance and teacher_weight.")
+    ] = None,
     stop_after: Annotated[
         float | None, typer.Option(metavar="MINUTES", min=0, help="Save after this time and stop; run again to go on.")
     ] = None,
@@ -49,6 +52,7 @@ def train(
     \b
     pavetwin train datasets/china datasets/town -o runs/first
     pavetwin train datasets/china -o runs/real --size s --without Person,Car
+    pavetwin train datasets/town -o runs/adapted --photographs photos --set fourier=0.01
     pavetwin train datasets.pack -o runs/small --image 320 --native --set width=0.125 --stop-after 9
 
     Needs PyTorch (`pip install pavetwin[train]`). The same settings, data and hardware give the same weights.
@@ -56,6 +60,7 @@ def train(
     if output is None:
         raise PaveTwinError("Say where the run goes with -o, for example -o runs/first.")
     from pavetwin.perception.examples.opening import read_examples
+    from pavetwin.perception.examples.unlabelled import read_unlabelled
     from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
 
     given: dict[str, Any] = {"size": size, "image_px": image, "order": order, "epochs": epochs, "batch": batch}
@@ -64,11 +69,13 @@ def train(
     options = TrainingOptions.parse([*pairs, *(overrides or [])])
     if start is not None and not start.is_file():
         raise PaveTwinError(f"`start`: there is no file of weights '{start}'; a run keeps its best in best.pt.")
+    unlabelled = read_unlabelled(photographs) if photographs is not None else None
     _check_installed()
     from pavetwin.perception.training.trainer import Trainer
 
     with _watched() as watcher:
-        trainer = Trainer(read_examples(datasets), output, options, TrainingMachine(device, workers), watcher, start)
+        machine = TrainingMachine(device, workers)
+        trainer = Trainer(read_examples(datasets), output, options, machine, watcher, start, unlabelled)
         finished = trainer.run(60 * stop_after if stop_after is not None else None)
     if not finished:
         out.line(f"Stopped in time; the same command goes on with {output}/.")

@@ -19,6 +19,7 @@ SHOWN: Final = (
     ("classes", "classes"),
     ("subtype", "subtype"),
     ("mask", "mask"),
+    ("taught", "photographs"),
     ("map50", "mAP@0.5"),
     ("map", "mAP@0.5:0.95"),
 )
@@ -63,7 +64,7 @@ def curves_table(curves: "Curves") -> Table:
     table.add_column("now", justify="right")
     table.add_column("best", justify="right")
     for key, name in SHOWN:
-        values = [float(row[key]) for row in curves]
+        values = [float(row.get(key) or 0) for row in curves]
         if any(values):
             best = max(values) if key.startswith("map") else min(value for value in values if value)
             table.add_row(name, sparkline(values[-WIDTH:]), f"{values[-1]:.3f}", f"{best:.3f}")

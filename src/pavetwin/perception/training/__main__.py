@@ -8,6 +8,7 @@ from pathlib import Path
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.examples.opening import read_examples
+from pavetwin.perception.examples.unlabelled import read_unlabelled
 from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
 from pavetwin.perception.training.trainer import Trainer
 from pavetwin.perception.training.watchers import PlainLines
@@ -22,6 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("-o", "--output", type=Path, required=True, help="folder of the run")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a setting; may be repeated")
     parser.add_argument("--start", type=Path, help="weights to begin with")
+    parser.add_argument("--photographs", type=Path, help="folder of photographs without labels, for adaptation")
     parser.add_argument("--stop-after", type=float, metavar="MINUTES", help="save after this time, and stop")
     parser.add_argument("--device", default="", help="cpu or cuda; a graphics card where there is one unless given")
     parser.add_argument("--workers", type=int, default=0, help="processes that prepare images")
@@ -34,6 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             TrainingMachine(given.device, given.workers),
             PlainLines(),
             given.start,
+            read_unlabelled(given.photographs) if given.photographs is not None else None,
         )
         finished = trainer.run(60 * given.stop_after if given.stop_after is not None else None)
     except PaveTwinError as error:

@@ -11,13 +11,13 @@ from PIL import Image
 from pavetwin.arrays import Float64Array, UInt8Array
 from pavetwin.labels.boxes import PixelBox
 from pavetwin.perception.examples.example import Example, ExampleSet
-from pavetwin.perception.training.views import ImagePart, LabelledView, view_of
+from pavetwin.perception.training.views import Change, ImagePart, LabelledView, view_of
 
 Member = tuple[ExampleSet, Example]
 """An example, and the set that holds its picture."""
 
 Photometric = Callable[[UInt8Array, np.random.Generator], UInt8Array]
-"""A change of a picture (height, width, 3) that leaves every label true."""
+"""A change of a picture (height, width, 3), by random numbers, that leaves every label true."""
 
 MOSAIC_SPLIT: Final = (0.3, 0.7)
 """Where the four parts of a mosaic meet, as shares of its side."""
@@ -58,7 +58,8 @@ def random_view(
 
     Args:
         others: from which the other three of a mosaic are drawn.
-        photometric: applied in order, after the colours have been varied.
+        photometric: applied in order to what is shown of each synthetic image, before the colours of the view are
+            varied. Their random numbers are their own: without them the rest of the view is the same.
     """
     size = options.size_px
     windows: list[PixelBox] = [(0, 0, size, size)]
@@ -69,11 +70,20 @@ def random_view(
         members += [others[at] for at in rng.integers(len(others), size=3)]
         members = [members[at] for at in rng.permutation(4)]
     parts = [_part(one, window, options, rng) for one, window in zip(members, windows, strict=True)]
-    view = view_of(parts, size)
-    pixels = vary_colours(view.pixels, options, rng)
-    for change in photometric:
-        pixels = change(pixels, rng)
-    return replace(view, pixels=pixels)
+    view = view_of(parts, size, _changing(photometric, rng) if photometric else None)
+    return replace(view, pixels=vary_colours(view.pixels, options, rng))
+
+
+def _changing(photometric: Sequence[Photometric], rng: np.random.Generator) -> Change:
+    (own,) = rng.spawn(1)
+
+    def change(part: ImagePart, pixels: UInt8Array) -> UInt8Array:
+        if part.example.is_synthetic:
+            for each in photometric:
+                pixels = each(pixels, own)
+        return pixels
+
+    return change
 
 
 def _part(member: Member, window: PixelBox, options: ViewOptions, rng: np.random.Generator) -> ImagePart:

@@ -4,15 +4,16 @@ What a view shows depends on (seed, phase, epoch, index) alone, so that it is th
 wherever a run was stopped.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import torch
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
+from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import FloatBox
 from pavetwin.perception.classes import COARSE, NO_SUBTYPE, ROAD_DEFECT, class_of
 from pavetwin.perception.examples.example import TrueObject
@@ -198,4 +199,14 @@ def batches(
         collate_fn=collated,
         pin_memory=torch.cuda.is_available(),
     )
-    yield from loader
+    yield from read(loader)
+
+
+def read(loader: Iterable[Any]) -> Iterator[Any]:
+    """What a loader gives; an error that one of its processes meets is told as here, without its traceback."""
+    try:
+        yield from loader
+    except PaveTwinError as error:
+        # The message of the process ends with the name and the message of its error.
+        told = str(error).rstrip().rpartition(f"{PaveTwinError.__name__}: ")[2]
+        raise PaveTwinError(told) from error

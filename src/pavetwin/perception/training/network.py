@@ -43,6 +43,10 @@ class Encoded:
         reach = (self.distances.float().softmax(dim=-1) * bins).sum(dim=-1) * self.anchors.strides[:, None]
         return torch.cat([self.anchors.centres - reach[..., :2], self.anchors.centres + reach[..., 2:]], dim=-1)
 
+    def images(self, which: slice) -> "Encoded":
+        """The same of some of the batch's images."""
+        return Encoded(self.distances[which], self.scores[which], self.anchors, self.maps[which])
+
 
 class DetectorNetwork(nn.Module):
     """Backbone and neck once; then detection, and what is asked of regions."""

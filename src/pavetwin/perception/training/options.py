@@ -70,6 +70,13 @@ class TrainingOptions:
     subtype_weight: float = _about("α of L_total.", 1.0, 0, 100)
     mask_weight: float = _about("Of the mask loss; 0 trains no masks.", 1.0, 0, 100)
     seed: int = _about("Random seed; 0 is a seed too.", 0, 0, 2**31)
+    fourier: float = _about("β of Fourier amplitude transfer from photographs; 0: none.", 0.0, 0, 0.5)
+    appearance: float = _about("Share of synthetic images moved to photographs' colours, noise, blur.", 0.0, 0, 1)
+    teacher_weight: float = _about("Of the loss on photographs that the mean teacher labels; 0: none.", 0.0, 0, 100)
+    teacher_photographs: int = _about("Unlabelled photographs of a step.", 8, 1, 4096)
+    teacher_confidence: float = _about("From which the teacher's detections are objects.", 0.6, 0, 1)
+    teacher_doubt: float = _about("From which they are neither objects nor background.", 0.2, 0, 1)
+    teacher_after: int = _about("Epochs of the first stage without a teacher.", 5, 0, 10_000)
 
     def __post_init__(self) -> None:
         """Raises:
@@ -81,6 +88,11 @@ class TrainingOptions:
                 raise PaveTwinError(f"`{each.name}` {value:g}: it must be from {low:g} to {high:g}.")
         if self.order not in ORDERS:
             raise PaveTwinError(no_such("order", self.order, ORDERS, key="`order`"))
+        if self.teacher_doubt > self.teacher_confidence:
+            raise PaveTwinError(
+                f"`teacher_doubt` {self.teacher_doubt:g}: it is at most `teacher_confidence` "
+                f"({self.teacher_confidence:g})."
+            )
         if self.image_px % 32:
             raise PaveTwinError(f"`image_px` {self.image_px}: it must be a multiple of 32.")
         known = (*SUBTYPES, *COARSE[1:])
@@ -112,6 +124,11 @@ class TrainingOptions:
     def weights(self) -> LossWeights:
         """Of the losses."""
         return LossWeights(subtype=self.subtype_weight, mask=self.mask_weight)
+
+    @property
+    def adaptations(self) -> tuple[str, ...]:
+        """The settings, other than 0, that need unlabelled photographs."""
+        return tuple(name for name in ("fourier", "appearance", "teacher_weight") if getattr(self, name))
 
     def views(self, *, mosaic: bool) -> ViewOptions:
         """How training images vary."""

@@ -37,6 +37,9 @@ COLUMNS: Final = (
 """Of the curves: mean losses of the epoch, then mean average precision of the validation images, then that at an IoU of
 0.5 of each class."""
 
+TAUGHT: Final = "taught"
+"""Column of the loss on unlabelled photographs; only runs with a teacher have it."""
+
 Curves = list[dict[str, Any]]
 
 
@@ -46,8 +49,11 @@ class RunFolder:
 
     path: Path
 
-    def claim(self, settings: Mapping[str, Any]) -> None:
+    def claim(self, settings: Mapping[str, Any], defaults: Mapping[str, Any]) -> None:
         """Write the settings of a new run, or check that a run that is there has the same.
+
+        Args:
+            defaults: of the options: what a run has that was begun before an option was there.
 
         Raises:
             PaveTwinError: it has others, the folder holds something else, or it cannot be written.
@@ -56,7 +62,8 @@ class RunFolder:
         if file.is_file():
             try:
                 found = json.loads(file.read_text(encoding="utf-8"))
-            except (OSError, ValueError) as error:
+                found["options"] = {**defaults, **found["options"]}
+            except (OSError, ValueError, KeyError, TypeError) as error:
                 raise PaveTwinError(f"'{file}' is damaged; choose another folder for the run.") from error
             if difference := _difference(found, settings):
                 raise PaveTwinError(
@@ -71,7 +78,8 @@ class RunFolder:
     def write_curves(self, curves: Curves) -> None:
         """A row for each epoch so far."""
         with writing(self.path / CURVES) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
-            table = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
+            more = [TAUGHT] if any(TAUGHT in row for row in curves) else []
+            table = csv.DictWriter(stream, [*COLUMNS, *more], lineterminator="\n")
             table.writeheader()
             table.writerows(curves)
 

@@ -1,26 +1,30 @@
 """The training loop: phases of epochs of steps, from where the last checkpoint stands."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import repeat
 from math import isfinite
 from pathlib import Path
 from typing import Any, Final, Protocol
 
 import numpy as np
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.classes import CLASSES
-from pavetwin.perception.examples.example import ExampleSet, labelled_classes, missing_classes
+from pavetwin.perception.examples.example import ExampleSet, labelled_classes
 from pavetwin.perception.training.batches import Batch, TrainingViews, ValidationViews, batches
+from pavetwin.perception.training.checks import check_labels, check_photographs
 from pavetwin.perception.training.held_pictures import HeldExampleSet
 from pavetwin.perception.training.losses import Losses, detection_losses, mask_loss, subtype_loss
 from pavetwin.perception.training.network import DetectorNetwork
 from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
-from pavetwin.perception.training.run_folder import Curves, RunFolder, load_network, load_weights
+from pavetwin.perception.training.references import photometrics
+from pavetwin.perception.training.run_folder import TAUGHT, Curves, RunFolder, load_network, load_weights
 from pavetwin.perception.training.schedule import MovingAverage, Phase, epoch_order, phases_of, rate_at
+from pavetwin.perception.training.self_training import MeanTeacher
 from pavetwin.perception.training.validate import validate
 
 SAVE_S: Final = 300.0
@@ -37,6 +41,13 @@ FITNESS: Final = (0.1, 0.9)
 """Weights of mAP@0.5 and mAP@0.5:0.95 in what is best, as published for YOLOv8."""
 
 PARTS: Final = ("box", "classes", "distribution", "subtype", "mask")
+
+SUMS: Final = (*PARTS, "total", TAUGHT)
+"""What is averaged over the steps of an epoch."""
+
+
+Photographs = Sequence[Tensor] | None
+"""Views without labels as they are, and varied; None in a step without any."""
 
 
 class Watcher(Protocol):
@@ -57,8 +68,8 @@ class _Progress:
     epoch: int = 0
     step: int = 0
     """Steps done in the epoch."""
-    sums: list[float] = field(default_factory=lambda: [0.0] * (len(PARTS) + 1))
-    """Of the losses over these steps, the total last."""
+    sums: list[float] = field(default_factory=lambda: [0.0] * len(SUMS))
+    """Of the losses over these steps."""
     best: float = -1.0
     best_epoch: int = -1
     curves: Curves = field(default_factory=list)
@@ -75,9 +86,11 @@ class Trainer:
         machine: TrainingMachine,
         watcher: Watcher,
         start: Path | None = None,
+        photographs: ExampleSet | None = None,
     ) -> None:
         """Args:
         start: weights to begin with.
+        photographs: without labels; given where `options.adaptations` names a setting, and only there.
 
         Raises:
             PaveTwinError: the data, the folder or the weights do not fit; nothing has been changed then.
@@ -87,7 +100,8 @@ class Trainer:
         members = [(data, example) for data in held for example in data.examples]
         training = [each for each in members if each[1].split == "train"]
         self._validation = [each for each in members if each[1].split == "val"]
-        _check(training, self._validation, options)
+        check_labels(training, self._validation, options)
+        check_photographs(training, photographs, options)
         self._options, self._machine, self._watcher = options, machine, watcher
         self._known = labelled_classes(example for _, example in training)
         self._phases = phases_of(training, options)
@@ -103,8 +117,20 @@ class Trainer:
         self._is_new = start is None
         self._folder = RunFolder(folder)
         begun = load_network(start)[1].get("run", str(start.name)) if start is not None else None
-        data = [each.fingerprint for each in sets]
-        self._folder.claim({"options": options.as_mapping(), "data": data, "start": begun})
+        settings = {
+            "options": options.as_mapping(),
+            "data": [each.fingerprint for each in sets],
+            "start": begun,
+        }
+        self._teacher: MeanTeacher | None = None
+        if photographs is not None:
+            settings["photographs"] = photographs.fingerprint
+            if options.teacher_weight:
+                shown = photographs if machine.workers else HeldExampleSet.of(photographs)
+                known = frozenset[int]().union(*self._known.values())
+                self._teacher = MeanTeacher(shown, options, known)
+        self._photometric = photometrics(photographs, options)
+        self._folder.claim(settings, TrainingOptions().as_mapping())
         self._progress = _Progress()
         self._begin(self._phases[0])
         self._resume()
@@ -148,6 +174,8 @@ class Trainer:
             return
         try:
             self._progress = _Progress(**state["progress"], curves=state["curves"])
+            # Checkpoints of runs without a teacher were written without its sum.
+            self._progress.sums += [0.0] * (len(SUMS) - len(self._progress.sums))
             self._begin(self._phases[min(self._progress.phase, len(self._phases) - 1)])
             self.network.load_state_dict(state["network"])
             self._average.network.load_state_dict(state["average"])
@@ -192,16 +220,18 @@ class Trainer:
             options.views(mosaic=has_mosaic),
             options.architecture.mask_px,
             key,
+            self._photometric,
         )
         steps = max(1, len(views) // options.batch)
         warmup = round(options.warmup_epochs * steps)
         saved = time.monotonic()
-        for batch in batches(views, options.batch, first=it.step, workers=self._machine.workers):
+        labelled = batches(views, options.batch, first=it.step, workers=self._machine.workers)
+        for batch, photographs in zip(labelled, self._taught(phase, key, steps), strict=True):
             rate = rate_at(it.epoch * steps + it.step, phase.epochs * steps, warmup, options)
-            parts = self._step(batch, phase, rate)
+            parts = self._step(batch, phase, rate, photographs)
             it.sums = [total + each for total, each in zip(it.sums, parts, strict=True)]
             it.step += 1
-            self._watcher.on_step(phase, it.epoch, it.step, steps, parts[-1])
+            self._watcher.on_step(phase, it.epoch, it.step, steps, parts[SUMS.index("total")])
             if it.step < steps and time.monotonic() > deadline:
                 return False
             if time.monotonic() > saved + SAVE_S:
@@ -209,8 +239,16 @@ class Trainer:
                 saved = time.monotonic()
         return True
 
-    def _step(self, batch: Batch, phase: Phase, rate: float) -> list[float]:
-        """The losses of a batch, the total last; the weights have moved."""
+    def _taught(self, phase: Phase, key: tuple[int, ...], steps: int) -> Iterator[Photographs]:
+        """The photographs of the steps that are left of the epoch."""
+        it, teacher = self._progress, self._teacher
+        is_early = not it.phase and it.epoch < self._options.teacher_after
+        if teacher is None or phase.classifier or is_early:
+            return repeat(None, steps - it.step)
+        return teacher.views(key, steps, it.step, self._machine.workers)
+
+    def _step(self, batch: Batch, phase: Phase, rate: float, photographs: Photographs) -> list[float]:
+        """The losses of a batch, as `SUMS` names them; the weights have moved."""
         self.network.train()
         if phase.classifier:
             for part in (self.network.backbone, self.network.neck, self.network.detection):
@@ -225,11 +263,13 @@ class Trainer:
                 each.momentum = momentum
         for group in self._optimiser.param_groups:
             group["lr"] = rate
-        losses = self._losses(batch, phase)
+        losses, taught = self._losses(batch, phase, photographs)
         total = losses.total(self._options.weights)
-        values = torch.stack([*(getattr(losses, name) for name in PARTS), total]).tolist()
+        if photographs is not None:
+            total = total + self._options.teacher_weight * taught
+        values = torch.stack([*(getattr(losses, name) for name in PARTS), total, taught]).tolist()
         if not all(map(isfinite, values)):
-            told = ", ".join(f"{name} {value:.3g}" for name, value in zip((*PARTS, "total"), values, strict=True))
+            told = ", ".join(f"{name} {value:.3g}" for name, value in zip(SUMS, values, strict=True))
             where = f"phase '{phase.name}', epoch {self._progress.epoch + 1}, step {self._progress.step + 1}"
             raise PaveTwinError(
                 f"A loss is not finite ({where}: {told}); the last checkpoint is kept. Try a smaller `rate` in a new "
@@ -243,14 +283,23 @@ class Trainer:
         self._average.update(self.network)
         return values
 
-    def _losses(self, batch: Batch, phase: Phase) -> Losses:
-        images = batch.images.to(self._device, non_blocking=True).to(memory_format=torch.channels_last).float() / 255
+    def _losses(self, batch: Batch, phase: Phase, photographs: Photographs) -> tuple[Losses, Tensor]:
+        """Of the labelled images, and of the photographs that the teacher labels."""
+        images = self._images(batch.images)
         targets = batch.targets.to(self._device)
         nothing = torch.zeros((), device=self._device)
-        box = classes = distribution = subtype = mask = nothing
+        box = classes = distribution = subtype = mask = taught = nothing
         with torch.autocast(self._device.type, dtype=torch.bfloat16, enabled=self._half):
-            with torch.set_grad_enabled(not phase.classifier):
-                encoded = self.network(images)
+            if photographs is not None and self._teacher is not None:
+                # Together, so that batch normalisation learns the statistics of what it will be used on.
+                plain, varied = map(self._images, photographs)
+                said = self._teacher.targets(self._average.network, plain)
+                both = self.network(torch.cat([images, varied]))
+                encoded, theirs = both.images(slice(len(images))), both.images(slice(len(images), None))
+                taught = self._teacher.loss(self.network, theirs, said, self._options.weights)
+            else:
+                with torch.set_grad_enabled(not phase.classifier):
+                    encoded = self.network(images)
             if len(targets.regions):
                 logits, masks = self.network.regions(encoded.maps, targets.regions)
         if not phase.classifier:
@@ -259,13 +308,19 @@ class Trainer:
             subtype = subtype_loss(logits, targets.subtypes)
             if masks is not None and self._options.mask_weight:
                 mask = mask_loss(masks, targets.masks, targets.has_mask)
-        return Losses(box, classes, distribution, subtype, mask)
+        return Losses(box, classes, distribution, subtype, mask), taught
+
+    def _images(self, pixels: Tensor) -> Tensor:
+        """On the device, in 0 … 1."""
+        return pixels.to(self._device, non_blocking=True).to(memory_format=torch.channels_last).float() / 255
 
     def _close_epoch(self) -> None:
         """Validate, keep the best, and step to the next epoch or phase."""
         it, phase = self._progress, self._phases[self._progress.phase]
         precision = self._validate()
-        means = [total / max(1, it.step) for total in it.sums]
+        means = dict(zip(SUMS, (total / max(1, it.step) for total in it.sums), strict=True))
+        if self._teacher is None:
+            del means[TAUGHT]
         each = [None if np.isnan(row[0]) else float(row[0]) for row in precision]
         result, strict = float(np.nanmean(precision[:, 0])), float(np.nanmean(precision))
         fitness = FITNESS[0] * result + FITNESS[1] * strict
@@ -274,7 +329,7 @@ class Trainer:
                 "phase": phase.name,
                 "epoch": it.epoch + 1,
                 "rate": self._optimiser.param_groups[0]["lr"],
-                **dict(zip((*PARTS, "total"), means, strict=True)),
+                **means,
                 "map50": result,
                 "map": strict,
                 **dict(zip(CLASSES, each, strict=True)),
@@ -332,21 +387,3 @@ def _has_half(device: torch.device) -> bool:
         return torch.cuda.is_bf16_supported()
     told = getattr(torch.cpu, "get_capabilities", None)  # not in all versions
     return device.type == "cpu" and told is not None and bool(told().get("amx_bf16"))
-
-
-def _check(training: Sequence[Any], validation: Sequence[Any], options: TrainingOptions) -> None:
-    """Raises:
-    PaveTwinError: there are no images to train on or to validate with, or a class has no object.
-    """
-    for name, members in (("train", training), ("val", validation)):
-        if not members:
-            raise PaveTwinError(f"The datasets have no images in their split '{name}'; split them with both.")
-    if not any(not each.is_ignored for _, example in validation for each in example.objects):
-        raise PaveTwinError("The validation images have no labelled object, by which a network could be judged.")
-    missing = missing_classes(example for _, example in training)
-    if absent := [name for name in missing if name not in options.without_classes]:
-        names = ", ".join(absent)
-        raise PaveTwinError(
-            f"No training image shows a labelled {names}; add a dataset that has some, or leave them out "
-            f"(`without={','.join(absent)}`)."
-        )

@@ -4,7 +4,7 @@ A view is a canvas with parts of one or more images, each at one scale. Every ob
 box and mask in its image, so that nothing is resampled twice.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -114,8 +114,15 @@ def tiles(data: ExampleSet, example: Example, size_px: int) -> list[ImagePart]:
     return [ImagePart(data, example, window, 1.0, -float(x), -float(y)) for y in starts(height) for x in starts(width)]
 
 
-def view_of(parts: Sequence[ImagePart], size_px: int) -> LabelledView:
+Change = Callable[[ImagePart, UInt8Array], UInt8Array]
+"""Of the pixels (height, width, 3) that a view shows of an image; they stay where they are."""
+
+
+def view_of(parts: Sequence[ImagePart], size_px: int, change: Change | None = None) -> LabelledView:
     """The canvas (size_px, size_px) with its parts.
+
+    Args:
+        change: of each image as it is shown, before it is mirrored.
 
     Raises:
         PaveTwinError: a picture cannot be read.
@@ -123,12 +130,12 @@ def view_of(parts: Sequence[ImagePart], size_px: int) -> LabelledView:
     canvas = np.full((size_px, size_px, 3), GREY, dtype=np.uint8)
     objects: list[SeenObject] = []
     for part in parts:
-        _draw(part, canvas)
+        _draw(part, canvas, change)
         objects += _seen(part)
     return LabelledView(canvas, tuple(objects), frozenset(part.example.source for part in parts))
 
 
-def _draw(part: ImagePart, canvas: UInt8Array) -> None:
+def _draw(part: ImagePart, canvas: UInt8Array, change: Change | None) -> None:
     """Fill the part's window, resampling the image once."""
     picture = part.data.picture(part.example)
     width, height = picture.size
@@ -147,6 +154,8 @@ def _draw(part: ImagePart, canvas: UInt8Array) -> None:
         min(float(height), (bottom - part.top) / part.scale),
     )
     shown = np.asarray(picture.resize((right - left, bottom - top), Image.Resampling.BILINEAR, box=source))
+    if change is not None:
+        shown = change(part, shown)
     if part.mirrored:
         shown, left, right = shown[:, ::-1], first[0] + last[0] - right, first[0] + last[0] - left
     if part.upside_down:
