@@ -134,6 +134,16 @@ def test_a_picture_moved_to_itself_stays_and_is_never_sharpened() -> None:
     assert appearance_of(found).sharpness == pytest.approx(appearance_of(dull).sharpness, rel=0.3)
 
 
+def test_grey_things_get_one_tint_and_no_colours_of_their_own() -> None:
+    """Of a photograph whose blue varies four times as much as its red."""
+    coloured = picture(4, (320, 256)).astype(float)
+    coloured = np.uint8((coloured - coloured.mean(axis=(0, 1))) * [0.5, 1.0, 2.0] + [120, 130, 140])
+    grey = np.repeat(detailed(3)[..., :1], 3, axis=2)
+    found = moved_to(grey, appearance_of(coloured), np.random.default_rng(0)).astype(float)
+    assert found.mean(axis=(0, 1)) == pytest.approx([120, 130, 140], abs=1)
+    assert (found[..., 2] - found[..., 0]).std() < 1
+
+
 @pytest.mark.parametrize("size", [(20, 8), (3, 200), (1, 1)])
 def test_the_smallest_parts_of_mosaics_are_moved_too(size: tuple[int, int]) -> None:
     pixels = np.full((size[1], size[0], 3), 50, dtype=np.uint8)

@@ -14,8 +14,11 @@ from PIL import Image, ImageFilter
 
 from pavetwin.arrays import BoolArray, Float64Array, UInt8Array
 
-LUMA: Final = np.array([0.299, 0.587, 0.114])
-"""Of red, green and blue (ITU-R BT.601)."""
+COLOURS: Final = np.array([[0.299, 0.587, 0.114], [-0.168736, -0.331264, 0.5], [0.5, -0.418688, -0.081312]])
+"""Luma and two differences of colour, of red, green and blue (ITU-R BT.601), in which colours are matched as by
+Reinhard et al. (2001): scaled each by itself, red, green and blue would give grey things colours."""
+
+LUMA: Final = COLOURS[0]
 
 BLOCK_PX: Final = 32
 """Side of the blocks whose spectra are averaged."""
@@ -34,7 +37,7 @@ MOST_BLUR_PX: Final = 3.0
 """Standard deviation of the greatest blur."""
 
 MOST_GAIN: Final = 2.0
-"""The greatest change of a channel's contrast, up or down: more would show rounding as steps."""
+"""The greatest change of contrast, up or down: more would show rounding as steps."""
 
 _QUIET_SHARE: Final = 0.83
 """Of the power of white noise that the quantile of its blocks has; measured on images of 320 and 512 px."""
@@ -47,7 +50,7 @@ class Appearance:
     """Of one picture."""
 
     mean: Float64Array
-    """(3,) of red, green and blue, 0 … 255."""
+    """(3,) of luma and two differences of colour, for levels of 0 … 255."""
     spread: Float64Array
     """(3,) standard deviations."""
     noise: float
@@ -59,12 +62,12 @@ class Appearance:
 def appearance_of(pixels: UInt8Array) -> Appearance:
     """Measured on (height, width, 3)."""
     noise, power = _noise_and_power(pixels)
-    flat = pixels.reshape(-1, 3)
+    flat = pixels.reshape(-1, 3) @ COLOURS.T
     return Appearance(flat.mean(axis=0), flat.std(axis=0), noise, _sharpness(power, 0.0))
 
 
 def moved_to(pixels: UInt8Array, goal: Appearance, rng: np.random.Generator) -> UInt8Array:
-    """The picture blurred to the goal's sharpness, its channels scaled and shifted to the goal's, and noise added.
+    """The picture blurred to the goal's sharpness, its luma and colours scaled and shifted, and noise added.
 
     Details and noise that it has are not taken away: it is never sharpened, and noise is added up to the goal's.
     """
@@ -74,10 +77,10 @@ def moved_to(pixels: UInt8Array, goal: Appearance, rng: np.random.Generator) -> 
     if sigma > 0:
         # Mirrored beyond the edges by Pillow's own filter; its radius is the standard deviation.
         shown = np.asarray(Image.fromarray(pixels).filter(ImageFilter.GaussianBlur(sigma)))
-    flat = shown.reshape(-1, 3)
-    mean, spread = flat.mean(axis=0), flat.std(axis=0)
+    colours = shown @ COLOURS.T
+    mean, spread = colours.mean(axis=(0, 1)), colours.std(axis=(0, 1))
     gain = np.clip(goal.spread / np.maximum(spread, _TINY), 1 / MOST_GAIN, MOST_GAIN)
-    moved = (shown - mean) * gain + goal.mean
+    moved = ((colours - mean) * gain + goal.mean) @ np.linalg.inv(COLOURS).T
     has, _ = _noise_and_power(_levels(moved))
     missing = np.sqrt(max(0.0, goal.noise**2 - has**2))
     return _levels(moved + missing * rng.standard_normal(moved.shape[:2])[..., None])
