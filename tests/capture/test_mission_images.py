@@ -54,7 +54,7 @@ def test_a_sensor_of_ones_own_sees_the_image_that_is_saved(tmp_path: Path) -> No
     """From the command line; the saved file decodes to the very pixels of the sensor's image, compressed alike."""
     save_world(damaged("cross", 6), tmp_path / "cross")
     (tmp_path / "looker.py").write_text(LOOKER)
-    flown = ("--density", "high", "--segments", "1", "--seed", "1", "--policy", "baseline", "--save-frames")
+    flown = ("--density", "high", "--segments", "1", "--seed", "1", "--policy", "baseline", "--save-frames", "hits")
     sensor = f"sensing.sensor={tmp_path / 'looker.py'}:Looker"
     command = [sys.executable, "-c", "from pavetwin.cli import main; main()", "fly", tmp_path / "cross", *flown]
     command += ["--set", sensor, "--set", "camera.model=paper", "-o", tmp_path / "m"]
@@ -88,7 +88,9 @@ class Asked:
         *,
         noise: int,
         parked: ParkedVehicles,
+        truth: bool,
     ) -> object:
+        self.truth = truth
         self.parked = parked
         self.calls.append((view, traffic, time_s, noise))
         return None

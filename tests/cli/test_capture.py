@@ -202,7 +202,7 @@ def test_without_an_adapter_the_package_is_named(world: Path, tmp_path: Path) ->
     done = pavetwin_process("capture", world, "-o", tmp_path / "d", "--images", 1, **blind)
     assert "mesa-vulkan-drivers" in plain_refusal(done)
     assert not (tmp_path / "d").exists()
-    result = pavetwin_process("fly", world, "--segments", 1, "--save-frames", "-o", tmp_path / "m", **blind)
+    result = pavetwin_process("fly", world, "--segments", 1, "--save-frames", "hits", "-o", tmp_path / "m", **blind)
     assert "mesa-vulkan-drivers" in plain_refusal(result)
     assert not (tmp_path / "m").exists()
 
@@ -326,6 +326,22 @@ def test_frames_show_the_traffic_of_a_mission_that_took_off_later_in_the_recordi
     assert time_s == pytest.approx(30.0 + result.detections[0].time_s)
     (record,) = read_records(tmp_path / "m" / "frames")
     assert record.traffic["time_s"] == pytest.approx(time_s, abs=1e-4)
+
+
+def test_frames_of_all_captures_name_theirs(tmp_path: Path) -> None:
+    result = empty_street((20, 1)).fly("baseline")
+    save_mission(result, tmp_path / "m")
+    scene_renderer = Polaroid(result.environment.defects)
+    taken = save_frames(result, images_by(scene_renderer, result), tmp_path / "m", every=True)
+    assert taken == len(result.captures["t_s"]) == len(scene_renderer.views)
+    frames = tmp_path / "m" / "frames"
+    captures, images = zip(*(line.split(",") for line in (frames / "captures.csv").read_text().split()), strict=True)
+    assert captures == ("capture", *map(str, range(taken)))
+    assert all((frames / name).is_file() for name in images[1:])
+    places = zip(result.captures["t_s"], result.captures["x_m"], strict=True)
+    assert [(time_s, view.position[0]) for view, time_s in scene_renderer.views] == list(places)
+    (feature,) = json.loads((tmp_path / "m" / "captures.geojson").read_text())["features"]
+    assert feature["properties"]["frame"] == f"frames/{images[1 + feature['properties']['capture']]}"
 
 
 def test_a_mission_that_found_nothing_has_no_frames(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from shapely import Point, union_all
 from pavetwin.world.cache import cached
 from pavetwin.world.folder import read_description
 from pavetwin.world.store import load_world, save_world
-from scenes import HERE, built, damaged
+from scenes import HERE, built, damaged, drawn_detector
 from scenes.command_line import command, pavetwin, pavetwin_process, plain_refusal
 from scenes.folders import digests
 from scenes.processes import is_over, simulations
@@ -476,9 +476,23 @@ def test_vehicles_park_unless_that_is_turned_off(
     assert settings["parking"] == {"enabled": enabled, "occupancy": occupancy}
 
 
+def test_the_detector_needs_a_model_that_is_there(world: Path, tmp_path: Path) -> None:
+    eyes = ("fly", world, *SHORT, "-o", tmp_path / "m", "--sensor", "detector")
+    assert plain_refusal(pavetwin(*eyes)).startswith("Error: The sensor 'detector' needs a model: name its file by")
+    assert "there is no file 'none.onnx'" in plain_refusal(pavetwin(*eyes, "--model", "none.onnx"))
+    other = pavetwin("fly", world, *SHORT, "-o", tmp_path / "m", "--model", drawn_detector.FILE)
+    assert "the sensor 'recall' has no option 'model'" in plain_refusal(other)
+    assert plain_refusal(pavetwin("fly", world, "--save-frames", "some")) == (
+        "Error: --save-frames some: one of hits, all, none."
+    )
+    assert not (tmp_path / "m").exists()
+
+
 @pytest.mark.needs_adapter
 def test_frames_at_night_are_refused_before_anything_is_flown(world: Path, tmp_path: Path) -> None:
-    line = plain_refusal(pavetwin("fly", world, *SHORT, "--time", "23:30", "--save-frames", "-o", tmp_path / "m"))
+    line = plain_refusal(
+        pavetwin("fly", world, *SHORT, "--time", "23:30", "--save-frames", "hits", "-o", tmp_path / "m")
+    )
     assert line.startswith("Error: --time 23:30: on 2025-03-20 the sun is then")
     assert not (tmp_path / "m").exists()
 

@@ -29,7 +29,7 @@ except SystemExit as ended:
     [
         (["--version"], 0, SLOW_TO_LOAD | PRINTING | {"pydantic"}),
         (["fly", "nosuch"], 2, SLOW_TO_LOAD | PRINTING),
-        (["fly", "nosuch", "--policy", "all", "--save-frames"], 2, SLOW_TO_LOAD | PRINTING),
+        (["fly", "nosuch", "--policy", "all", "--save-frames", "hits"], 2, SLOW_TO_LOAD | PRINTING),
         (["capture", "nosuch", "-o", "dataset"], 2, SLOW_TO_LOAD | PRINTING),
         (["world", "info", "nosuch"], 2, SLOW_TO_LOAD | PRINTING),
         (["world", "export", "nosuch", "-o", "town.glb"], 2, SLOW_TO_LOAD | PRINTING),

@@ -56,7 +56,9 @@ def test_worlds_are_exported_all_the_same(world: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "arguments", [("fly", "--density", "low", "--segments", 1, "--save-frames"), ("capture", "--images", 1)], ids=str
+    "arguments",
+    [("fly", "--density", "low", "--segments", 1, "--save-frames", "hits"), ("capture", "--images", 1)],
+    ids=str,
 )
 def test_what_draws_is_refused_in_one_line_and_leaves_nothing(
     world: Path, tmp_path: Path, arguments: tuple[object, ...]

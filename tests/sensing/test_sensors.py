@@ -22,6 +22,7 @@ from pavetwin.sensing import (
     sensor_names,
 )
 from pavetwin.sensing.conformance import trial_defect, trial_frames, trial_sighting
+from scenes import drawn_detector
 
 
 def frame(*sightings: tuple[int, int]) -> Frame:
@@ -49,10 +50,15 @@ def found(seed: int, *sightings: tuple[int, int], recall: float = 0.84) -> set[t
     return {sighting for sighting in sightings if sighting[0] in confirmed}
 
 
+OPTIONS = {"detector": {"model": str(drawn_detector.FILE), "image_px": 64}}
+"""What a sensor cannot do without."""
+
+
 @pytest.mark.parametrize("name", sensor_names())
 def test_every_registered_sensor_keeps_the_rules(name: str) -> None:
-    settings = SensingSettings(sensor=name)
-    assert check_sensor(lambda given, seed: load_sensor(given.model_copy(update={"sensor": name}), seed)) == []
+    settings = SensingSettings(sensor=name, options=OPTIONS.get(name, {}))
+    own = {"sensor": name, "options": settings.options}
+    assert check_sensor(lambda given, seed: load_sensor(given.model_copy(update=own), seed)) == []
     assert load_sensor(settings, 0).name == name
 
 

@@ -1,5 +1,5 @@
-"""The frames in which a mission confirmed its defects, rendered after the flight from its records: a dataset with
-labels.
+"""The frames of a mission, those in which it confirmed defects or all, rendered after the flight from its records: a
+dataset with labels.
 
 The mission itself draws nothing. Its camera, poses, times and traffic are in its detections, date, time and clouds in
 its conditions. The light stays as it is when the mission begins.
@@ -31,6 +31,7 @@ from pavetwin.labels.classes import category_of_defect
 from pavetwin.mission.defect_files import write_captures
 from pavetwin.mission.environment import shutter_s
 from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.inspected_defects import captured_frame
 from pavetwin.mission.versions import software_versions
 from pavetwin.sensing import Frame, JudgedDetection
 from pavetwin.traffic.trace import trace_of
@@ -41,6 +42,9 @@ if TYPE_CHECKING:
     from pavetwin._core import Trace
 
 FOLDER: Final = "frames"
+
+CAPTURES: Final = "captures.csv"
+"""In it: which image is of which capture."""
 
 SPLIT: Final = "test"
 """Split of mission frames: a detector is tested on them, although it may have been trained on the same streets."""
@@ -56,33 +60,42 @@ def save_frames(
     images: MissionImages,
     folder: Path,
     *,
+    every: bool = False,
     adapter: str = "",
     on_progress: Callable[[float], None] | None = None,
 ) -> int:
     """Take the frame of every capture that confirmed a defect, into `frames/` of a mission's folder, and name it in
-    `captures.geojson`. Returns how many were taken.
+    `captures.geojson`. Returns how many were taken. `frames/captures.csv` names the capture of each image.
 
     Args:
         images: of the mission's environment, traffic and seed.
+        every: take the frames of all captures.
         adapter: name of the graphics adapter.
 
     Raises:
         PaveTwinError: the frames cannot be written.
     """
-    captures = [tuple(group) for _, group in groupby(result.confirmed, key=lambda detection: detection.time_s)]
-    names = []
+    confirmed = {
+        capture: tuple(group) for capture, group in groupby(result.confirmed, key=lambda detection: detection.capture)
+    }
+    captures = range(len(result.captures["t_s"])) if every else list(confirmed)
+    names, lines = [], ["capture,image\n"]
     with writing_folder(folder / FOLDER, replace=True) as place:
         if captures:
             camera = _MissionCamera(result, images)
             settings = camera.settings(len(captures))
             formats = find_formats(settings.formats)
-            for number, detections in enumerate(captures):
-                record, picture = camera.frame(detections, number, settings)
+            for number, capture in enumerate(captures):
+                detections = confirmed.get(capture, ())
+                frame = camera.confirming(detections[0]) if detections else captured_frame(result, capture)
+                record, picture = camera.frame(frame, detections, number, settings)
                 write_image(place, record, picture, formats)
                 link_image(place, record, formats)
                 names += [f"{FOLDER}/{record.image}"] * len(detections)
+                lines.append(f"{capture},{record.image}\n")
                 if on_progress is not None:
                     on_progress((number + 1) / len(captures))
+            (place / CAPTURES).write_text("".join(lines), encoding="utf-8")
             write_over_all(place, formats, (SPLIT,))
             packages = packages_in_use(settings, images.world)
             versions = software_versions(images=True, adapter=adapter, packages=packages)
@@ -127,12 +140,9 @@ class _MissionCamera:
             parking=self.result.settings.parking,
         )
 
-    def frame(
-        self, detections: Sequence[JudgedDetection], number: int, settings: CaptureSettings
-    ) -> tuple[Record, bytes]:
-        """The frame of one capture, which may have confirmed several defects: its record, and its picture as a file."""
-        at, world, recording = detections[0], self.images.world, self.images.replay.recording
-        capture = Frame(
+    def confirming(self, at: JudgedDetection) -> Frame:
+        """The capture of a detection."""
+        return Frame(
             number=at.capture,
             time_s=at.time_s,
             position=at.position,
@@ -143,16 +153,22 @@ class _MissionCamera:
             velocity_mps=at.velocity_mps,
             exposure_s=shutter_s(self.result.settings),
         )
+
+    def frame(
+        self, capture: Frame, detections: Sequence[JudgedDetection], number: int, settings: CaptureSettings
+    ) -> tuple[Record, bytes]:
+        """The frame of one capture, which may have confirmed several defects: its record, and its picture as a file."""
+        world, recording = self.images.world, self.images.replay.recording
         frame = self.images.rendered(capture, settings.size_px)
-        daylight = replace(self.begin, when=self.begin.when + timedelta(seconds=at.time_s))
-        recorded_s = self.images.replay.recorded_s(at.time_s)
+        daylight = replace(self.begin, when=self.begin.when + timedelta(seconds=capture.time_s))
+        recorded_s = self.images.replay.recorded_s(capture.time_s)
         defects = [each.defect for each in detections if each.defect is not None]
         aims = sorted({category_of_defect(world.defects[defect].kind).name for defect in defects})
         agents = self.trace.agents_at(recorded_s)
         state = SceneState(world, agents, recording.agents.kind, self.images.parked)
         return record_of(
             frame,
-            Pose(frame.view, recorded_s, at.yaw_rad, -np.pi / 2, self.camera, "gimbal"),
+            Pose(frame.view, recorded_s, capture.yaw_rad, -np.pi / 2, self.camera, "gimbal"),
             daylight,
             world,
             settings,

@@ -56,13 +56,14 @@ class MissionImages:
         Raises:
             PaveTwinError: there is no adapter to draw with, or the sun is below the horizon.
         """
-        return self.rendered(frame).rgb
+        return self.rendered(frame, truth=False).rgb
 
-    def rendered(self, frame: Frame, size_px: tuple[int, int] | None = None) -> "RenderedFrame":
+    def rendered(self, frame: Frame, size_px: tuple[int, int] | None = None, *, truth: bool = True) -> "RenderedFrame":
         """The image of a capture with its ground truth.
 
         Args:
             size_px: width, height; the camera's own unless given. The field of view stays.
+            truth: with labels; the image itself is the same without.
 
         Raises:
             PaveTwinError: as `__call__`.
@@ -82,6 +83,7 @@ class MissionImages:
             self.replay.recorded_s(frame.time_s),
             noise=int(child(self.seed, Stream.FRAME, frame.number).integers(1 << 62)),
             parked=self.parked,
+            truth=truth,
         )
 
     @cached_property

@@ -61,6 +61,7 @@ class SceneRenderer:
         parked: ParkedVehicles,
         without: int | None = None,
         compensation_ev: float = 0.0,
+        truth: bool = True,
     ) -> RenderedFrame:
         """The image of a camera at a time of the recording.
 
@@ -69,6 +70,7 @@ class SceneRenderer:
             parked: the vehicles that stand in the world's parking places.
             without: the agent that carries the camera; only its shadow is drawn.
             compensation_ev: how much brighter than metered, in stops.
+            truth: with labels, and the same image without defects; the image itself is the same without.
         """
         near = (float(view.position[0]), float(view.position[1]), self._radius_m(view))
         ego = None if without is None else agent_label(without)
@@ -82,8 +84,9 @@ class SceneRenderer:
             shadow_only=[each for each in agents if ego and each.label == ego],
             compensation_ev=compensation_ev,
             seed=noise,
+            labels=truth,
             depth=False,
-            defect_free=True,
+            defect_free=truth,
             velocities=self._velocities(recording, time_s, near),
         )
 

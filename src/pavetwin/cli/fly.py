@@ -11,6 +11,7 @@ from pavetwin.cli.arguments import CacheFolder, Hour, Los, Mix, OptionalWorldFol
 from pavetwin.cli.conditions import OPTIONS as CONDITIONS
 from pavetwin.cli.conditions import Clouds, Date, Time, Wind, conditions_of
 from pavetwin.cli.console import out, progress
+from pavetwin.cli.detect import named
 from pavetwin.cli.parking import Parking, parking_of
 from pavetwin.cli.published import note_difference
 from pavetwin.errors import PaveTwinError, about, naming
@@ -24,9 +25,12 @@ if TYPE_CHECKING:
 
 POLICY, SEGMENTS = "hover", "8"
 
+FRAMES, NO_FRAMES = ("hits", "all", "none"), "none"
+"""Values of --save-frames."""
+
 FIXED_BY_AGAIN = (
-    *("los", "hour", "density", "mix", "altitude", "segments", "segment", "order", "seed", "preset", "sensor", "set_"),
-    *("traffic", "traffic_area", "routes", "take_off", "base", "aircraft", "airspace", "plugin", "parking"),
+    *("los", "hour", "density", "mix", "altitude", "segments", "segment", "order", "seed", "preset", "sensor", "model"),
+    *("set_", "traffic", "traffic_area", "routes", "take_off", "base", "aircraft", "airspace", "plugin", "parking"),
     *CONDITIONS,
 )
 """Options whose values a mission.yaml holds."""
@@ -52,6 +56,9 @@ def fly(
     ] = None,
     sensor: Annotated[
         str | None, typer.Option(help="{sensors}, or your own, file.py:ClassName. recall unless set otherwise.")
+    ] = None,
+    model: Annotated[
+        Path | None, typer.Option(metavar="FILE.onnx", help="Of --sensor detector: file of `pavetwin export`.")
     ] = None,
     aircraft: Annotated[
         str | None,
@@ -127,8 +134,12 @@ def fly(
     no_map: Annotated[bool, typer.Option("--no-map", help="Draw no map.")] = False,
     animate: Annotated[bool, typer.Option("--animate", help="Also draw an animation, mission.gif.")] = False,
     save_frames: Annotated[
-        bool, typer.Option("--save-frames", help="Also render labelled frames of confirmed defects into frames/.")
-    ] = False,
+        str,
+        typer.Option(
+            metavar="hits|all|none",
+            help="Also render labelled frames into frames/: of captures that confirmed a defect, or of all.",
+        ),
+    ] = NO_FRAMES,
     settings: Annotated[bool, typer.Option("--settings", help="Print the settings of this call and exit.")] = False,
 ) -> None:
     """Fly a UAV over a world's streets in recorded traffic, and measure what it sees.
@@ -138,7 +149,8 @@ def fly(
     pavetwin fly worlds/town --los E --mix south_asia --policy hover --policy skip
     pavetwin fly worlds/published --policy all --preset paper --density medium --altitude 6
     pavetwin fly worlds/town --aircraft phantom4pro --wind 6@270
-    pavetwin fly worlds/town --date 2026-06-21 --time 09:30 --clouds 0.4 --wind 5@270 --save-frames
+    pavetwin fly worlds/town --date 2026-06-21 --time 09:30 --clouds 0.4 --wind 5@270 --save-frames hits
+    pavetwin fly worlds/town --sensor detector --model model.onnx --segments 1 --save-frames hits
     pavetwin fly worlds/town --routes rush.rou.xml --take-off 600
     pavetwin fly worlds/town --parking 0.9
     pavetwin fly worlds/city --segments 3 --traffic-area 200
@@ -152,6 +164,8 @@ def fly(
             ("segment", "segments"),
         ),
     )
+    if save_frames not in FRAMES:
+        raise PaveTwinError(f"--save-frames {save_frames}: one of {', '.join(FRAMES)}.")
     asked = traffic_name(density, los, hour, mix)
     if density is None and los is None and hour is None:
         asked = None  # a mix alone names no level, so the usual one or the nearest to it is flown
@@ -165,6 +179,7 @@ def fly(
             preset,
             altitude,
             sensor,
+            model,
             aircraft,
             set_,
             paths_of(plugin),
@@ -200,7 +215,7 @@ def fly(
         out.print(report.settings_text(chosen), markup=False)
         return
     loaded = load_world(world) if world is not None else world_of(former.spec.world)  # type: ignore[union-attr]
-    if save_frames:
+    if save_frames != NO_FRAMES or looks_at_images(chosen):
         from pavetwin.capture.mission_images import check_frames
 
         check_frames(chosen, loaded)
@@ -275,9 +290,15 @@ def fly(
     out.line(f"Traffic {inputs.replay.recording.name}: {flow.sentence} {flow.removals_sentence}")
     maps = not no_map
     results = _fly_and_draw(specs, inputs, folder, former, maps=maps, animate=animate, save_frames=save_frames)
-    pictures.tell_files(results, folder, maps=maps, animate=animate, frames=save_frames)
+    looked = looks_at_images(specs[0].settings)
+    pictures.tell_files(results, folder, maps=maps, animate=animate, frames=save_frames != NO_FRAMES, sheet=looked)
     if former is not None and former.is_contradicted_by(results[0]):
         raise typer.Exit(1)
+
+
+def looks_at_images(settings: "MissionSettings") -> bool:
+    """Whether the mission's sensor is the one that looks at rendered captures."""
+    return settings.sensing.sensor == "detector"
 
 
 def _former(context: typer.Context, again: Path | None, *, other_policy: bool) -> "FormerMission | None":
@@ -307,7 +328,7 @@ def _fly_and_draw(
     *,
     maps: bool,
     animate: bool,
-    save_frames: bool,
+    save_frames: str,
 ) -> list["MissionResult"]:
     """Fly missions that differ in their policy, write each as soon as it is flown, print what came out, then draw."""
     from pavetwin.capture.mission_images import MissionImages
@@ -316,18 +337,22 @@ def _fly_and_draw(
 
     replay, environment, several = inputs.replay, inputs.environment, len(specs) > 1
     images = MissionImages(environment.inspected_world, replay, specs[0].seed, environment.parked)
-    frames = pictures.taking_frames(images) if save_frames else None
+    frames = pictures.taking_frames(images, every=save_frames == "all") if save_frames != NO_FRAMES else None
+    sheet = pictures.drawing_sheet(images) if looks_at_images(specs[0].settings) else None
 
     def missions() -> Iterator["MissionResult"]:
         for spec in specs:
             with progress(f"Flying {Path(spec.policy.name).name}") as tell:
                 inputs.on_extend(partial(tell, what="Recording more traffic"))
-                yield fly_mission(spec, inputs=inputs, image_source=images, on_progress=tell)
+                look = partial(tell, what="Rendering the captures and searching them")
+                yield fly_mission(spec, inputs=inputs, image_source=images, on_progress=tell, on_look=look)
 
     with replay:
         results = report.save(missions(), folder, several=several)
         report.tell(results, inputs, former)
-        pictures.draw(results, folder, several=several, maps=maps, animated=lambda _: animate, frames=frames)
+        pictures.draw(
+            results, folder, several=several, maps=maps, animated=lambda _: animate, frames=frames, sheet=sheet
+        )
     return results
 
 
@@ -335,6 +360,7 @@ def _settings(
     preset: str,
     altitude: float | None,
     sensor: str | None,
+    model: Path | None,
     aircraft: str | None,
     overrides: Sequence[str] | None,
     plugins: Sequence[str],
@@ -351,6 +377,8 @@ def _settings(
         given["altitude_m"] = altitude
     if sensor is not None:
         given["sensing"] = {"sensor": sensor}
+    if model is not None:
+        given.setdefault("sensing", {})["options"] = {"model": str(named(model))}
     if aircraft is not None:
         given["aircraft"] = aircraft
     if plugins:

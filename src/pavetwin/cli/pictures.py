@@ -17,6 +17,8 @@ MISSION_FILES = (
     "mission.parquet, track.parquet, detections.parquet, mission.yaml"
 )
 
+SHEET = "detections.jpg"
+
 Drawing = Callable[["MissionResult", Path], None]
 """Draws a mission into a file, whole or not at all."""
 
@@ -29,6 +31,7 @@ def draw(
     maps: bool = True,
     animated: Callable[["MissionResult"], bool] = lambda _: False,
     frames: Drawing | None = None,
+    sheet: Drawing | None = None,
     title: str = "Drawing",
 ) -> None:
     """Draw missions into the folder of their numbers.
@@ -36,7 +39,8 @@ def draw(
     Args:
         several: there is a folder for each policy, and the maps have a comparison beside them.
         animated: whether a mission is shown moving as well.
-        frames: takes the frames of a mission's confirmed defects; none are saved unless given.
+        frames: takes the frames of a mission's captures; none are saved unless given.
+        sheet: draws what the sensor found, missed and reported falsely.
 
     Raises:
         PaveTwinError: a picture failed; the first that did is named once all others are drawn.
@@ -47,6 +51,8 @@ def draw(
     drawings.append(("mission.gif", animated, partial(_draw_animation, title)))
     if frames is not None:
         drawings.append(("frames", lambda _: True, frames))
+    if sheet is not None:
+        drawings.append((SHEET, lambda _: True, sheet))
     failures: list[PaveTwinError] = []
     for result in results:
         place = folder / result.policy if several else folder
@@ -59,8 +65,25 @@ def draw(
         raise failures[0]
 
 
-def taking_frames(images: "MissionImages") -> Drawing:
-    """Takes the frames of a mission's confirmed defects.
+def drawing_sheet(images: "MissionImages") -> Drawing:
+    """Draws the contact sheet of a mission whose sensor looked at images."""
+
+    def draw_sheet(mission: "MissionResult", path: Path) -> None:
+        from pavetwin.capture.mission_sheet import save_mission_sheet
+        from pavetwin.sensing import load_sensor
+
+        with progress(f"Drawing what was found: {mission.policy}"):
+            sensor = load_sensor(mission.settings.sensing, mission.seed)
+            save_mission_sheet(mission, images, sensor, path)
+
+    return draw_sheet
+
+
+def taking_frames(images: "MissionImages", *, every: bool) -> Drawing:
+    """Takes the frames of a mission's captures.
+
+    Args:
+        every: of all; else of those that confirmed a defect.
 
     Raises:
         PaveTwinError: there is no adapter to draw with.
@@ -72,14 +95,16 @@ def taking_frames(images: "MissionImages") -> Drawing:
 
     def take(mission: "MissionResult", path: Path) -> None:
         with progress(f"Taking frames: {mission.policy}") as tell:
-            save_frames(mission, images, path.parent, adapter=adapter, on_progress=tell)
+            save_frames(mission, images, path.parent, every=every, adapter=adapter, on_progress=tell)
 
     return take
 
 
-def tell_files(results: Sequence["MissionResult"], folder: Path, *, maps: bool, animate: bool, frames: bool) -> None:
+def tell_files(
+    results: Sequence["MissionResult"], folder: Path, *, maps: bool, animate: bool, frames: bool, sheet: bool = False
+) -> None:
     """Print which files are where, and which package helps where a picture could not show names."""
-    pictures = {"map.png": maps, "mission.gif": animate, "frames/": frames}
+    pictures = {"map.png": maps, "mission.gif": animate, "frames/": frames, SHEET: sheet}
     if any(pictures.values()):
         note_fonts(results[0].environment.world)
     each = ", ".join([*(name for name, drawn in pictures.items() if drawn), MISSION_FILES])

@@ -80,6 +80,7 @@ class DetectionLog:
                     attempt=None if sighting is None else sighting.attempt + 1,
                     visible_fraction=None if sighting is None else sighting.visible_fraction,
                     footprint=None if id(detection.footprint) in outlines else detection.ground(frame),
+                    measures=detection.measures,
                 )
             )
         self.all += judged

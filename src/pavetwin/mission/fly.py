@@ -3,9 +3,11 @@
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from copy import deepcopy
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,7 +32,7 @@ from pavetwin.mission.spec import (
     WorldInput,
 )
 from pavetwin.policies import Policy, load_policy
-from pavetwin.sensing import Frame, ImageSource, JudgedDetection, Outcome, Sensor, load_sensor
+from pavetwin.sensing import Detection, Frame, ImageSource, JudgedDetection, Outcome, Sensor, load_sensor
 from pavetwin.traffic.flow import Flow, flow_of
 from pavetwin.traffic.recording import Recording
 from pavetwin.twin import InspectionMemory
@@ -128,17 +130,24 @@ def fly(
     *,
     inputs: MissionInputs | None = None,
     policy: Policy | None = None,
+    sensor: Sensor | None = None,
     image_source: ImageSource | None = None,
     on_progress: Callable[[float], None] | None = None,
+    on_look: Callable[[float], None] | None = None,
     observer: MissionObserver | None = None,
 ) -> MissionResult:
     """Fly one mission.
 
+    Where its sensor looks after landing, the mission is flown twice by the same spec: for its captures, and again with
+    what the sensor found in them. Policies know nothing of it in either flight, so that both are the same.
+
     Args:
         inputs: what the spec names, where it is read already; see `load_inputs`.
         policy: a policy as a value, in place of the one that the spec names.
+        sensor: a sensor as a value, in place of the one that the spec names, and goes on naming.
         image_source: takes the images of frames, for sensors that look at them.
         on_progress: told the share done, 0 … 1.
+        on_look: told the share done of what a sensor looks at after landing.
         observer: told everything that happens, see `pavetwin.mission.events`.
 
     Raises:
@@ -150,7 +159,7 @@ def fly(
     elif spec.policy.name == HANDED_IN:
         raise PaveTwinError("The mission's policy was handed in as a value; give it as `policy` again.")
     chosen = policy or load_policy(spec.policy.name, spec.settings.policy)
-    sensor = load_sensor(spec.settings.sensing, spec.seed)
+    looking = sensor or load_sensor(spec.settings.sensing, spec.seed)
     loaded = inputs or load_inputs(spec)
     loaded.check(spec)
     spec = loaded.flown(spec)
@@ -162,22 +171,40 @@ def fly(
         if observer is not None:
             observer(event)
 
-    mission = Mission(
-        loaded.environment,
-        loaded.traffic,
-        spec.settings,
-        loaded.indices(spec),
-        policy=chosen.name,
-        sensor=sensor.name,
-        other_classes=sensor.other_classes,
-        image_source=images,
-        every_capture=sensor.every_capture,
-        observer=tell,
-    )
-    _answer(mission, chosen, sensor)
+    def mission(observer: MissionObserver = lambda _: None) -> Mission:
+        return Mission(
+            loaded.environment,
+            loaded.traffic,
+            spec.settings,
+            loaded.indices(spec),
+            policy=chosen.name,
+            sensor=looking.name,
+            other_classes=looking.other_classes,
+            image_source=images,
+            every_capture=looking.every_capture,
+            observer=observer,
+        )
+
+    if looking.after_landing:
+        frames: list[Frame] = []
+
+        def note(frame: Frame) -> Sequence[Detection]:
+            frames.append(replace(frame, sightings=()))
+            return ()
+
+        _answer(mission(), deepcopy(chosen), note, is_told=False)
+        with _failures_named("sensor", looking.name):
+            looking.look_at(frames, on_look or (lambda _: None))
+    flown = mission(tell)
+
+    def detect(frame: Frame) -> Sequence[Detection]:
+        with _failures_named("sensor", looking.name, frame.time_s):
+            return looking.detect(frame)
+
+    _answer(flown, chosen, detect, is_told=not looking.after_landing)
     defect_classes = {defect.kind for defect in loaded.environment.defects}
     looked = images is not None and images.taken > 0
-    return result_of(mission, spec.with_versions(images=looked, defect_classes=defect_classes))
+    return result_of(flown, spec.with_versions(images=looked, defect_classes=defect_classes))
 
 
 def result_of(mission: Mission, spec: MissionSpec | None = None) -> MissionResult:
@@ -223,6 +250,7 @@ def fly_over(
     policy: str | Policy = "hover",
     *,
     seed: int = 0,
+    sensor: Sensor | None = None,
     image_source: ImageSource | None = None,
     on_progress: Callable[[float], None] | None = None,
     observer: MissionObserver | None = None,
@@ -233,6 +261,7 @@ def fly_over(
         targets: indices of the segments to inspect, in order; see `choose_targets`.
         policy: a registered name, `path/to/file.py:ClassName`, or a policy.
         seed: of the sensor's random numbers.
+        sensor: a sensor as a value, in place of the one that the settings name.
 
     Raises:
         PaveTwinError: as `fly`.
@@ -242,6 +271,7 @@ def fly_over(
         spec,
         inputs=MissionInputs(environment, traffic),
         policy=None if isinstance(policy, str) else policy,
+        sensor=sensor,
         image_source=image_source,
         on_progress=on_progress,
         observer=observer,
@@ -291,24 +321,27 @@ class _CountedImages:
         return self._source(frame)
 
 
-def _answer(mission: Mission, policy: Policy, sensor: Sensor) -> None:
-    """Fly a mission to its end and answer every event."""
+def _answer(mission: Mission, policy: Policy, detect: Callable[[Frame], Sequence[Detection]], *, is_told: bool) -> None:
+    """Fly a mission to its end and answer every event.
+
+    Args:
+        is_told: whether the policy knows in flight which defects are confirmed.
+    """
     for event in mission:
         match event:
             case Captured():
-                frame = mission.frame(event)
-                with _failures_named("sensor", sensor.name, frame.time_s):
-                    detections = sensor.detect(frame)
-                mission.confirm(detections)
+                mission.confirm(detect(mission.frame(event)))
             case Occluded():
                 snapshot = mission.snapshot(event)
+                if not is_told:
+                    snapshot = replace(snapshot, memory=replace(snapshot.memory, confirmed=MappingProxyType({})))
                 with _failures_named("policy", policy.name, snapshot.time_s):
                     action = policy.decide(snapshot)
                 mission.act(action)
 
 
 @contextmanager
-def _failures_named(what: str, name: str, time_s: float) -> Iterator[None]:
+def _failures_named(what: str, name: str, time_s: float | None = None) -> Iterator[None]:
     """A user's own code may fail in a situation that its check did not think of."""
     try:
         yield
@@ -316,7 +349,8 @@ def _failures_named(what: str, name: str, time_s: float) -> Iterator[None]:
         raise
     except Exception as error:
         where = traceback.extract_tb(error.__traceback__)[-1]
+        when = "after landing" if time_s is None else f"{time_s:.1f} s into the mission"
         raise PaveTwinError(
-            f"The {what} '{name}' failed {time_s:.1f} s into the mission: "
+            f"The {what} '{name}' failed {when}: "
             f"{type(error).__name__}: {error} ({Path(where.filename).name}, line {where.lineno})."
         ) from error

@@ -19,6 +19,7 @@ from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.mission import Mission
 from pavetwin.mission.street_table import STREETS, street_table
 from pavetwin.mission.track import MODES
+from pavetwin.sensing import JudgedDetection
 
 TOTALS = "totals"
 """Key of a `mission.yaml` beside those of the spec."""
@@ -28,6 +29,9 @@ _SUMMED = (
     *("wait_s", "occlusions", "revisits", "duplicates", "false_alarms"),
 )
 """Totals that are sums over the segments."""
+
+SIZES = ("area_m2", "length_m", "mean_width_mm", "diameter_mm")
+"""Columns of `detections.parquet`: what a sensor measured."""
 
 _TEXTS = {"segment": pl.String, "reason": pl.String}
 
@@ -132,7 +136,10 @@ def track_table(result: MissionResult) -> pl.DataFrame:
 
 
 def detections_table(result: MissionResult) -> pl.DataFrame:
-    """One row a detection with what it came to, false alarms included; places in WGS 84."""
+    """One row a detection with what it came to, false alarms included; places in WGS 84.
+
+    Sizes are null where the sensor measures none or the image does not show them.
+    """
     world, defects = result.environment.world, result.environment.defects
     shapes = [each.footprint or defects[each.defect or 0].polygon for each in result.detections]
     centres = shapely.get_coordinates(shapely.centroid(shapes)).reshape(-1, 2)
@@ -149,15 +156,33 @@ def detections_table(result: MissionResult) -> pl.DataFrame:
         "on_revisit": pl.Boolean,
         "longitude": pl.Float64,
         "latitude": pl.Float64,
+        **dict.fromkeys(SIZES, pl.Float64),
+        "severity": pl.String,
+        "pixel_mm": pl.Float64,
+        "is_cut": pl.Boolean,
+        "footprint": pl.Binary,
     }
+    outlines = shapely.to_wkb(shapely.transform(shapes, world.georeference.to_wgs84))
     rows = [
         (
             *(each.time_s, each.capture, world.segments[each.segment].id, each.outcome.value, each.kind),
             *(each.confidence, each.defect, each.visible_fraction, each.on_revisit, float(lon), float(lat)),
+            *_measured(each),
+            outline,
         )
-        for each, (lon, lat) in zip(result.detections, lonlat, strict=True)
+        for each, (lon, lat), outline in zip(result.detections, lonlat, outlines, strict=True)
     ]
     return pl.DataFrame(rows, schema=columns, orient="row")
+
+
+def _measured(detection: JudgedDetection) -> tuple[float | str | bool | None, ...]:
+    """The columns `SIZES`, `severity`, `pixel_mm` and `is_cut`."""
+    measures = detection.measures
+    if measures is None:
+        return (None,) * (len(SIZES) + 3)
+    sizes = (measures.sizes.get(name) for name in SIZES)
+    numbers = (size if isinstance(size, float) else None for size in sizes)
+    return (*numbers, measures.sizes.get("severity"), measures.pixel_mm, measures.is_cut)
 
 
 def description(result: MissionResult) -> dict[str, Any]:

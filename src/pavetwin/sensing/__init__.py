@@ -2,7 +2,7 @@
 
 from pavetwin.sensing.base import Sensor
 from pavetwin.sensing.conformance import check_sensor
-from pavetwin.sensing.detection import OTHER_CLASSES, Detection, JudgedDetection, Outcome, unknown_class
+from pavetwin.sensing.detection import OTHER_CLASSES, Detection, JudgedDetection, MeasuredSizes, Outcome, unknown_class
 from pavetwin.sensing.frame import Box, Frame, ImageSource, Sighting
 from pavetwin.sensing.ideal import Ideal
 from pavetwin.sensing.matching import match
@@ -19,6 +19,7 @@ __all__ = [
     "Ideal",
     "ImageSource",
     "JudgedDetection",
+    "MeasuredSizes",
     "Outcome",
     "Recall",
     "Sensor",

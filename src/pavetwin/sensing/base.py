@@ -1,7 +1,7 @@
 """What a sensor is."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import ClassVar
 
@@ -24,6 +24,9 @@ class Sensor(ABC):
     other_classes: ClassVar[frozenset[str]] = frozenset()
     """Classes it reports that are not defects, beside `person` and `car`: such detections are ignored. Any other class
     that is not registered is an error."""
+    after_landing: bool = False
+    """Whether the mission is flown before it looks at any capture: it is then handed all of them, see `look_at`, and
+    policies know nothing of what is found."""
     default_options: ClassVar[Mapping[str, OptionValue]] = MappingProxyType({})
     """The options that it has, with the values that hold where `sensing.options` gives none. A value must have the type
     of its default; a whole number is a number too."""
@@ -41,6 +44,19 @@ class Sensor(ABC):
             owner=f"the sensor '{self.name or type(self).__name__}'",
         )
         """The value of every option."""
+
+    def look_at(
+        self,
+        frames: Sequence[Frame],  # noqa: ARG002 - for those that look after landing
+        on_progress: Callable[[float], None] = lambda _: None,
+    ) -> None:
+        """Prepare its answers for the captures of a mission, together; `detect` is asked for each of them afterwards.
+
+        Args:
+            frames: of the whole mission, in the order of time, without sightings.
+            on_progress: told the share done, 0 … 1.
+        """
+        on_progress(1.0)
 
     @abstractmethod
     def detect(self, frame: Frame) -> Sequence[Detection]:

@@ -1,6 +1,6 @@
 """What a sensor reports, and the outcome of each report once it is compared with the defects that are there."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
@@ -31,6 +31,19 @@ def unknown_class(kind: str, defects: Collection[str], others: Collection[str]) 
     )
 
 
+@dataclass(frozen=True)
+class MeasuredSizes:
+    """What was measured of an object in one image."""
+
+    sizes: Mapping[str, float | str]
+    """By name with unit (`pavetwin.perception.results.measuring`), and the visible severity; empty where no mask is
+    known. A text says that the image does not show it."""
+    pixel_mm: float
+    """Side of a pixel on the ground, in the image that was looked at."""
+    is_cut: bool
+    """Whether it ends at the image's border, and may go on beyond."""
+
+
 @dataclass(frozen=True, slots=True)
 class Detection:
     """One object that a sensor reports in a frame.
@@ -49,6 +62,8 @@ class Detection:
     """On the ground, world frame, metres."""
     box_px: Box | None = None
     """In the image."""
+    measures: MeasuredSizes | None = None
+    """None for sensors that measure nothing."""
 
     def __post_init__(self) -> None:
         if self.footprint is None and self.box_px is None:
@@ -112,3 +127,5 @@ class JudgedDetection:
     """Of the defect's area; None where the capture does not see it."""
     footprint: Polygon | None
     """On the ground; None where the defect's own outline is meant."""
+    measures: MeasuredSizes | None = None
+    """See `Detection`."""

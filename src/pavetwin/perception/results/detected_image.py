@@ -78,19 +78,33 @@ def described(
     return DetectedImage(name, found.size_px, things, pose.lonlat, round(middle, 3) if middle else None)
 
 
+def sizes_of(found: Detections, at: int, gsd_mm: float) -> Mapping[str, Measure | str]:
+    """Sizes of one detection by name with unit, and its visible severity; empty where it has no mask.
+
+    Args:
+        gsd_mm: of a pixel.
+    """
+    mask = found.mask(at)
+    if mask is None or not mask[1].any():
+        return {}
+    cell_px = max(max(part.cell_px) for part in found.masks[at])
+    name, covered = found.names[at], mask[1]
+    return {**measured(name, covered, gsd_mm), "severity": visible_severity(name, covered, gsd_mm, cell_px)}
+
+
 def _thing(found: Detections, at: int, pose: PhotographPose, gsd_mm: float | None) -> DetectedThing:
     left, top, right, bottom = found.box(at)
-    name, sizes, corners, area_px = found.names[at], {}, None, (right - left) * (bottom - top)
+    corners, area_px = None, (right - left) * (bottom - top)
+    sizes: Mapping[str, Measure | str] = {}
     mask = found.mask(at)
     if mask is not None and mask[1].any():
         (x, y, _, _), covered = mask
         corners = [(round(float(px) + x, 1), round(float(py) + y, 1)) for px, py in outline(covered)]
         area_px = float(np.count_nonzero(covered))
         if scale := gsd_mm or pose.gsd_mm((left + right) / 2, (top + bottom) / 2):
-            cell_px = max(max(part.cell_px) for part in found.masks[at])
-            sizes = {**measured(name, covered, scale), "severity": visible_severity(name, covered, scale, cell_px)}
+            sizes = sizes_of(found, at, scale)
     return DetectedThing(
-        name=name,
+        name=found.names[at],
         number=int(found.classes[at]),
         box=(round(left, 2), round(top, 2), round(right, 2), round(bottom, 2)),
         detection=float(found.detection[at]),

@@ -1,0 +1,174 @@
+"""The sensor that looks: each capture is rendered, and a trained detector says what it sees in the image."""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, ClassVar, Final, Protocol
+
+import numpy as np
+import shapely
+from shapely import Polygon
+
+from pavetwin.arrays import BoolArray, UInt8Array
+from pavetwin.config.mission import SensingSettings
+from pavetwin.config.options import OptionValue
+from pavetwin.errors import PaveTwinError
+from pavetwin.labels.boxes import PixelBox
+from pavetwin.sensing.base import Sensor
+from pavetwin.sensing.detection import Detection, MeasuredSizes
+from pavetwin.sensing.frame import Box, Frame
+from pavetwin.sensing.registered import sensor
+from pavetwin.uav.cameras import Camera
+
+if TYPE_CHECKING:
+    from pavetwin.perception.inference import Detections
+
+LARGEST_PX: Final = 2048
+"""Longer side of the images for a model that looks at large ones in tiles, unless set."""
+
+_WAITING: Final = 4
+"""Images that wait for the detector at most, which bounds the memory."""
+
+_BORDER_PX: Final = 1.5
+"""A box that ends so near to the image's border may go on beyond it."""
+
+
+class ImageDetector(Protocol):
+    """What the sensor asks: `pavetwin.perception.inference.Detector`, or a stand-in with stated answers."""
+
+    @property
+    def image_px(self) -> int:
+        """Longer side of what the network sees."""
+        ...
+
+    @property
+    def tiled(self) -> bool:
+        """Whether it looks at larger images in tiles."""
+        ...
+
+    def detect(self, images: Iterable[UInt8Array]) -> "list[Detections]":
+        """The detections of each image (height, width, 3)."""
+        ...
+
+
+@sensor("detector")
+class DetectorSensor(Sensor):
+    """Reports what a model file of `pavetwin export` finds in the rendered image of each capture.
+
+    The image has the camera's field of view and the pixels that the model takes. A detection's footprint is the convex
+    hull of its mask, or else its box, on the ground as a level plane; its sizes come from the mask.
+
+    Unless `aboard`, the mission is flown first, and its captures are rendered and searched after landing: policies do
+    not know what was found. What is found is the same both ways for a policy that does not ask.
+    """
+
+    every_capture = True
+    default_options: ClassVar[Mapping[str, OptionValue]] = MappingProxyType(
+        {"model": "", "confidence": 0.25, "image_px": 0, "aboard": False}
+    )
+
+    def __init__(self, settings: SensingSettings, seed: int, detector: ImageDetector | None = None) -> None:
+        """Args:
+            detector: in place of the one that the option `model` names.
+
+        Raises:
+            PaveTwinError: no model is named, or its file is damaged, or an option does not fit.
+        """
+        super().__init__(settings, seed)
+        self.after_landing = not self.options["aboard"]
+        self._detector = detector or self._opened()
+        self._found: dict[int, tuple[Frame, list[Detection]]] = {}
+
+    def _opened(self) -> ImageDetector:
+        model = str(self.options["model"])
+        if not model:
+            raise PaveTwinError("The sensor 'detector' needs a model: name its file by `model`, as in model.onnx.")
+        from pavetwin.perception.inference import Detector
+
+        return Detector(Path(model), confidence=float(self.options["confidence"]))
+
+    def seen_camera(self, camera: Camera) -> Camera:
+        """A camera with the pixels of the images that the detector looks at; the field of view stays."""
+        longer = max(camera.image_px)
+        longest = int(self.options["image_px"]) or (LARGEST_PX if self._detector.tiled else self._detector.image_px)
+        scale = min(1.0, longest / longer)
+        width, height = (max(1, round(side * scale)) for side in camera.image_px)
+        return camera.model_copy(update={"image_px": (width, height)})
+
+    def look_at(self, frames: Sequence[Frame], on_progress: Callable[[float], None] = lambda _: None) -> None:
+        """Render captures and search their images; `detect` then answers from what was found.
+
+        While one image is searched, the next one is rendered.
+        """
+        waiting: deque[tuple[Frame, Future[list[Detection]]]] = deque()
+
+        def take() -> None:
+            frame, found = waiting.popleft()
+            self._found[frame.number] = replace(frame, sightings=()), found.result()
+            on_progress(len(self._found) / len(frames))
+
+        self._found.clear()
+        with ThreadPoolExecutor(1) as pool:
+            for frame in frames:
+                seen = self._seen(frame)
+                waiting.append((frame, pool.submit(self._searched, frame, seen, seen.image())))
+                if len(waiting) > _WAITING:
+                    take()
+            while waiting:
+                take()
+
+    def detect(self, frame: Frame) -> Sequence[Detection]:
+        known = self._found.get(frame.number)
+        if known is not None and known[0] == replace(frame, sightings=()):
+            return known[1]
+        seen = self._seen(frame)
+        return self._searched(frame, seen, seen.image())
+
+    def _seen(self, frame: Frame) -> Frame:
+        return replace(frame, camera=self.seen_camera(frame.camera))
+
+    def _searched(self, frame: Frame, seen: Frame, image: UInt8Array) -> list[Detection]:
+        """Args:
+        seen: the frame with the camera that took the image.
+        """
+        (found,) = self._detector.detect([image])
+        return [_detection(found, at, frame, seen) for at in range(len(found))]
+
+
+def _detection(found: "Detections", at: int, frame: Frame, seen: Frame) -> Detection:
+    from pavetwin.perception.results.detected_image import sizes_of
+
+    box = found.box(at)
+    on_ground = seen.footprint_of(box)
+    mask = found.mask(at)
+    pixel_mm = 1000.0 * seen.ground_resolution_m
+    return Detection(
+        kind=found.names[at].lower().replace(" ", "_"),
+        confidence=float(min(1.0, found.confidence[at])),
+        footprint=(None if mask is None else _hull(*mask, seen)) or on_ground,
+        box_px=frame.box_of(on_ground),
+        measures=MeasuredSizes(
+            sizes=sizes_of(found, at, pixel_mm),
+            pixel_mm=pixel_mm,
+            is_cut=_is_cut(box, found.size_px),
+        ),
+    )
+
+
+def _hull(window: PixelBox, covered: BoolArray, seen: Frame) -> Polygon | None:
+    """The convex hull of a mask on the ground; None for one that covers nothing."""
+    rows = np.flatnonzero(covered.any(axis=1))
+    if not len(rows):
+        return None
+    first = covered[rows].argmax(axis=1) + window[0]
+    last = window[0] + covered.shape[1] - covered[rows, ::-1].argmax(axis=1)
+    x, y = np.concatenate([first, last, first, last]), np.concatenate([rows, rows, rows + 1, rows + 1]) + window[1]
+    hull = shapely.convex_hull(shapely.multipoints(seen.view.ground(np.column_stack([x, y]))))
+    return hull if isinstance(hull, Polygon) else None
+
+
+def _is_cut(box: Box, size_px: tuple[int, int]) -> bool:
+    return min(box[0], box[1]) < _BORDER_PX or box[2] > size_px[0] - _BORDER_PX or box[3] > size_px[1] - _BORDER_PX

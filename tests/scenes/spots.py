@@ -1,0 +1,74 @@
+"""Images of flat spots on a dark road, and a detector that finds them exactly: what a sensor says is known before."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from pavetwin.arrays import UInt8Array
+from pavetwin.labels.outlines import filled
+from pavetwin.perception.classes import CLASSES, SUBTYPES
+from pavetwin.perception.inference import Detections
+from pavetwin.perception.inference.detections import MaskPart
+from pavetwin.sensing import Frame
+
+Spot = tuple[str, BaseGeometry]
+"""Name of its class in `CLASSES`, and its shape on the ground."""
+
+
+@dataclass
+class Painter:
+    """An image source: every spot in the grey of its class, on black."""
+
+    spots: Sequence[Spot]
+    asked: list[Frame] = field(default_factory=list)
+
+    def __call__(self, frame: Frame) -> UInt8Array:
+        self.asked.append(frame)
+        width, height = frame.camera.image_px
+        image = np.zeros((height, width, 3), dtype=np.uint8)
+        for name, shape in self.spots:
+            assert isinstance(shape, Polygon)
+            ground = np.array(shape.exterior.coords[:-1])
+            pixels = frame.view.project(np.column_stack([ground[:, :2], np.zeros(len(ground))]))
+            grey = 40 * (CLASSES.index(name) + 1)
+            image[filled(pixels, (width, height))] = grey
+        return image
+
+
+@dataclass
+class SpotDetector:
+    """Says of every spot its box and class, with a confidence that is stated."""
+
+    image_px: int = 640
+    tiled: bool = False
+    confidence: float = 0.9
+    masks: bool = True
+
+    def detect(self, images: Iterable[UInt8Array]) -> list[Detections]:
+        return [self._found(image) for image in images]
+
+    def _found(self, image: UInt8Array) -> Detections:
+        boxes, classes, masks = [], [], []
+        for number, name in enumerate(CLASSES):
+            covered = (image[..., 0] == 40 * (number + 1)).astype(np.uint8)
+            count, parts, stats, _ = cv2.connectedComponentsWithStats(covered)
+            for part in range(1, count):
+                left, top, across, down, _ = (int(side) for side in stats[part])
+                box = (float(left), float(top), float(left + across), float(top + down))
+                boxes.append(box)
+                classes.append(number)
+                grid = (parts[top : top + down, left : left + across] == part).astype(np.float32)
+                masks.append((MaskPart(box, grid),) if self.masks and name in SUBTYPES else ())
+        count = len(boxes)
+        return Detections(
+            (image.shape[1], image.shape[0]),
+            np.array(boxes, dtype=np.float32).reshape(-1, 4),
+            np.array(classes, dtype=np.int64),
+            np.full(count, self.confidence, dtype=np.float32),
+            np.ones(count, dtype=np.float32),
+            tuple(masks),
+        )
