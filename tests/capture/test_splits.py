@@ -13,8 +13,9 @@ from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.splits import split_streets
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels import SPLITS
+from pavetwin.traffic.pose_rows import PoseRows
 from pavetwin.traffic.record import record
-from pavetwin.traffic.tracks import AgentTracks, PoseRows
+from pavetwin.traffic.tracks import AgentTracks
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world, save_world
 from scenes import damaged

@@ -1,6 +1,7 @@
 """The published setup gives the rows that it always gave: the preset `paper` over a world without parking lanes.
 
-`published.csv` holds columns of `mission.parquet` as they were before streets had parking lanes.
+`published.csv` holds columns of `mission.parquet` as they were before streets had parking lanes, flown again since
+poses of traffic are rounded (decision 69).
 """
 
 from pathlib import Path

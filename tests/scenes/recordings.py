@@ -11,8 +11,8 @@ import pyarrow.parquet as pq
 
 from pavetwin.traffic.demand import Capacity
 from pavetwin.traffic.kinds import KINDS
+from pavetwin.traffic.pose_rows import COLUMNS, PoseRows
 from pavetwin.traffic.recording import Agents, Origin, Recording
-from pavetwin.traffic.tracks import COLUMNS, PoseRows
 
 STEP_S = 0.5
 Pose = tuple[float, float, float, float]

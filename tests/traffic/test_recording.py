@@ -12,10 +12,13 @@ from hypothesis import strategies as st
 from pavetwin.errors import PaveTwinError
 from pavetwin.traffic.demand import DENSITIES, Capacity, density_named, density_of
 from pavetwin.traffic.kinds import KINDS, PEDESTRIANS, VEHICLES, sumo_types
+from pavetwin.traffic.part_table import from_columns, to_columns
+from pavetwin.traffic.pose_rows import COLUMNS, PoseRows
 from pavetwin.traffic.recording import Agents, Origin, Recording
 from pavetwin.traffic.recording_file import load_recording, save_recording
 from pavetwin.traffic.trace import trace_arguments, trace_of
-from pavetwin.traffic.tracks import COLUMNS, AgentTracks, PoseRows
+from pavetwin.traffic.track_part import TrackPart
+from pavetwin.traffic.tracks import AgentTracks
 from scenes.recordings import recording, save_first_version
 
 
@@ -41,7 +44,7 @@ def recording_of(counts: list[int], walkers: int = 1) -> Recording:
             agent=agent,
             x=place,
             y=place + 1,
-            yaw_rad=place * np.float32(0.01),
+            yaw_rad=np.radians(place % 90).astype(np.float32),
             speed_mps=place * np.float32(0.1),
         ),
         removals=((0, 1), (len(counts) - 1, 2)),
@@ -113,10 +116,11 @@ def test_the_file_is_sorted_and_small_in_type(tmp_path: Path) -> None:
     path = tmp_path / "t.parquet"
     save_recording(recording_of([2, 0, 3]), path)
     table = pq.read_table(path)
-    assert table.column_names == ["agent", "step", "x", "y", "yaw_rad", "speed_mps", "is_last"]
-    assert [str(column.type) for column in table.columns] == ["int32", "int32", *["float"] * 4, "bool"]
-    assert table["agent"].to_pylist() == [0, 0, 1, 1, 2]
-    assert table["step"].to_pylist() == [0, 2, 0, 2, 2]
+    assert table.column_names == ["agent", "step", "x", "y", "yaw", "speed", "is_last"]
+    assert [str(column.type) for column in table.columns] == [*["int32"] * 6, "bool"]
+    part = from_columns({name: table[name].to_numpy() for name in table.column_names}, 0, 2)
+    assert part.agent.tolist() == [0, 0, 1, 1, 2]
+    assert part.step.tolist() == [0, 2, 0, 2, 2]
 
 
 def test_columns_have_the_types_of_the_kernel() -> None:
@@ -188,7 +192,7 @@ def test_a_file_of_the_first_version_is_read(tmp_path: Path) -> None:
 def test_key_frames_give_all_poses_back(counts: list[int], length: int, data: st.DataObject) -> None:
     made = recording_of(counts)
     stands = made.agent < data.draw(st.integers(0, 6))
-    columns = {name: np.where(stands, np.float32(1), getattr(made, name)) for name in COLUMNS}
+    columns = {name: np.where(stands, np.float32(0), getattr(made, name)) for name in COLUMNS}
     rows, walks = PoseRows(made.step_offsets, made.agent, **columns), made.agents.is_pedestrian
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr("pavetwin.traffic.tracks.PART_STEPS", length)
@@ -207,6 +211,73 @@ def test_key_frames_give_all_poses_back(counts: list[int], length: int, data: st
             assert np.array_equal(getattr(each.rows, name), getattr(rows, name))
     assert grown.fastest_mps == tracks.fastest_mps
     assert np.array_equal(grown.numbers.known, tracks.numbers.known)
+
+
+@st.composite
+def journeys(draw: st.DrawFn) -> tuple[Recording, PoseRows]:
+    """A recording of agents that come and go, stand, drive and are put elsewhere; and the poses it was made of."""
+    counts = draw(st.lists(st.integers(0, 5), min_size=2, max_size=9))
+    made, rng = recording_of(counts), np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    moves_m = rng.choice([0.0, 0.004, 0.7, 6.9, 900.0], len(made.agent)) * rng.normal(1.0, 0.1, len(made.agent))
+    rows = PoseRows(
+        made.step_offsets,
+        made.agent,
+        x=(draw(st.floats(-9e3, 9e3)) + np.cumsum(moves_m)).astype(np.float32),
+        y=(draw(st.floats(-9e3, 9e3)) - np.cumsum(moves_m)).astype(np.float32),
+        yaw_rad=rng.uniform(-np.pi, np.pi, len(made.agent)).astype(np.float32),
+        speed_mps=(moves_m / made.step_s).astype(np.float32),
+    )
+    tracks = AgentTracks.of(rows, made.agents.is_pedestrian, made.step_s)
+    return replace(made, tracks=tracks), rows
+
+
+@given(journeys(), st.floats(0, 1))
+def test_every_pose_lies_within_the_stated_error(journey: tuple[Recording, PoseRows], share: float) -> None:
+    """2 cm, 1° and 0.1 m/s of SUMO's own rows, also between two steps, where the kernel interpolates."""
+    made, rows = journey
+    kept = made.tracks.rows
+    assert np.array_equal(kept.agent, rows.agent)
+    single = 1e-3  # places 10 km away, as single precision has them
+    assert np.hypot(kept.x - rows.x, kept.y - rows.y).max(initial=0) <= 0.02 + single
+    assert np.abs(np.angle(np.exp(1j * (kept.yaw_rad - rows.yaw_rad)))).max(initial=0) <= np.radians(1.0)
+    assert np.abs(kept.speed_mps - rows.speed_mps).max(initial=0) <= 0.1
+    trace, whole = trace_of(made), np.float64
+    for frame in range(rows.frames - 1):
+        poses = trace.agents_at((frame + share) * made.step_s)
+        now, then = (rows.between(at, at + 1) for at in (frame, frame + 1))
+        for agent, x, y in zip(poses["agent"], poses["x_m"], poses["y_m"], strict=True):
+            at, follows = np.flatnonzero(now.agent == agent)[0], np.flatnonzero(then.agent == agent)
+            here = np.array([now.x[at], now.y[at]], whole)
+            there = np.array([then.x[follows[0]], then.y[follows[0]]], whole) if len(follows) else here
+            moves = np.hypot(*(there - here)) <= 40.0 * made.step_s
+            wanted = here + (share if moves else 0.0) * (there - here)
+            assert np.hypot(*(wanted - [x, y])) <= 0.02 + single
+
+
+@given(journeys())
+def test_rounded_poses_stay_as_they_are(journey: tuple[Recording, PoseRows]) -> None:
+    made, rows = journey
+    again = TrackPart.of(made.tracks.rows)
+    assert again.is_as(TrackPart.of(rows))
+    assert from_columns(to_columns(again), again.first_step, again.last_step).is_as(again)
+
+
+def test_a_walk_takes_little_more_than_a_byte_a_pose(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    ways_m = np.cumsum(rng.normal(0.65, 0.05, (100, 240)), axis=1)
+    walking = recording(
+        ["man"] * 100, lambda agent, time_s: (500.0, ways_m[agent, round(2 * time_s)], 1.57, 1.3), frames=240
+    )
+    path = tmp_path / "t.parquet"
+    save_recording(walking, path)
+    group = pq.ParquetFile(path).metadata.row_group(0)
+    assert sum(group.column(each).total_compressed_size for each in range(group.num_columns)) < 1.3 * ways_m.size
+
+
+def test_a_place_that_is_none_is_refused() -> None:
+    rows = recording_of([1, 1]).tracks.rows
+    with pytest.raises(ValueError, match="not a number of metres on Earth"):
+        TrackPart.of(replace(rows, x=np.full(2, -1073741824.0, np.float32)))
 
 
 def test_a_standing_agent_needs_two_key_frames() -> None:

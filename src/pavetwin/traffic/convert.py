@@ -13,11 +13,11 @@ import numpy.typing as npt
 
 from pavetwin.arrays import Float32Array, Float64Array
 from pavetwin.seeds import Stream, child
-from pavetwin.traffic.flow import SpeedLimits, at_limits, with_limits
+from pavetwin.traffic.flow import SpeedLimits, at_limits
 from pavetwin.traffic.job import STEP_S, Body, Part
 from pavetwin.traffic.kinds import KINDS
+from pavetwin.traffic.pose_rows import PoseRows
 from pavetwin.traffic.recording import Agents, Origin, Recording
-from pavetwin.traffic.tracks import PoseRows
 
 _NONE: Final = np.zeros(0, dtype=np.float32)
 NOBODY: Final = Agents((), (), _NONE, _NONE, _NONE, np.zeros(0, dtype=np.bool_))
@@ -62,7 +62,7 @@ def to_recording(part: Part, origin: Origin, limits: SpeedLimits, before: Record
         recording = Recording.of_rows(
             origin=origin, step_s=STEP_S, agents=agents, rows=rows, removals=removals, signals=signals
         )
-        return with_limits(recording, limits)
+        return replace(recording, at_limits=at_limits(rows, agents.is_pedestrian, limits, STEP_S))
     return replace(
         before,
         origin=origin,

@@ -16,8 +16,8 @@ import pyarrow.parquet as pq
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.traffic.kinds import AgentClass
+from pavetwin.traffic.pose_rows import PoseRows
 from pavetwin.traffic.recording import SIZES, Recording
-from pavetwin.traffic.tracks import PoseRows
 
 SCHEMA: Final = pa.schema(
     [

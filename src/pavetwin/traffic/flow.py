@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 from pavetwin.arrays import BoolArray, Float64Array
 from pavetwin.traffic.level_of_service import LevelOfService, level_of
+from pavetwin.traffic.pose_rows import PoseRows
 from pavetwin.traffic.recording import SAMPLED_S, Recording
-from pavetwin.traffic.tracks import PoseRows
 from pavetwin.world.model import LaneKind, World
 
 SPACING_M: Final = 4.0

@@ -15,7 +15,8 @@ from pavetwin.traffic.kinds import AgentClass
 from pavetwin.traffic.level_of_service import level_of
 from pavetwin.traffic.mix import DEFAULT_MIX
 from pavetwin.traffic.own_demand import WARM_UP_S
-from pavetwin.traffic.tracks import AgentTracks, PoseRows
+from pavetwin.traffic.pose_rows import PoseRows
+from pavetwin.traffic.tracks import AgentTracks
 
 SAMPLED_S: Final = 5.0
 """Speed limits are looked up in frames this far apart: within it a vehicle rarely changes the kind of street."""

@@ -9,8 +9,7 @@ from pavetwin._core import Trace
 from pavetwin.arrays import BoolArray, Float32Array, UInt32Array
 from pavetwin.traffic.recording import Recording
 
-_COLUMNS: Final = ("agent", "step", "x", "y", "yaw_rad", "speed_mps", "is_last")
-_NAMES: Final = {"x": "x_m", "y": "y_m"}
+_POSE: Final = ("x_m", "y_m", "yaw_rad", "speed_mps")
 
 
 class KeyFrameColumns(TypedDict):
@@ -51,8 +50,9 @@ def trace_arguments(recording: Recording) -> TraceArguments:
     def read(number: int) -> KeyFrameColumns:
         part = tracks.parts[number].load()
         known = np.searchsorted(part.agent, len(agents))  # a longer recording's part may hold more than these
-        columns = {_NAMES.get(name, name): getattr(part, name)[:known] for name in _COLUMNS}
-        return cast("KeyFrameColumns", {"first_step": part.first_step, "last_step": part.last_step, **columns})
+        columns = {name: getattr(part, name)[:known] for name in ("agent", "step", "is_last")}
+        pose = {name: column[:known] for name, column in zip(_POSE, part.poses(), strict=True)}
+        return cast("KeyFrameColumns", {"first_step": part.first_step, "last_step": part.last_step, **columns, **pose})
 
     return TraceArguments(
         read=read,

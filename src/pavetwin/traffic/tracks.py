@@ -1,8 +1,4 @@
-"""The tracks of all agents of a recording, as key frames in parts of two minutes, each loaded when it is needed.
-
-A key frame is an agent's pose at a step. Poses that equal those before and after are left out, so an agent that stands
-needs two key frames, however long it stands. Nothing is rounded: all poses are given back exactly as recorded.
-"""
+"""The tracks of all agents of a recording, as key frames in parts of two minutes, each loaded when it is needed."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields, replace
@@ -12,7 +8,9 @@ from typing import Final, Self
 
 import numpy as np
 
-from pavetwin.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt32Array
+from pavetwin.arrays import BoolArray, Float64Array, Int64Array
+from pavetwin.traffic.pose_rows import COLUMNS, PoseRows
+from pavetwin.traffic.track_part import TrackPart
 
 PART_STEPS: Final = 240
 """Steps of a part, two minutes. A part also holds the first step of the next one, where its agents are going."""
@@ -22,114 +20,6 @@ STANDING_MPS: Final = 0.1
 
 TELEPORT_MPS: Final = 40.0
 """What moves faster was put elsewhere by SUMO, and is not moved by the kernel."""
-
-COLUMNS: Final = ("x", "y", "yaw_rad", "speed_mps")
-
-
-@dataclass(frozen=True, eq=False)
-class PoseRows:
-    """Consecutive frames with every agent's pose."""
-
-    step_offsets: UInt32Array
-    """(frames + 1,): the rows of frame k are step_offsets[k] … step_offsets[k + 1], sorted by agent."""
-    agent: UInt32Array
-    """(rows,) index in the recording's agents"""
-    x: Float32Array
-    """(rows,) centre of the body on the ground, metres east"""
-    y: Float32Array
-    """(rows,) metres north"""
-    yaw_rad: Float32Array
-    """(rows,) counter-clockwise from east, −π … π"""
-    speed_mps: Float32Array
-    """(rows,)"""
-
-    def __post_init__(self) -> None:
-        rows = len(self.agent)
-        if len(self.step_offsets) < 2 or self.step_offsets[0] != 0 or self.step_offsets[-1] != rows:
-            raise ValueError("PoseRows.step_offsets must begin with 0, end with the number of rows, and hold a frame")
-        for name in COLUMNS:
-            column = getattr(self, name)
-            if column.shape != (rows,) or column.dtype != np.float32:
-                raise ValueError(f"PoseRows.{name} must be float32 of shape ({rows},)")
-
-    @property
-    def frames(self) -> int:
-        return len(self.step_offsets) - 1
-
-    @cached_property
-    def frame(self) -> Int64Array:
-        """(rows,) the frame of each row."""
-        return np.repeat(np.arange(self.frames), np.diff(self.step_offsets))
-
-    def between(self, first: int, end: int) -> "PoseRows":
-        """The frames from `first` up to but not `end`."""
-        rows = slice(int(self.step_offsets[first]), int(self.step_offsets[end]))
-        offsets = self.step_offsets[first : end + 1] - self.step_offsets[first]
-        return PoseRows(offsets, *(getattr(self, name)[rows] for name in ("agent", *COLUMNS)))
-
-    def followed_by(self, later: "PoseRows") -> "PoseRows":
-        offsets = np.concatenate([self.step_offsets, self.step_offsets[-1] + later.step_offsets[1:]])
-        both = (np.concatenate([getattr(self, name), getattr(later, name)]) for name in ("agent", *COLUMNS))
-        return PoseRows(offsets, *both)
-
-
-@dataclass(frozen=True, eq=False)
-class TrackPart:
-    """Key frames of some steps of a recording. All arrays (key frames,), in ascending order of (agent, step)."""
-
-    first_step: int
-    last_step: int
-    """Included."""
-    agent: UInt32Array
-    step: UInt32Array
-    """Of the recording."""
-    x: Float32Array
-    y: Float32Array
-    yaw_rad: Float32Array
-    speed_mps: Float32Array
-    is_last: BoolArray
-    """Whether the agent is absent after this step until its next key frame, or the part ends."""
-
-    @classmethod
-    def of(cls, rows: PoseRows, first_step: int = 0) -> Self:
-        """The key frames of all poses from a step on."""
-        order = np.lexsort((rows.frame, rows.agent))
-        agent, frame = rows.agent[order], rows.frame[order]
-        columns = {name: getattr(rows, name)[order] for name in COLUMNS}
-        goes_on = (np.diff(agent.astype(np.int64)) == 0) & (np.diff(frame) == 1)
-        unchanged = goes_on.copy()
-        for column in columns.values():
-            unchanged &= column[1:] == column[:-1]
-        kept = np.ones(len(agent), dtype=np.bool_)
-        kept[1:-1] = ~(unchanged[1:] & unchanged[:-1])
-        return cls(
-            first_step,
-            first_step + rows.frames - 1,
-            agent=agent[kept],
-            step=(frame[kept] + first_step).astype(np.uint32),
-            is_last=~np.append(goes_on, False)[kept] if len(agent) else np.zeros(0, dtype=np.bool_),
-            **{name: column[kept] for name, column in columns.items()},
-        )
-
-    def load(self) -> "TrackPart":
-        return self
-
-    def rows(self) -> PoseRows:
-        """All poses, every step of the part a frame."""
-        count = len(self.agent)
-        following = np.append(self.step[1:], 0).astype(np.int64)
-        holds = ~self.is_last & np.append(self.agent[1:] == self.agent[:-1], False)[:count]
-        step = self.step.astype(np.int64)
-        lasts = np.where(holds, following - step, 1)
-        key = np.repeat(np.arange(count), lasts)
-        frame = np.arange(len(key)) - np.repeat(np.cumsum(lasts) - lasts, lasts) + step[key] - self.first_step
-        order = np.argsort(frame, kind="stable")
-        frames = self.last_step - self.first_step + 1
-        offsets = np.concatenate([[0], np.cumsum(np.bincount(frame, minlength=frames))]).astype(np.uint32)
-        return PoseRows(offsets, *(getattr(self, name)[key][order] for name in ("agent", *COLUMNS)))
-
-    def is_as(self, other: "TrackPart") -> bool:
-        return all(np.array_equal(getattr(self, each.name), getattr(other, each.name)) for each in fields(self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +39,7 @@ class StoredPart:
 
 @dataclass(frozen=True, eq=False)
 class FrameNumbers:
-    """What each frame holds in all. All arrays (frames,)."""
+    """What each frame holds in all, of poses before they are rounded. All arrays (frames,)."""
 
     vehicles: Int64Array
     pedestrians: Int64Array
@@ -243,7 +133,7 @@ class AgentTracks:
         made = AgentTracks.of(next(pieces), is_pedestrian, step_s)
         for rows in pieces:
             made = made.followed_by(rows, is_pedestrian, step_s)
-        return made
+        return replace(made, numbers=self.numbers)  # those of the poses before they were rounded
 
     def pieces(self) -> Iterator[tuple[int, PoseRows]]:
         """The window's rows part by part, each with the frame of the window that it begins with."""
@@ -287,8 +177,9 @@ def _fastest_mps(parts: Iterable[TrackPart], step_s: float) -> float:
     fastest = 0.0
     for part in parts:
         follows = ~part.is_last[:-1]
-        moved_m = np.hypot(np.diff(part.x.astype(np.float64)), np.diff(part.y.astype(np.float64)))[follows]
+        x, y, _, speed_mps = part.poses()
+        moved_m = np.hypot(np.diff(x.astype(np.float64)), np.diff(y.astype(np.float64)))[follows]
         moved_mps = moved_m / (np.diff(part.step.astype(np.int64))[follows] * step_s)
         driven = moved_mps[moved_mps <= TELEPORT_MPS]
-        fastest = max(fastest, np.abs(part.speed_mps).max(initial=0.0), driven.max(initial=0.0))
+        fastest = max(fastest, np.abs(speed_mps).max(initial=0.0), driven.max(initial=0.0))
     return float(np.ceil(fastest * 1000) / 1000)
