@@ -57,6 +57,10 @@ class Size:
     """Segments of a short command."""
     mapped: int = 100
     """Segments on the map whose drawing is measured."""
+    survey: int = 40
+    """Segments of a long mission."""
+    images: int = 60
+    """Labelled images of a dataset."""
     crowd: int = 600
     """Vehicles, and as many pedestrians."""
     shapes: int = 40

@@ -16,7 +16,7 @@ from pavetwin.experiments.engines import Pool, Single
 from pavetwin.experiments.run import run
 from pavetwin.world.folder import CACHE_VARIABLE
 
-FROM_NOTHING_TARGET_S, RECORDED_TARGET_S = 120.0, 20.0
+FROM_NOTHING_TARGET_S, RECORDED_TARGET_S = 35.0, 8.0
 
 
 def lines(world_folder: Path, folder: Path, changes: Mapping[str, Any]) -> Iterator[Line]:

@@ -17,17 +17,22 @@ RECORDED_S = 600.0
 SEED = 1
 
 
-def build(folder: Path, source: Path | str = "town", defects_per_segment: float = 30.0) -> Line:
+def build(
+    folder: Path,
+    source: Path | str = "town",
+    defects_per_segment: float = 30.0,
+    seed: int = SEED,
+    target_s: float | None = None,
+) -> Line:
     """The generated town, or the world of a file, into a folder."""
     begun = time.perf_counter()
     defects = DefectOptions(population="paper", per_segment=defects_per_segment)
-    world = save_world(add_defects(build_world(source, BuildOptions(seed=SEED)), defects), folder)
+    world = save_world(add_defects(build_world(source, BuildOptions(seed=seed)), defects), folder)
     took_s = time.perf_counter() - begun
     length_km = sum(segment.length_m for segment in world.segments) / 1000
     note = f"{len(world.segments)} segments, {length_km:.1f} km of streets, {len(world.defects)} defects; one run"
-    return Line(
-        f"building a world ({'the generated town' if source == 'town' else source})", took_s, Kind.SECONDS, note=note
-    )
+    what = f"building a world ({'the generated town' if source == 'town' else source})"
+    return Line(what, took_s, Kind.SECONDS, target_s, note=note)
 
 
 def load_line(folder: Path) -> Line:

@@ -6,14 +6,30 @@ import json
 import math
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import create_autospec
 
 import pytest
-from benchmarks import commands, coverage, frames, machine, pairs, startup, streets, waiting, worlds
-from benchmarks.__main__ import PARTS, main, measure
+from benchmarks import __main__ as program
+from benchmarks import (
+    commands,
+    coverage,
+    frames,
+    images,
+    machine,
+    pairs,
+    process,
+    startup,
+    streets,
+    surveys,
+    waiting,
+    worlds,
+)
+from benchmarks.__main__ import GROUPS, main, measure
 from benchmarks.measure import Kind, Line, Size, median_s
 from benchmarks.table import as_json, notes, table
 from rich.console import Console
@@ -32,6 +48,8 @@ SMOKE = Size(
     crowd_s=5.0,
     few=1,
     mapped=1,
+    survey=1,
+    images=1,
     crowd=20,
     shapes=3,
     places=1,
@@ -100,7 +118,7 @@ def test_starting_is_measured_in_processor_time() -> None:
 
 def test_a_command_that_fails_is_no_measurement() -> None:
     with pytest.raises(PaveTwinError, match=r"`pavetwin fly no-such-world` failed: Error: "):
-        startup.processor_s(["fly", "no-such-world"])
+        process.run(["fly", "no-such-world"])
 
 
 def test_a_world_that_is_not_there_is_one_plain_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -124,19 +142,46 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], list[
         patch.setattr(frames, "Renderer", renderer)
         patch.setattr(frames, "find_adapter", lambda: "none")
         # Whole commands take seconds each; here their words are checked.
-        patch.setattr(commands, "processor_s", lambda words: float(not pavetwin(*words, "--settings").returncode))
+        for module in (commands, surveys, images):
+            patch.setattr(module, "run", partial(checked, folder / "cache"))
         built = worlds.build(folder / "short", network, defects_per_segment=3)
         lines = [built, *measure(folder / "short", SMOKE, folder, begun.append)]
     return begun, lines, folder
 
 
+def checked(cache: Path, words: Sequence[str]) -> process.Used:
+    """Nothing is done; the words are checked, and a file of each command is in the cache."""
+    end = ["--help"] if words[0] == "capture" else ["--settings"]
+    cache.joinpath(f"{'-'.join(Path(word).name for word in words)}.parquet").write_bytes(b"recording")
+    return process.Used(float(not pavetwin(*words, *end).returncode), 1.0, 1.0)
+
+
 def test_every_part_measures_something(measured: tuple[list[str], list[Line], Path]) -> None:
     begun, lines, _ = measured
-    assert len(begun) == PARTS
+    assert begun == list(GROUPS)
     assert all(math.isfinite(line.value) and line.value > 0 for line in lines if line.kind is not Kind.SECONDS)
     Console(width=100, record=True).print(table(lines))
-    assert len({line.what for line in lines}) > 2 * PARTS
+    assert len({line.what for line in lines}) > 2 * len(GROUPS)
     assert next(line for line in lines if line.what == "pavetwin fly, segments: 1, high traffic recorded").value == 1.0
+
+
+def test_a_group_can_be_measured_alone(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(CACHE_VARIABLE, "")
+    begun: list[str] = []
+    lines = [*measure(None, replace(SMOKE, streets_m=(200.0,)), tmp_path, begun.append, ["streets"])]
+    assert begun == ["streets"]
+    assert lines[0].what.startswith("NavMesh")
+    with pytest.raises(SystemExit):
+        main(["--only", "street"])
+    assert "invalid choice: 'street'" in capsys.readouterr().err
+
+
+def test_what_a_command_took_is_that_of_its_process() -> None:
+    used = process.run([], code="bytearray(300 * 2**20); sum(range(2_000_000))")
+    assert used.peak_mib > 300
+    assert used.processor_s > 0
 
 
 @pytest.mark.slow
@@ -163,7 +208,7 @@ def line_functions() -> set[str]:
 
 def test_every_line_function_is_measured() -> None:
     called = {
-        ast.unparse(node.func) for node in ast.walk(ast.parse(inspect.getsource(measure))) if isinstance(node, ast.Call)
+        ast.unparse(node.func) for node in ast.walk(ast.parse(inspect.getsource(program))) if isinstance(node, ast.Call)
     }
     assert len(line_functions()) >= 11
     assert line_functions() - called == set()
