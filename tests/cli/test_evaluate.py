@@ -33,7 +33,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_report_is_written(place: Path) -> None:
-    more = ("--against", "found.json", "--regions", "regions.json", "--resamples", "20")
+    more = ("--against", "found.json", "--against", "found.json", "--regions", "regions.json", "--resamples", "20")
     done = pavetwin("evaluate", "better.json", "town", "-o", "report", *more, cwd=place)
     assert done.returncode == 0, done.stderr
     lines = {line.split("  ")[0]: line.split() for line in done.stdout.splitlines() if line}
@@ -45,6 +45,8 @@ def test_a_report_is_written(place: Path) -> None:
     assert "3 images, 1 of them empty." in done.stdout
     told = json.loads((place / "report" / "metrics.json").read_text())
     assert told["differences"]["recall"]["value"] == pytest.approx(1 / 3)
+    assert [run["recall"] for run in told["runs"]["others"]] == pytest.approx([1 / 3, 1 / 3])
+    assert "Means of 1 and 2 runs; the intervals hold the spread between runs too." in done.stdout
     assert told["confusion"]["counts"][0][1] == 1
     assert told["at_best_of_validation"]["confidence"] == pytest.approx(0.7)
     page = (place / "report" / "report.html").read_text()
@@ -71,6 +73,11 @@ def test_a_report_is_written(place: Path) -> None:
         (("found.json", "town", "-o", "n", "--split", "tset"), "Error: --split: no split 'tset' (did you mean"),
         (("found.json", "town", "-o", "n", "--confidence", "25"), "Error: --confidence 25: it is above 0 and below 1."),
         (("found.json", "town", "-o", "n", "--against", "no.json"), "Error: --against: 'no.json' cannot be read"),
+        (("found.json", "town", "-o", "n", "--run", "no.json"), "Error: --run: other runs take part in differences"),
+        (
+            ("found.json", "town", "-o", "n", "--against", "found.json", "--run", "no.json"),
+            "Error: --run: 'no.json' cannot be read",
+        ),
         (("found.json", "town", "-o", "n", "--regions", "found.json"), "Error: --regions: 'found.json': entry 1"),
         (("found.json", "bare", "-o", "n"), "Error: The picture of '001.png' in 'bare' cannot be"),
     ],

@@ -89,6 +89,7 @@ NEEDS_RESULTS = {
     "data export --formats",
     "evaluate --against",
     "evaluate --regions",
+    "evaluate --run",
     "experiment recommend --traffic",
     "experiment recommend --world",
     "export --licence",

@@ -15,9 +15,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from pavetwin.perception.evaluation.detections import FoundBox
-    from pavetwin.perception.evaluation.evaluate import DetectorEvaluation
+    from pavetwin.perception.evaluation.evaluate import DetectorEvaluation, PairedComparison
     from pavetwin.perception.evaluation.labelled import LabelledSplit
-    from pavetwin.perception.evaluation.resampling import ResampledDifference
 
 VALIDATION = "val"
 """The split on which the best confidence is chosen."""
@@ -32,7 +31,12 @@ def evaluate(
     split: Annotated[str, typer.Option(help="Of the dataset: test, val or train.")] = "test",
     confidence: Annotated[float, typer.Option(help="At which precision, recall and F1 are stated.")] = 0.25,
     against: Annotated[
-        Path | None, typer.Option(help="Another model or its detections; differences are these less the others.")
+        list[Path] | None,
+        typer.Option(help="Another model or its detections; differences are these less the others. Repeatable: runs."),
+    ] = None,
+    runs: Annotated[
+        list[Path] | None,
+        typer.Option("--run", metavar="MODEL", help="The same training with another seed, for --against; repeatable."),
     ] = None,
     regions: Annotated[
         Path | None, typer.Option(help="What the subtype head says at true regions, see the how-to.")
@@ -46,6 +50,7 @@ def evaluate(
     pavetwin evaluate model.onnx datasets/streets -o evaluation
     pavetwin evaluate detections.json datasets/streets -o evaluation
     pavetwin evaluate mixed.json datasets/china-coco -o evaluation --against real-only.json
+    pavetwin evaluate m0.onnx china-coco -o report --run m1.onnx --run m2.onnx --against r0.onnx --against r1.onnx
 
     The dataset is a capture, or what `pavetwin data export --formats coco` writes. The file may hold detections of the
     split val too: the confidence with the best F1 is chosen there.
@@ -63,14 +68,17 @@ def evaluate(
         raise PaveTwinError("Say where the report goes with -o, for example -o evaluation.")
     if split not in SPLITS:
         raise PaveTwinError(no_such("split", split, SPLITS, key="`split`"))
+    if runs and not against:
+        raise PaveTwinError("`run`: other runs take part in differences only; name what to compare with (`against`).")
     with progress("Evaluating") as tell:
         chosen = read_split(dataset, split)
         splits = (chosen, *_others(dataset, split))
         found = _found(detections, splits, tell)
-        other = told = differences = None
-        if against is not None:
-            with about("against"):
-                other = _found(against, splits, tell)
+        told = differences = None
+        with about("against"):
+            others = [_found(each, splits, tell, models_in=1) for each in against or ()]
+        with about("run"):
+            same = [found, *(_found(each, splits, tell, models_in=1) for each in runs or ())]
         if regions is not None:
             with about("regions"):
                 told = read_subtypes(regions, chosen)
@@ -78,8 +86,8 @@ def evaluate(
         how: dict[str, Any] = {"confidence": confidence, "resamples": resamples, "seed": seed}
         result = evaluated(chosen, found, validation=validation, subtypes=told, **how)
         tell(0.5)
-        if other is not None:
-            differences = compare_in_pairs(chosen, other, found, **how)
+        if others:
+            differences = compare_in_pairs(chosen, others, same, **how)
         tell(0.7)
         files = write_detector_report(result, output, title=detections.stem, differences=differences)
     _tell(result)
@@ -88,8 +96,14 @@ def evaluate(
     out.line(f"Report: {files[0]}")
 
 
-def _found(path: Path, splits: "tuple[LabelledSplit, ...]", tell: "Callable[[float], None]") -> "tuple[FoundBox, ...]":
-    """What a model says of the splits, or what a file of detections holds."""
+def _found(
+    path: Path, splits: "tuple[LabelledSplit, ...]", tell: "Callable[[float], None]", models_in: int | None = None
+) -> "tuple[FoundBox, ...]":
+    """What a model says of the splits, or what a file of detections holds.
+
+    Args:
+        models_in: number of the splits, the first ones, that a model has to look at.
+    """
     from pavetwin.perception.evaluation.detections import read_detections
 
     if path.suffix.lower() != ".onnx":
@@ -97,7 +111,7 @@ def _found(path: Path, splits: "tuple[LabelledSplit, ...]", tell: "Callable[[flo
     from pavetwin.perception.evaluation.running import LEAST_CONFIDENCE, found_by
     from pavetwin.perception.inference import Detector
 
-    return found_by(Detector(path, confidence=LEAST_CONFIDENCE), splits, tell)
+    return found_by(Detector(path, confidence=LEAST_CONFIDENCE), splits[:models_in], tell)
 
 
 def _others(dataset: Path, split: str) -> "list[LabelledSplit]":
@@ -163,13 +177,17 @@ def _tell(result: "DetectorEvaluation") -> None:
         out.line(f"Left out: {left} of classes that an image's source does not label.")
 
 
-def _tell_differences(found: "dict[str, ResampledDifference]") -> None:
+def _tell_differences(found: "PairedComparison") -> None:
     from pavetwin.experiments.detector_report.sections import METRICS
 
-    table = _table("less the others, points", "difference", "95 % interval", "p")
+    table = _table("less the others, points", "these", "others", "difference", "95 % interval", "p")
     for name, words in METRICS.items():
-        each = found[name]
+        each = found.differences[name]
         p = "" if isnan(each.p) else f"{each.p:.3f}"
-        table.add_row(words, f"{100 * each.value:+.1f}", _interval(each.low, each.high), p)
+        means = (_percent(sum(run[name] for run in of) / len(of)) for of in (found.second, found.first))
+        table.add_row(words, *means, f"{100 * each.value:+.1f}", _interval(each.low, each.high), p)
     out.line("")
     out.print(table)
+    these, others = len(found.second), len(found.first)
+    if these + others > 2:
+        out.line(f"\nMeans of {these} and {others} runs; the intervals hold the spread between runs too.")

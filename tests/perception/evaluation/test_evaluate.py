@@ -11,7 +11,7 @@ from pycocotools.coco import COCO
 from pycocotools.cocoeval import COCOeval
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.evaluation.detections import read_detections, read_subtypes
+from pavetwin.perception.evaluation.detections import FoundBox, read_detections, read_subtypes
 from pavetwin.perception.evaluation.evaluate import DetectorEvaluation, compare_in_pairs, evaluate
 from pavetwin.perception.evaluation.labelled import read_split
 from pavetwin.perception.evaluation.resampling import metrics_of
@@ -313,12 +313,33 @@ def test_two_files_are_compared_on_the_same_draws(tmp_path: Path) -> None:
         *first,
         *read_detections(write_detections(tmp_path / "b.json", [said(4 * at, CAR) for at in range(1, 6)]), (split,)),
     )
-    found = compare_in_pairs(split, first, second, resamples=200)["recall"]
+    compared = compare_in_pairs(split, [first], [second], resamples=200)
+    assert (compared.first[0]["recall"], compared.second[0]["recall"]) == pytest.approx((20 / 40, 25 / 40))
+    found = compared.differences["recall"]
     assert found.value == pytest.approx(5 / 40)
     assert 0.0 < found.low < found.value < found.high < 0.3
     assert found.p < 0.05
-    nothing = compare_in_pairs(split, first, first, resamples=50)["map50"]
+    nothing = compare_in_pairs(split, [first], [first], resamples=50).differences["map50"]
     assert (nothing.value, nothing.low, nothing.high, nothing.p) == (0.0, 0.0, 0.0, 1.0)
+
+
+def test_the_spread_between_runs_is_in_the_interval_of_a_difference(tmp_path: Path) -> None:
+    """All images are of one group, so that their draws change nothing: runs of recall 0.5 and 0.7 against 0.4."""
+    images, facts = [[true(CAR)] for _ in range(10)], [{"group": "bridge"}] * 10
+
+    def found(name: str, cars: int) -> tuple[FoundBox, ...]:
+        rows = [said(at, CAR) for at in range(1, cars + 1)]
+        return read_detections(write_detections(tmp_path / f"{name}.json", rows), (split,))
+
+    split, other = scene(tmp_path, images, [said(at, CAR) for at in range(1, 5)], facts=facts)
+    runs = [found("a", 5), found("b", 7)]
+    recall = compare_in_pairs(split, [other], runs, resamples=100).differences["recall"]
+    assert (recall.value, recall.low, recall.high) == pytest.approx((0.2, 0.1, 0.3))
+    alone = compare_in_pairs(split, [other], runs[:1], resamples=100).differences["recall"]
+    assert (alone.value, alone.low, alone.high) == pytest.approx((0.1, 0.1, 0.1))
+    same = compare_in_pairs(split, runs, runs[::-1], resamples=100).differences["recall"]
+    assert same.value == pytest.approx(0)
+    assert (same.low, same.high) == pytest.approx((-0.2, 0.2), abs=0.06)
 
 
 def test_classes_that_a_source_does_not_label_are_left_out(tmp_path: Path) -> None:

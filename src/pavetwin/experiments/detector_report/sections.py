@@ -6,9 +6,8 @@ from pavetwin.experiments.detector_report import figures, worst
 from pavetwin.experiments.report.parts import Block, Section, Table, TableCell, text_cells
 from pavetwin.perception.classes import SUBTYPES
 from pavetwin.perception.evaluation.confusion import SubtypeScores
-from pavetwin.perception.evaluation.evaluate import DetectorEvaluation
+from pavetwin.perception.evaluation.evaluate import DetectorEvaluation, PairedComparison
 from pavetwin.perception.evaluation.matching import HALF
-from pavetwin.perception.evaluation.resampling import ResampledDifference
 
 METRICS: Mapping[str, str] = {
     "map50": "mAP@0.5",
@@ -26,7 +25,7 @@ def percent(value: float | None) -> str:
     return "–" if value is None or value != value else f"{100 * value:.1f}"
 
 
-def sections_of(found: DetectorEvaluation, differences: Mapping[str, ResampledDifference] | None) -> list[Section]:
+def sections_of(found: DetectorEvaluation, differences: PairedComparison | None) -> list[Section]:
     """What the page holds.
 
     Raises:
@@ -84,24 +83,27 @@ def _interval(low: float, high: float) -> str:
     return "" if low != low else f"{100 * low:.1f} – {100 * high:.1f}"
 
 
-def _differences(found: Mapping[str, ResampledDifference] | None) -> list[Block]:
+def _differences(found: PairedComparison | None) -> list[Block]:
     if found is None:
         return []
     rows = tuple(
         text_cells(
             METRICS.get(name, name.replace("ap50 ", "AP@0.5 ")),
+            *(" · ".join(percent(run[name]) for run in of) for of in (found.second, found.first)),
             f"{100 * each.value:+.1f}",
             _interval(each.low, each.high),
             "" if each.p != each.p else f"{each.p:.3f}",
         )
-        for name, each in found.items()
+        for name, each in found.differences.items()
         if each.value == each.value
     )
+    several = len(found.second) + len(found.first) > 2
+    what = "images and runs, each run with its own seed" if several else "images"
     return [
         Table(
-            "These detections less the others, in percentage points, with 95 % intervals of a paired bootstrap over "
-            "images.",
-            ("metric", "difference", "interval", "p"),
+            "These detections and the others in per cent, and what they differ by in percentage points"
+            f"{' on the mean' if several else ''}, with 95 % intervals of a paired bootstrap over {what}.",
+            ("metric", "these", "others", "difference", "interval", "p"),
             rows,
             lead=1,
         )

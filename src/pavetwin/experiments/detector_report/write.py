@@ -1,7 +1,7 @@
 """Writes an evaluation's report: a page, its figures, and the numbers as JSON and CSV."""
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,9 @@ from pavetwin.experiments.detector_report.sections import percent, sections_of
 from pavetwin.experiments.report.parts import Block, ReportFigure, Section, Table
 from pavetwin.experiments.words import counted
 from pavetwin.files import writing
-from pavetwin.perception.evaluation.evaluate import DetectorEvaluation
+from pavetwin.perception.evaluation.evaluate import DetectorEvaluation, PairedComparison
 from pavetwin.perception.evaluation.matching import HALF
-from pavetwin.perception.evaluation.resampling import ResampledDifference
-from pavetwin.perception.evaluation.tables import as_values, csv_files, intervals_as_values
+from pavetwin.perception.evaluation.tables import as_values, csv_files, intervals_as_values, runs_as_values
 
 PAGE = "report.html"
 
@@ -25,13 +24,13 @@ def write_detector_report(
     folder: Path,
     *,
     title: str,
-    differences: Mapping[str, ResampledDifference] | None = None,
+    differences: PairedComparison | None = None,
 ) -> list[Path]:
     """Write `report.html`, `metrics.json`, CSV files and `figures/` into a folder.
 
     Args:
         title: of the page, such as the name of the file of detections.
-        differences: to other detections of the same split.
+        differences: to the detections of another recipe in the same split.
 
     Returns:
         The files.
@@ -42,7 +41,8 @@ def write_detector_report(
     sections = sections_of(found, differences)
     values: dict[str, Any] = as_values(found)
     if differences is not None:
-        values["differences"] = intervals_as_values(differences)
+        values["differences"] = intervals_as_values(differences.differences)
+        values["runs"] = {"these": runs_as_values(differences.second), "others": runs_as_values(differences.first)}
     files = {
         PAGE: _page(found, sections, title).encode(),
         "metrics.json": (json.dumps(values, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode(),

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 from pavetwin.arrays import Int64Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.evaluation.breakdowns import Breakdown, breakdowns
@@ -18,6 +20,7 @@ from pavetwin.perception.evaluation.detections import FoundBox
 from pavetwin.perception.evaluation.labelled import LabelledSplit
 from pavetwin.perception.evaluation.matching import Matched, match_coarse, match_five, told_apart
 from pavetwin.perception.evaluation.resampling import (
+    Metrics,
     ResampledDifference,
     ResampledInterval,
     differences,
@@ -110,6 +113,17 @@ def evaluate(
     )
 
 
+@dataclass(frozen=True)
+class PairedComparison:
+    """Two recipes on the same images."""
+
+    differences: dict[str, ResampledDifference]
+    """Metric → the second less the first."""
+    first: tuple[Metrics, ...]
+    """Of each run."""
+    second: tuple[Metrics, ...]
+
+
 def found_in(split: LabelledSplit, found: Sequence[FoundBox]) -> list[FoundBox]:
     """The detections in images of a split."""
     numbers = {image.number for image in split.images}
@@ -118,21 +132,31 @@ def found_in(split: LabelledSplit, found: Sequence[FoundBox]) -> list[FoundBox]:
 
 def compare_in_pairs(
     split: LabelledSplit,
-    first: Sequence[FoundBox],
-    second: Sequence[FoundBox],
+    first: Sequence[Sequence[FoundBox]],
+    second: Sequence[Sequence[FoundBox]],
     *,
     confidence: float = CONFIDENCE,
     resamples: int = RESAMPLES,
     seed: int = 0,
-) -> dict[str, ResampledDifference]:
-    """How much better the second file of detections is than the first, metric by metric.
+) -> PairedComparison:
+    """How much better the second recipe is than the first, metric by metric, each the mean over its runs.
+
+    Args:
+        first: the detections of each of its training runs; so `second`.
 
     Raises:
         PaveTwinError: a value is out of its bounds, or pycocotools is not installed.
     """
     _check(confidence, resamples)
-    one, other = (metrics_of(*_both(split, found), confidence) for found in (first, second))
-    return differences(one, other, _groups(split), resamples=resamples, seed=seed)
+    one, other = (
+        [metrics_of(*_both(split, found_in(split, each)), confidence) for each in runs] for runs in (first, second)
+    )
+    whole = np.ones(len(split.images))
+    return PairedComparison(
+        differences(one, other, _groups(split), resamples=resamples, seed=seed),
+        tuple(each(whole) for each in one),
+        tuple(each(whole) for each in other),
+    )
 
 
 def _check(confidence: float, resamples: int) -> None:

@@ -1,9 +1,10 @@
 """Bootstrap intervals over images (Efron 1979): images of one group, which show one place, are drawn together.
 
-Two files of detections of the same images are compared on the same draws.
+Two recipes are compared on the same draws of images. Each has the detections of one training run or of several, with
+other seeds; the runs of each are then drawn too, so that an interval has the spread between runs in it.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -32,7 +33,7 @@ class ResampledInterval:
 
 @dataclass(frozen=True, slots=True)
 class ResampledDifference:
-    """Of a metric: the second file's value less the first's."""
+    """Of a metric: the second recipe's value less the first's, each the mean over its runs."""
 
     value: float
     low: float
@@ -93,23 +94,36 @@ def intervals(
     return {name: ResampledInterval(value[name], *_limits([each[name] for each in drawn])) for name in value}
 
 
+Measures = Sequence[Callable[[Float64Array], Metrics]]
+"""Of the runs of a recipe: metrics by how often each image is there."""
+
+
 def differences(
-    first: Callable[[Float64Array], Metrics],
-    second: Callable[[Float64Array], Metrics],
-    groups: tuple[str, ...],
-    *,
-    resamples: int,
-    seed: int,
+    first: Measures, second: Measures, groups: tuple[str, ...], *, resamples: int, seed: int
 ) -> dict[str, ResampledDifference]:
-    """Of each metric: the second less the first, in pairs."""
-    whole = np.ones(len(groups))
-    value = {name: told - first(whole)[name] for name, told in second(whole).items()}
+    """Of each metric: the second recipe less the first, on the same images.
+
+    Args:
+        first: one run or several; so `second`, whose runs need not be as many.
+    """
+    value = _apart(first, second, np.ones(len(groups)))
     drawn: dict[str, list[float]] = {name: [] for name in value}
+    runs = np.random.default_rng((seed, 1))
     for weights in _draws(groups, resamples, seed):
-        one, other = first(weights), second(weights)
-        for name in drawn:
-            drawn[name].append(other[name] - one[name])
+        one, other = ([of[at] for at in runs.integers(len(of), size=len(of))] for of in (first, second))
+        for name, told in _apart(one, other, weights).items():
+            drawn[name].append(told)
     return {name: ResampledDifference(value[name], *_limits(row), _p(row)) for name, row in drawn.items()}
+
+
+def _apart(first: Measures, second: Measures, weights: Float64Array) -> dict[str, float]:
+    """Mean of the second less that of the first; NaN where a run has no value."""
+    # A run that is drawn twice is measured once.
+    known = {of: of(weights) for of in {*first, *second}}
+    return {
+        name: float(np.mean([known[of][name] for of in second]) - np.mean([known[of][name] for of in first]))
+        for name in known[first[0]]
+    }
 
 
 def _draws(groups: tuple[str, ...], resamples: int, seed: int) -> list[Float64Array]:

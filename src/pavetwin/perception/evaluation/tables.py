@@ -12,7 +12,7 @@ from pavetwin.perception.evaluation.calibration import Reliability
 from pavetwin.perception.evaluation.confusion import SubtypeScores
 from pavetwin.perception.evaluation.evaluate import DetectorEvaluation
 from pavetwin.perception.evaluation.matching import HALF, Matched
-from pavetwin.perception.evaluation.resampling import ResampledDifference, ResampledInterval
+from pavetwin.perception.evaluation.resampling import Metrics, ResampledDifference, ResampledInterval
 from pavetwin.perception.evaluation.scores import ScoresAt
 
 
@@ -54,6 +54,11 @@ def intervals_as_values(
         metric: {name: defined(getattr(each, name)) for name in names if hasattr(each, name)}
         for metric, each in found.items()
     }
+
+
+def runs_as_values(runs: Iterable[Metrics]) -> list[dict[str, float | None]]:
+    """The metrics of each run."""
+    return [{name: defined(value) for name, value in run.items()} for run in runs]
 
 
 def defined(value: float) -> float | None:
