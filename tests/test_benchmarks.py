@@ -11,6 +11,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 from unittest.mock import create_autospec
 
 import pytest
@@ -214,10 +215,34 @@ def test_every_line_function_is_measured() -> None:
     assert line_functions() - called == set()
 
 
-def test_pairs_compare_the_least_of_each_place_and_all_rounds() -> None:
-    before = [{"a frame": [0.1, 0.4]}, {"a frame": [0.2, 0.2]}]
-    now = [{"a frame": [0.3, 0.2]}, {"a frame": [0.2, 0.1]}]
-    assert pairs.table(before, now).splitlines()[2] == "| a frame | 150 ms | 150 ms | 1.00 × | 0.89 × |"
+def test_pairs_give_the_median_ratio_with_its_interval() -> None:
+    ratios = [0.5, 0.9, 0.9, 1.0, 1.0, 1.1, 1.1, 1.2, 1.2, 3.0]
+    found = [(pairs.Cost(0.1, 0.02), pairs.Cost(0.1 * ratio, 0.03)) for ratio in ratios]
+    row = pairs.table({"a frame": found}).splitlines()[2]
+    assert row == "| a frame | 100 ms | 105 ms | 1.05 (0.90 to 1.20) | 20 ms; 30 ms |"
+
+
+class Answering(pairs.Checkout):
+    """Costs as many seconds as works were asked of it."""
+
+    def __init__(self, log: list[str], name: str) -> None:
+        self.log, self.name = log, name
+
+    def order(self, order: str, place: int, what: str = "") -> None:
+        self.log.append(f"{self.name} {order} {place} {what}".strip())
+
+    def answer(self) -> Any:
+        return [1.0, 0.0] if self.log and "time" in self.log[-1] else ["a", "b"]
+
+
+def test_pairs_take_turns_at_each_work_and_stay_at_a_place() -> None:
+    log: list[str] = []
+    found = pairs.compare(Answering(log, "old"), Answering(log, "new"), 2, 2, lambda _share, _what: None)
+    assert {what: len(each) for what, each in found.items()} == {"a": 4, "b": 4}
+    first = [*("old warm 0", "new warm 0", "old time 0 a", "new time 0 a", "old time 0 b", "new time 0 b")]
+    second = ["new time 0 a", "old time 0 a", "new time 0 b", "old time 0 b"]
+    assert log[:10] == first + second
+    assert log[10:] == [line.replace(" 0", " 1") for line in log[:10]]
 
 
 def test_pairs_say_that_a_checkout_cannot_measure(tmp_path: Path) -> None:
