@@ -17,6 +17,7 @@ NAMES: Final = {
     "aircraft": ("pavetwin.uav", "AIRCRAFT"),
     "cameras": ("pavetwin.uav", "CAMERAS"),
     "formats": ("pavetwin.capture.formats", "FORMATS"),
+    "planformats": ("pavetwin.flightplan", "PLAN_FORMATS"),
     "platforms": ("pavetwin.capture.platforms", "PLATFORMS"),
     "policies": ("pavetwin.policies", "POLICIES"),
     "sensors": ("pavetwin.sensing", "SENSORS"),

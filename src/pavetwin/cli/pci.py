@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 SHOWN: Final = 20
 """Streets in the printed table; the file has all."""
 
-MISSION: Final = "mission.yaml"
-
 
 def pci(
     folder: Annotated[Path, typer.Argument(metavar="WORLD|MISSION", help="Folder of a world or of a mission.")],
@@ -76,19 +74,16 @@ def _report(folder: Path) -> "ConditionReport":
     """Raises:
     PaveTwinError: the folder is neither a world nor a mission.
     """
-    from pavetwin.mission.again import read_mission
+    from pavetwin.mission.again import MISSION, mission_file, read_mission
     from pavetwin.mission.condition import condition_of_mission, condition_of_world
     from pavetwin.world.folder import DESCRIPTION
     from pavetwin.world.store import load_world
 
-    if (folder / MISSION).is_file():
-        return condition_of_mission(read_mission(folder / MISSION))
     if (folder / DESCRIPTION).is_file():
         return condition_of_world(load_world(folder))
-    inner = sorted(path.parent.name for path in folder.glob(f"*/{MISSION}"))
-    if inner:
-        names = ", ".join(str(folder / name) for name in inner)
-        raise PaveTwinError(f"'{folder}' holds a mission for each policy; name one: {names}.")
+    file = mission_file(folder)
+    if folder.is_dir() and file.is_file():
+        return condition_of_mission(read_mission(file))
     raise PaveTwinError(f"'{folder}' is neither the folder of a world nor of a mission (it has no {MISSION}).")
 
 

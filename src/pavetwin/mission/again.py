@@ -23,6 +23,9 @@ from pavetwin.mission.versions import version_changes
 from pavetwin.world.folder import DESCRIPTION, read_description
 from pavetwin.world.model import World
 
+MISSION: Final = "mission.yaml"
+"""In the folder of a mission."""
+
 READABLE: Final = (3, 4, FORMAT)
 
 OF_ROTOR: Final = ("capacity_wh", "hover_endurance_s", "mass_kg")
@@ -102,6 +105,20 @@ def _is_same(one: MissionSpec, other: MissionSpec) -> bool:
     return one.world.content_hash == other.world.content_hash and one.model_copy(update=unlike) == other.model_copy(
         update=unlike
     )
+
+
+def mission_file(place: Path) -> Path:
+    """The `mission.yaml` of a folder, or the file itself.
+
+    Raises:
+        PaveTwinError: the folder holds a mission for each policy.
+    """
+    if place.is_file() or (place / MISSION).is_file():
+        return place if place.is_file() else place / MISSION
+    if inner := sorted(path.parent.name for path in place.glob(f"*/{MISSION}")):
+        names = ", ".join(str(place / name) for name in inner)
+        raise PaveTwinError(f"'{place}' holds a mission for each policy; name one: {names}.")
+    return place / MISSION
 
 
 def read_mission(path: str | Path, *, other_policy: bool = False) -> FormerMission:

@@ -1,0 +1,57 @@
+"""Litchi's CSV, as its Mission Hub imports and exports it.
+
+Litchi publishes no description of it: columns and codes are those of files that it exported (actions 5: tilt the
+camera; gimbal mode 2: interpolate; altitude mode 0: above take-off; −1: no interval).
+"""
+
+import csv
+import io
+from typing import Final
+
+from pavetwin.flightplan.formats.base import PlanFormat, is_last, number_text, plan_format
+from pavetwin.flightplan.model import STRAIGHT_DOWN_DEG, FlightPlan, PlannedFlight, Trigger
+
+ACTIONS: Final = 15
+"""Of a waypoint, each with a parameter."""
+NO_ACTION, TILT_CAMERA = -1, 5
+INTERPOLATE: Final = 2
+ABOVE_TAKE_OFF: Final = 0
+OFF: Final = -1
+
+COLUMNS: Final = (
+    *("latitude", "longitude", "altitude(m)", "heading(deg)", "curvesize(m)", "rotationdir"),
+    *("gimbalmode", "gimbalpitchangle"),
+    *(f"action{what}{number}" for number in range(1, ACTIONS + 1) for what in ("type", "param")),
+    *("altitudemode", "speed(m/s)", "poi_latitude", "poi_longitude", "poi_altitude(m)", "poi_altitudemode"),
+    *("photo_timeinterval", "photo_distinterval"),
+)
+
+
+@plan_format("litchi")
+class Litchi(PlanFormat):
+    """Litchi's CSV."""
+
+    suffix = "-litchi.csv"
+    most_waypoints = 99
+
+    def write(self, plan: FlightPlan, flight: PlannedFlight) -> bytes:
+        file = io.StringIO()
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(COLUMNS)
+        down = number_text(STRAIGHT_DOWN_DEG)
+        for each, heading_deg in zip(flight.waypoints, flight.headings_deg, strict=True):
+            on = each.photographs and not is_last(flight, each)
+            by_time, by_distance = (on and plan.trigger is trigger for trigger in (Trigger.TIME, Trigger.DISTANCE))
+            first = each is flight.home
+            actions = [TILT_CAMERA if first else NO_ACTION, down if first else 0, *[NO_ACTION, 0] * (ACTIONS - 1)]
+            rows.writerow(
+                [
+                    *(f"{each.latitude:.8f}", f"{each.longitude:.8f}", number_text(each.height_m)),
+                    *(f"{heading_deg:.1f}", number_text(each.corner_m), 0, INTERPOLATE, down),
+                    *actions,
+                    *(ABOVE_TAKE_OFF, number_text(each.speed_mps), 0, 0, 0, 0),
+                    number_text(plan.interval_s) if by_time else OFF,
+                    number_text(round(plan.spacing_m, 3)) if by_distance else OFF,
+                ]
+            )
+        return file.getvalue().encode()

@@ -1,0 +1,206 @@
+"""The flight plan of a mission that was flown: its track without what was a reaction to the traffic of that moment."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby, pairwise
+from math import atan2, degrees, hypot
+from pathlib import Path
+from typing import Any, Final
+
+import polars as pl
+import shapely
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.flightplan.model import FlightPlan, PlannedFlight, Trigger, Waypoint
+from pavetwin.mission.again import FormerMission
+from pavetwin.mission.environment import capture_interval_s, inspect_speed_mps
+from pavetwin.twin import Mode
+from pavetwin.world.georeference import DEFAULT_ANCHOR_DEG, GeoReference, anchored
+from pavetwin.world.model import World
+
+TRACK: Final = "track.parquet"
+
+TOLERANCE_M: Final = 0.05
+"""Of the path to the track, where samples in between are left out."""
+
+LEAST_LEG_M: Final = 0.5
+"""Shorter legs are left out: flight controllers refuse or skip waypoints that are closer together."""
+
+PASSED_DEG: Final = 45.0
+"""Waypoints with a sharper turn are stopped at; others are flown past."""
+
+MOST_CORNER_M: Final = 1.0
+"""The largest distance from a waypoint at which the turn begins; the inspected strip is some metres wide."""
+
+_ROUTE: Final = (Mode.TRANSIT, Mode.INSPECT, Mode.REVISIT, Mode.HOME)
+"""What a plan keeps. Waiting, displacements and giving way to aircraft answer the traffic of that moment. Revisits do
+so too, but the way on begins at the last of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Sample:
+    """A row of the track, as far as a plan needs it; world frame."""
+
+    x_m: float
+    y_m: float
+    height_m: float
+    photographs: bool
+    segment: str | None
+
+    def distance_m(self, other: "_Sample") -> float:
+        return hypot(other.x_m - self.x_m, other.y_m - self.y_m)
+
+
+def plan_of(mission: FormerMission, world: World, *, trigger: Trigger = Trigger.DISTANCE) -> FlightPlan:
+    """The plan of a mission, from the track in its folder.
+
+    Args:
+        world: its own.
+
+    Raises:
+        PaveTwinError: the world has no place on the earth, or the track is missing or damaged.
+    """
+    check_place(world)
+    rows = _read_track(mission.path.parent / TRACK)
+    settings = mission.spec.settings
+    inspect_mps = inspect_speed_mps(settings)
+    speeds = {True: inspect_mps, False: settings.uav.transit_speed_mps}
+    made = [_flight(each, speeds, world.georeference) for each in _flights(rows)]
+    flights = tuple(each for each in made if each.distance_m >= LEAST_LEG_M)
+    if not flights:
+        raise PaveTwinError(f"'{mission.path.parent / TRACK}' holds no flight.")
+    interval_s = capture_interval_s(settings)
+    return FlightPlan(
+        name=mission.path.absolute().parent.name,
+        aircraft=settings.aircraft,
+        flights=flights,
+        interval_s=interval_s,
+        spacing_m=inspect_mps * interval_s,
+        trigger=trigger,
+        remarks=tuple(_remarks(rows)),
+    )
+
+
+def check_place(world: World) -> None:
+    """Raises:
+    PaveTwinError: the world lies where networks without a place are put.
+    """
+    if world.georeference == anchored(*DEFAULT_ANCHOR_DEG):
+        raise PaveTwinError(
+            f"The world '{world.name}' has no place on the earth, so no drone can fly there; build it with one, as in "
+            "`pavetwin world build SOURCE anchor=52.47,13.44`, or from a map."
+        )
+
+
+def _read_track(path: Path) -> Sequence[Mapping[str, Any]]:
+    columns = ["x_m", "y_m", "altitude_m", "mode", "segment"]
+    try:
+        return pl.read_parquet(path, columns=columns).cast({"mode": pl.String}).to_dicts()
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise PaveTwinError(f"Cannot read '{path}', the track of the mission; fly it again: {error}") from error
+
+
+def _flights(rows: Sequence[Mapping[str, Any]]) -> Iterator[list[_Sample]]:
+    """The samples on the route, by set of batteries: each set begins with a climb."""
+    number, numbers = 0, []
+    for before, row in pairwise([{"mode": None}, *rows]):
+        number += row["mode"] == Mode.CLIMB and before["mode"] != Mode.CLIMB
+        numbers.append(number)
+    for _, group in groupby(zip(numbers, rows, strict=True), key=lambda each: each[0]):
+        route = [_sample(row) for _, row in group if row["mode"] in _ROUTE]
+        if len(route) > 1:
+            yield [*route, _closing(route)]
+
+
+def _sample(row: Mapping[str, Any]) -> _Sample:
+    return _Sample(
+        x_m=row["x_m"],
+        y_m=row["y_m"],
+        height_m=row["altitude_m"],
+        photographs=row["mode"] == Mode.INSPECT,
+        segment=row["segment"],
+    )
+
+
+def _closing(route: Sequence[_Sample]) -> _Sample:
+    """Above the take-off point, where the flight ends."""
+    first, last = route[0], route[-1]
+    return _Sample(first.x_m, first.y_m, last.height_m, photographs=False, segment=None)
+
+
+def _flight(samples: Sequence[_Sample], speeds: Mapping[bool, float], place: GeoReference) -> PlannedFlight:
+    kept = _without_short_legs([sample for part in _parts(samples) for sample in part])
+    lonlat = place.to_wgs84([(each.x_m, each.y_m) for each in kept])
+    corners = _corners(kept)
+    return PlannedFlight(
+        tuple(
+            Waypoint(
+                longitude=round(float(longitude), 8),
+                latitude=round(float(latitude), 8),
+                height_m=round(each.height_m, 2),
+                speed_mps=round(speeds[each.photographs], 2),
+                photographs=each.photographs,
+                corner_m=round(corner, 2),
+                segment=each.segment if each.photographs else None,
+            )
+            for each, corner, (longitude, latitude) in zip(kept, corners, lonlat, strict=True)
+        )
+    )
+
+
+def _parts(samples: Sequence[_Sample]) -> Iterator[list[_Sample]]:
+    """Stretches that are flown alike, simplified, each without its end, with which the next begins."""
+    edges = [0] + [i for i in range(1, len(samples)) if _kind(samples[i]) != _kind(samples[i - 1])] + [len(samples) - 1]
+    for first, last in pairwise(dict.fromkeys(edges)):
+        part = samples[first : last + 1]
+        line = shapely.LineString([(each.x_m, each.y_m, number) for number, each in enumerate(part)])
+        kept = shapely.get_coordinates(line.simplify(TOLERANCE_M, preserve_topology=False), include_z=True)[:-1, 2]
+        yield [part[int(number)] for number in kept] or [part[0]]
+    yield [samples[-1]]
+
+
+def _kind(sample: _Sample) -> tuple[bool, str | None, float]:
+    return sample.photographs, sample.segment, sample.height_m
+
+
+def _without_short_legs(samples: Sequence[_Sample]) -> list[_Sample]:
+    """The first, the last, and of what is close together what changes whether the camera is on; a shorter leg is left
+    only at the first."""
+    kept = [samples[0]]
+    for each in samples[1:]:
+        changes = each.photographs != kept[-1].photographs or each is samples[-1]
+        if not changes and kept[-1].distance_m(each) < LEAST_LEG_M:
+            continue
+        while len(kept) > 1 and kept[-1].distance_m(each) < LEAST_LEG_M:
+            kept.pop()
+        kept.append(each)
+    return kept
+
+
+def _corners(samples: Sequence[_Sample]) -> list[float]:
+    """For each sample, from which distance the turn is flown: 0 where the aircraft stops."""
+    corners = [0.0]
+    for before, here, after in zip(samples, samples[1:], samples[2:], strict=False):
+        shorter_m = min(before.distance_m(here), here.distance_m(after))
+        stops = before.photographs != here.photographs or _turn_deg(before, here, after) > PASSED_DEG
+        corners.append(0.0 if stops else min(MOST_CORNER_M, 0.4 * shorter_m))
+    return [*corners, 0.0]
+
+
+def _turn_deg(before: _Sample, here: _Sample, after: _Sample) -> float:
+    come = atan2(here.y_m - before.y_m, here.x_m - before.x_m)
+    go = atan2(after.y_m - here.y_m, after.x_m - here.x_m)
+    return abs((degrees(go - come) + 180.0) % 360.0 - 180.0)
+
+
+def _remarks(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    modes = {row["mode"] for row in rows}
+    left_out = {Mode.WAIT: "waiting", Mode.DISPLACE: "displacements", Mode.AVOID: "giving way to aircraft"}
+    words = [name for mode, name in left_out.items() if mode in modes]
+    if words:
+        yield f"Left out, as reactions to the simulated traffic: {', '.join(words)}."
+    if Mode.REVISIT in modes:
+        yield (
+            "The ways to places that were visited again are kept, without stops and photographs, as other places are "
+            "hidden in other traffic; the policy baseline has none."
+        )

@@ -1,0 +1,71 @@
+"""`pavetwin plan export` as a user types it."""
+
+import json
+from pathlib import Path
+
+import polars as pl
+import pytest
+import shapely
+
+from flightplan.readers import READERS
+from pavetwin.world.georeference import from_wgs84
+from pavetwin.world.store import load_world, save_world
+from scenes import damaged
+from scenes.command_line import pavetwin, plain_refusal
+
+
+@pytest.fixture(scope="module")
+def mission(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("plan")
+    save_world(damaged("cross", 8), folder / "cross")
+    flown = pavetwin(
+        *("fly", folder / "cross", "--density", "low", "--segments", "2", "--policy", "baseline"),
+        *("--seed", "1", "--no-map", "-o", folder / "m"),
+    )
+    assert flown.returncode == 0, flown.stderr
+    return folder / "m"
+
+
+def test_a_mission_becomes_a_plan_in_every_format(mission: Path, tmp_path: Path) -> None:
+    formats = [word for name in READERS for word in ("--format", name)]
+    done = pavetwin("plan", "export", mission, *formats, "-o", tmp_path, "--highest", "10")
+    assert done.returncode == 0, done.stderr
+    assert "The pilot is responsible" in done.stdout
+    track = pl.read_parquet(mission / "track.parquet").filter(pl.col("altitude_m") >= 10)
+    place = load_world(mission.parent / "cross").georeference
+    suffixes = {"qgc": ".plan", "wpml": ".kmz", "litchi": "-litchi.csv", "csv": ".csv"}
+    for name, read in READERS.items():
+        points = read((tmp_path / f"flight-1{suffixes[name]}").read_bytes())
+        line = shapely.LineString(from_wgs84(place, [(each.longitude, each.latitude) for each in points]))
+        flown = shapely.points(track.select("x_m", "y_m").to_numpy())
+        assert shapely.distance(line, flown).max() < 0.1
+        assert {each.height_m for each in points} == {10}
+        assert any(each.photographs for each in points)
+
+
+def test_without_options_it_is_a_plan_for_qgroundcontrol_in_the_missions_folder(mission: Path) -> None:
+    done = pavetwin("plan", "export", mission)
+    assert done.returncode == 0, done.stderr
+    assert json.loads((mission / "plan" / "flight-1.plan").read_text())["fileType"] == "Plan"
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        (("--format", "qcg"), "Error: --format: no format of flight plans 'qcg' (did you mean 'qgc'?)"),
+        (("--trigger", "speed"), "Error: --trigger speed: expected distance or time."),
+        (("--drone", "mavic"), "Error: --drone: no drone of DJI's plans 'mavic'"),
+        (("--highest", "9"), "Error: --highest 9: flight 1 goes up to 10 m above take-off"),
+        (("--from-buildings", "500"), "Error: --from-buildings 500: flight 1 comes as near as "),
+        (("--no-fly", "gone.gpkg"), "Error: --no-fly gone.gpkg: there is no such file."),
+    ],
+)
+def test_mistakes_and_broken_limits_are_one_line(
+    mission: Path, tmp_path: Path, options: tuple[str, str], line: str
+) -> None:
+    assert plain_refusal(pavetwin("plan", "export", mission, *options, "-o", tmp_path / "out")).startswith(line)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_is_no_mission_is_refused(mission: Path) -> None:
+    assert "mission.yaml" in plain_refusal(pavetwin("plan", "export", mission.parent / "cross"))

@@ -1,0 +1,105 @@
+"""Plans in every format, read back by readers of their own."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pyproj import Geod
+
+from flightplan.readers import READERS
+from pavetwin.errors import PaveTwinError
+from pavetwin.flightplan import PLAN_FORMATS, FlightPlan, PlannedFlight, Trigger, Waypoint
+
+GEOD = Geod(ellps="WGS84")
+
+finite = {"allow_nan": False, "allow_infinity": False}
+
+
+@st.composite
+def flights(draw: st.DrawFn) -> PlannedFlight:
+    longitude, latitude = draw(st.floats(-179, 179, **finite)), draw(st.floats(-79, 79, **finite))
+    legs = draw(st.lists(st.tuples(st.floats(0, 360), st.floats(0.5, 400), st.booleans()), min_size=1, max_size=250))
+    height_m = draw(st.floats(5, 120).map(lambda metres: round(metres, 2)))
+    waypoints = []
+    for heading_deg, length_m, photographs in [*legs, (0.0, 1.0, False)]:
+        waypoints.append(
+            Waypoint(
+                longitude=longitude,
+                latitude=latitude,
+                height_m=height_m,
+                speed_mps=5.0 if photographs else 10.0,
+                photographs=photographs,
+                corner_m=0.2 if photographs else 0.0,
+                segment="s0001" if photographs else None,
+            )
+        )
+        longitude, latitude, _ = GEOD.fwd(longitude, latitude, heading_deg, length_m)
+    return PlannedFlight(tuple(waypoints))
+
+
+def plan(flight: PlannedFlight, trigger: Trigger = Trigger.DISTANCE) -> FlightPlan:
+    return FlightPlan("m", "mavic3e", (flight,), interval_s=0.7, spacing_m=3.5, trigger=trigger)
+
+
+def test_every_format_has_a_reader() -> None:
+    assert sorted(READERS) == sorted(PLAN_FORMATS.names())
+
+
+@pytest.mark.parametrize("name", sorted(READERS))
+@given(flight=flights(), trigger=st.sampled_from(Trigger))
+def test_a_flight_is_read_back_as_it_is(name: str, flight: PlannedFlight, trigger: Trigger) -> None:
+    made = PLAN_FORMATS.get(name)()
+    back: list = []
+    for part in made.parts(flight):
+        read = READERS[name](made.write(plan(flight, trigger), part))
+        if back:
+            assert back[-1][:3] == read[0][:3], "a part begins where the one before it ends"
+            back.pop()
+        back += read
+    assert len(back) == len(flight.waypoints)
+    for there, here in zip(back, flight.waypoints, strict=True):
+        _, _, away_m = GEOD.inv(there.longitude, there.latitude, here.longitude, here.latitude)
+        assert away_m < 0.1
+        assert abs(there.height_m - here.height_m) < 0.01
+    for there, here in zip(back[:-1], flight.waypoints[:-1], strict=True):
+        assert there.speed_mps == here.speed_mps
+        assert there.photographs is here.photographs
+        assert there.every == ((3.5 if trigger is Trigger.DISTANCE else 0.7) if here.photographs else None)
+
+
+def straight() -> PlannedFlight:
+    return PlannedFlight(
+        tuple(
+            Waypoint(13.4 + 0.001 * i, 52.5, 10.0, 5.0, photographs=i == 0, corner_m=0.0, segment=None)
+            for i in range(2)
+        )
+    )
+
+
+@pytest.mark.parametrize(
+    ("drone", "numbers"),
+    [
+        ("mavic3e", ("77", "0", "66", "0")),
+        ("matrice30", ("67", "0", "52", "0")),
+        ("matrice350", ("89", "0", "50", "1")),
+    ],
+)
+def test_the_aircraft_is_named_in_djis_numbers(drone: str, numbers: tuple[str, ...]) -> None:
+    import io
+    import re
+    import zipfile
+
+    content = PLAN_FORMATS.get("wpml")(drone).write(plan(straight()), straight())
+    text = zipfile.ZipFile(io.BytesIO(content)).read("wpmz/waylines.wpml").decode()
+    keys = ("droneEnumValue", "droneSubEnumValue", "payloadEnumValue", "payloadSubEnumValue")
+    assert tuple(re.search(f"<wpml:{key}>(.*)</", text)[1] for key in keys) == numbers  # type: ignore[index]
+
+
+def test_an_aircraft_that_dji_has_no_number_for_is_refused() -> None:
+    with pytest.raises(PaveTwinError, match=r"`drone`: no drone of DJI's plans 'mavic3' \(did you mean 'mavic3e'\?\)"):
+        PLAN_FORMATS.get("wpml")("mavic3").write(plan(straight()), straight())
+
+
+def test_headings_are_true_and_times_follow_speeds() -> None:
+    flight = straight()
+    assert flight.headings_deg == pytest.approx([90, 90], abs=0.01)
+    assert flight.duration_s == pytest.approx(flight.distance_m / 5)

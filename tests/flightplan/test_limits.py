@@ -1,0 +1,95 @@
+"""Limits that a user states."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pyogrio
+import pytest
+import shapely
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.flightplan import FlightPlan, PlanLimits, PlannedFlight, Waypoint, check_limits
+from pavetwin.world.georeference import anchored
+from pavetwin.world.model import Building
+
+PLACE = anchored(52.47, 13.44)
+
+HOUSE = Building("b1", shapely.box(40, 6, 60, 20), 8.0)
+WORLD: Any = SimpleNamespace(name="town", georeference=PLACE, buildings=(HOUSE,))
+
+
+def plan(height_m: float = 10.0, y_m: float = 0.0) -> FlightPlan:
+    """Along y = `y_m` from x = 0 to 100."""
+    lonlat = PLACE.to_wgs84([(0.0, y_m), (100.0, y_m)])
+    waypoints = [Waypoint(float(x), float(y), height_m, 5.0, False, 0.0, None) for x, y in lonlat]
+    return FlightPlan("m", None, (PlannedFlight(tuple(waypoints)),), 0.7, 3.5)
+
+
+def test_a_plan_within_its_limits_passes() -> None:
+    check_limits(plan(), WORLD, PlanLimits(highest_m=10.0, from_buildings_m=6.0))
+
+
+def test_height() -> None:
+    with pytest.raises(PaveTwinError, match=r"^`highest` 9.5: flight 1 goes up to 10 m above take-off"):
+        check_limits(plan(), WORLD, PlanLimits(highest_m=9.5))
+
+
+@pytest.mark.parametrize(
+    ("height_m", "y_m", "away_m"),
+    [(5.0, 0.0, 6.0), (10.0, 0.0, np.hypot(6, 2)), (10.0, 10.0, 2.0), (5.0, 10.0, 0.0), (8.0, 30.0, 10.0)],
+)
+def test_distance_to_buildings_is_that_in_space(height_m: float, y_m: float, away_m: float) -> None:
+    flown = plan(height_m, y_m)
+    if away_m > 0:
+        check_limits(flown, WORLD, PlanLimits(from_buildings_m=away_m - 0.05))
+    with pytest.raises(PaveTwinError, match=rf"flight 1 comes as near as {away_m:.1f} m to the building 'b1' at 52.47"):
+        check_limits(flown, WORLD, PlanLimits(from_buildings_m=away_m + 0.05))
+
+
+def test_a_plan_through_a_building_is_refused_without_any_limit() -> None:
+    with pytest.raises(PaveTwinError, match=r"as near as 0\.0 m"):
+        check_limits(plan(5.0, 10.0), WORLD, PlanLimits())
+
+
+def zones(path: Path, *shapes: shapely.Geometry, crs: str = "EPSG:4326") -> Path:
+    names = np.array([f"zone {number}" for number, _ in enumerate(shapes)], dtype=object)
+    pyogrio.raw.write(
+        path,
+        geometry=shapely.to_wkb(np.array(shapes, dtype=object)),
+        field_data=[names],
+        fields=np.array(["name"], dtype=object),
+        geometry_type="Unknown",
+        crs=crs,
+    )
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".geojson", ".gpkg"])
+def test_no_fly_zones(tmp_path: Path, suffix: str) -> None:
+    def at(y_m: float) -> shapely.Geometry:
+        return shapely.transform(shapely.box(30, y_m, 40, y_m + 5), PLACE.to_wgs84)
+
+    check_limits(plan(), WORLD, PlanLimits(no_fly=zones(tmp_path / f"far{suffix}", at(1.0), at(-7.0))))
+    with pytest.raises(PaveTwinError, match=r"^`no_fly` .*: flight 1 enters 'zone 1' at 52.47"):
+        check_limits(plan(), WORLD, PlanLimits(no_fly=zones(tmp_path / f"near{suffix}", at(1.0), at(-2.0))))
+
+
+def test_no_fly_zones_in_another_system(tmp_path: Path) -> None:
+    projected = shapely.transform(shapely.box(30, -2, 40, 3), PLACE.to_projected)
+    path = zones(tmp_path / "utm.gpkg", projected, crs=f"EPSG:{PLACE.epsg}")
+    with pytest.raises(PaveTwinError, match="enters 'zone 0'"):
+        check_limits(plan(), WORLD, PlanLimits(no_fly=path))
+
+
+def test_files_without_polygons_are_refused(tmp_path: Path) -> None:
+    point = zones(tmp_path / "point.geojson", shapely.Point(13.44, 52.47))
+    with pytest.raises(PaveTwinError, match=r"^`no_fly` .*: it holds no polygon"):
+        check_limits(plan(), WORLD, PlanLimits(no_fly=point))
+    text = tmp_path / "text.geojson"
+    text.write_text("north of the river")
+    with pytest.raises(PaveTwinError, match=r"^`no_fly` .*: not a file of polygons that GDAL reads"):
+        check_limits(plan(), WORLD, PlanLimits(no_fly=text))
+    with pytest.raises(PaveTwinError, match=r"^`no_fly` .*: there is no such file"):
+        check_limits(plan(), WORLD, PlanLimits(no_fly=tmp_path / "gone.gpkg"))
