@@ -5,6 +5,8 @@ import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from pavetwin.perception.evaluation.comparison import processor
+
 BUSY_SHARE = 0.5
 """Above this load for each core, measured before the benchmarks begin, other programs take part in the result."""
 
@@ -15,7 +17,7 @@ def describe() -> dict[str, str]:
     """The machine and the versions that matter, in words."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return {
-        "CPU": f"{_cpu_model()}, {cores} {'core' if cores == 1 else 'cores'}",
+        "CPU": f"{processor()}, {cores} {'core' if cores == 1 else 'cores'}",
         "memory": _memory(),
         "system": f"{_distribution()}, {platform.system()} {platform.release()}",
         "versions": ", ".join([f"Python {platform.python_version()}", *(f"{n} {_version(n)}" for n in PACKAGES)]),
@@ -28,13 +30,6 @@ def load() -> tuple[str, bool]:
         return "load unknown", False
     one, five, _ = os.getloadavg()
     return f"load average {one:.2f} (1 min), {five:.2f} (5 min)", one > BUSY_SHARE * (os.cpu_count() or 1)
-
-
-def _cpu_model() -> str:
-    for line in _lines("/proc/cpuinfo"):
-        if line.startswith("model name"):
-            return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
 
 
 def _memory() -> str:

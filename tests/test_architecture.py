@@ -338,6 +338,9 @@ def test_no_file_names_a_package_registry() -> None:
 
 TRAINING = PACKAGE / "perception" / "training"
 
+OTHER_LICENCE = {"ultralytics"}
+"""What a user may have installed beside, of a licence that keeps it out of the extras (AGPL-3.0)."""
+
 
 def imported_packages(paths: Iterable[Path]) -> tuple[set[str], set[str]]:
     """Distributions that files import by a statement, and by name (`import_module`, `find_spec`)."""
@@ -379,7 +382,16 @@ def test_what_a_user_installs_is_what_the_package_imports() -> None:
     assert sorted(required - stated - named) == [], "required, and never imported"
     assert sorted(extra - named) == [], "in an extra, and never imported by name"
     assert sorted(stated - required) == [], "imported by a statement, and not required"
-    assert sorted(named - required - extra - to_train) == [], "imported by name, and in no extra either"
+    assert sorted(named - required - extra - to_train - OTHER_LICENCE) == [], "imported by name, and in no extra either"
+
+
+def test_what_has_another_licence_is_named_in_its_adapter_alone() -> None:
+    adapter = PACKAGE / "perception" / "evaluation" / "ultralytics_models.py"
+    stated, named = imported_packages(set(PACKAGE.rglob("*.py")) - {adapter})
+    assert not OTHER_LICENCE & (stated | named)
+    assert imported_packages({adapter})[1] == OTHER_LICENCE
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8") + (ROOT / "requirements-train.lock").read_text()
+    assert not any(name in text.lower() for name in OTHER_LICENCE)
 
 
 def test_the_lock_covers_what_is_asked_for() -> None:

@@ -52,6 +52,9 @@ def test_a_cell_that_was_not_measured_is_empty(place: Path) -> None:
     ("arguments", "line"),
     [
         ((), "Error: Name models to compare, or --sizes of untrained networks"),
+        (("--ultralytics", "yolo11x"), "Error: --ultralytics: no network 'yolo11x' (did you mean"),
+        (("--ultralytics", "yolo11n"), "Error: Ultralytics is not installed, and is no part of PaveTwin: it is AGPL"),
+        (("--weights", "a=gone.pt"), "Error: --weights: there is no file 'gone.pt'."),
         (("--sizes", "n,x"), "Error: --sizes: no size 'x'; known are n, s, m, l."),
         (("--sizes", "n"), "Error: Untrained networks need PyTorch, an extra; install it with `pip install"),
         (("nosuch.onnx",), "Error: There is no"),

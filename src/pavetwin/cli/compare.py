@@ -1,5 +1,6 @@
 """`pavetwin compare`: models side by side."""
 
+import os
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated
@@ -19,6 +20,13 @@ def compare(
     sizes: Annotated[
         str, typer.Option(help="Untrained networks beside them, as in --sizes n,s,m,l: size, FPS and GFLOPs only.")
     ] = "",
+    ultralytics: Annotated[
+        str, typer.Option(help="Untrained networks of Ultralytics (AGPL-3.0), as in yolo11n,yolo12s, if installed.")
+    ] = "",
+    weights: Annotated[
+        list[str] | None,
+        typer.Option(metavar="[NAME=]FILE.pt", help="Weights trained with Ultralytics, if installed; repeatable."),
+    ] = None,
     dataset: Annotated[Path | None, typer.Option(help="What accuracy is measured on; none without it.")] = None,
     split: Annotated[str, typer.Option(help="Of the dataset: test, val or train.")] = "test",
     frames: Annotated[int, typer.Option(min=1, help="How many are timed for each model.")] = 30,
@@ -32,26 +40,47 @@ def compare(
     \b
     pavetwin compare --sizes n,s,m,l
     pavetwin compare small.onnx real=runs/real.onnx --dataset datasets/streets -o models.csv
+    pavetwin compare --sizes n,s --ultralytics yolov8n,yolo11n,yolo12n --weights eleven=runs/eleven/best.pt
 
     A cell that was not measured is empty. FPS: one image of 640 × 480, from pixels to detections. GFLOPs: one image of
     640 × 640. Needs onnxruntime (`pip install pavetwin\\[detect]`); untrained networks and GFLOPs need PyTorch too
-    (`pavetwin\\[train]`), accuracy pycocotools (`pavetwin\\[evaluate]`).
+    (`pavetwin\\[train]`), accuracy pycocotools (`pavetwin\\[evaluate]`). Ultralytics is not part of PaveTwin: it is
+    AGPL-3.0, runs in PyTorch here, and its sizes are those of its parameters in single precision.
     """
     from pavetwin.labels import SPLITS
 
     files = [_named(each) for each in models or ()]
-    wanted = [each.strip() for each in sizes.split(",") if each.strip()]
+    wanted, others = ([each.strip() for each in text.split(",") if each.strip()] for text in (sizes, ultralytics))
+    foreign: list[tuple[str, str | Path]] = [(each, each) for each in others]
+    foreign += [_named(each) for each in weights or ()]
     for each in wanted:
         if each not in SIZES:
             raise PaveTwinError(no_such("size", each, SIZES, key="`sizes`"))
     if split not in SPLITS:
         raise PaveTwinError(no_such("split", split, SPLITS, key="`split`"))
-    if not files and not wanted:
+    if not files and not wanted and not foreign:
         raise PaveTwinError("Name models to compare, or `sizes` of untrained networks, as in --sizes n,s,m,l.")
     if wanted and not _has_torch():
         raise PaveTwinError("Untrained networks need PyTorch, an extra; install it with `pip install pavetwin[train]`.")
-    from pavetwin.perception.evaluation.comparison import HEADINGS, ComparedModel, as_csv, cells, compared
+    from pavetwin.perception.evaluation.comparison import (
+        HEADINGS,
+        ComparedModel,
+        as_csv,
+        beside,
+        cells,
+        compared,
+        compared_ultralytics,
+        processor,
+    )
     from pavetwin.perception.evaluation.labelled import read_split
+    from pavetwin.perception.evaluation.ultralytics_models import LICENCE, check_ultralytics
+
+    for _, network in foreign:
+        check_ultralytics(network)
+    if foreign and not _has_torch():
+        raise PaveTwinError("GFLOPs need PyTorch and onnx, an extra; install it with `pip install pavetwin[train]`.")
+    if foreign:
+        out.line(f"{LICENCE}\n")
 
     labels = None
     if dataset is not None:
@@ -59,6 +88,7 @@ def compare(
             labels = read_split(dataset, split)
     rows: list[ComparedModel] = []
     count = None
+    total = len(files) + len(wanted) + len(foreign)
     if _has_torch():
         from pavetwin.perception.training.untrained import export_untrained, gflops_of
 
@@ -66,14 +96,23 @@ def compare(
     with TemporaryDirectory() as folder, progress("Comparing") as tell:
         for name, path in files:
             rows.append(compared(name, path, split=labels, frames=frames, threads=threads, count=count))
-            tell(len(rows) / (len(files) + len(wanted)))
+            tell(len(rows) / total)
         for size in wanted:
             path = Path(folder) / f"{size}.onnx"
             export_untrained(size, path)
             name = f"{size}, untrained"
             rows.append(compared(name, path, split=None, frames=frames, threads=threads, count=count))
-            tell(len(rows) / (len(files) + len(wanted)))
+            tell(len(rows) / total)
+        for name, given in foreign:
+            from pavetwin.perception.training.cost import gflops
+
+            told = name if isinstance(given, Path) else f"{name}, untrained"
+            row = compared_ultralytics(told, given, split=labels, frames=frames, threads=threads, count=gflops)
+            rows.append(row)
+            tell(len(rows) / total)
+    rows = beside(rows, "n, untrained")
     _tell(HEADINGS, [cells(row) for row in rows])
+    out.line(f"\nFPS on {processor()}, {threads or os.cpu_count()} threads.")
     if output is not None:
         from pavetwin.files import writing
 

@@ -25,4 +25,5 @@ def test_the_command_measures_a_network_without_training(tmp_path: Path) -> None
     with (tmp_path / "models.csv").open(encoding="utf-8") as file:
         (row,) = csv.DictReader(file)
     assert (row["model"], row["mAP@0.5"], row["GFLOPs"]) == ("n, untrained", "", "8.1")
+    assert row["FPS, n = 1"] == "1.00"
     assert 12 < float(row["size, MB"]) < 13

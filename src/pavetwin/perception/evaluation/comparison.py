@@ -2,8 +2,11 @@
 
 import csv
 import io
+import os
+import platform
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -14,7 +17,8 @@ import numpy as np
 from pavetwin.arrays import UInt8Array
 from pavetwin.perception.evaluation.evaluate import evaluate
 from pavetwin.perception.evaluation.labelled import LabelledSplit
-from pavetwin.perception.evaluation.running import LEAST_CONFIDENCE, found_by
+from pavetwin.perception.evaluation.running import LEAST_CONFIDENCE, Detects, found_by
+from pavetwin.perception.evaluation.ultralytics_models import open_ultralytics
 from pavetwin.perception.inference.detector import Detector
 
 FRAME_PX: Final = (640, 480)
@@ -22,6 +26,9 @@ FRAME_PX: Final = (640, 480)
 
 GFLOPS_PX: Final = (640, 640)
 """Of the image whose operations are counted, as published figures do."""
+
+CONFIDENCE: Final = 0.25
+"""Of the detections of an image that is timed."""
 
 _UNCOUNTED: Final = 3
 """Runs before the time counts: the first ones reserve memory."""
@@ -43,6 +50,8 @@ class ComparedModel:
     """Of one image of `FRAME_PX`, from pixels to detections: the median time."""
     gflops: float | None
     """Of convolutions, for one image of `GFLOPS_PX`."""
+    speed: float | None = None
+    """Frames a second, as a multiple of those of the untrained network n in the same table."""
 
 
 Count = Callable[[Mapping[str, Any]], float]
@@ -65,19 +74,57 @@ def compared(
     """
     detector = Detector(path, threads=threads, image_px=max(FRAME_PX))
     gflops = count(detector.facts.architecture) if count is not None and detector.facts.architecture else None
-    accuracy = (None, None, None, None)
+    accuracy = _NOT_MEASURED
     if split is not None:
-        found = found_by(Detector(path, confidence=LEAST_CONFIDENCE, threads=threads), (split,))
-        told = evaluate(split, found, resamples=0).intervals
-        accuracy = tuple(  # type: ignore[assignment]
-            None if np.isnan(told[key].value) else told[key].value
-            for key in ("map50", "map50_95", "precision", "recall")
-        )
-    speed = frames_per_s(detector, frames)
-    return ComparedModel(name, *accuracy, path.stat().st_size / 1e6, speed, gflops)
+        accuracy = _accuracy(Detector(path, confidence=LEAST_CONFIDENCE, threads=threads), split)
+    return ComparedModel(name, *accuracy, path.stat().st_size / 1e6, frames_per_s(detector, frames), gflops)
 
 
-def frames_per_s(detector: Detector, frames: int) -> float:
+def compared_ultralytics(
+    name: str,
+    given: str | Path,
+    *,
+    split: LabelledSplit | None,
+    frames: int,
+    threads: int,
+    count: Callable[[Any], float],
+) -> ComparedModel:
+    """The row of a network of Ultralytics: see `open_ultralytics`.
+
+    Args:
+        given: the name of an untrained network, or a file of weights; only that has an accuracy.
+        threads: of one image; 0 takes one for each core.
+        count: billions of operations of a network of PyTorch.
+
+    Raises:
+        PaveTwinError: as `open_ultralytics` does, or a picture of the split cannot be read.
+    """
+    detector = open_ultralytics(given, confidence=CONFIDENCE, image_px=max(FRAME_PX))
+    # The package leaves one core out unless told.
+    torch: Any = import_module("torch")
+    torch.set_num_threads(threads or os.cpu_count() or 1)
+    # Before the first prediction, which joins batch normalisation and convolutions.
+    size_mb, gflops = detector.size_mb, count(detector.model.model)
+    accuracy = _NOT_MEASURED
+    if split is not None and isinstance(given, Path):
+        accuracy = _accuracy(open_ultralytics(given, confidence=LEAST_CONFIDENCE, image_px=0), split)
+    return ComparedModel(name, *accuracy, size_mb, frames_per_s(detector, frames), gflops)
+
+
+Accuracy = tuple[float | None, float | None, float | None, float | None]
+
+_NOT_MEASURED: Final[Accuracy] = (None, None, None, None)
+
+
+def _accuracy(detector: Detects, split: LabelledSplit) -> Accuracy:
+    """mAP@0.5, mAP@0.5:0.95, precision and recall."""
+    told = evaluate(split, found_by(detector, (split,)), resamples=0).intervals
+    values = (told[key].value for key in ("map50", "map50_95", "precision", "recall"))
+    one, two, three, four = (None if np.isnan(value) else value for value in values)
+    return one, two, three, four
+
+
+def frames_per_s(detector: Detects, frames: int) -> float:
     """The inverse of the median time of an image of `FRAME_PX` with structures of all sizes."""
     picture = _picture()
     times = []
@@ -96,7 +143,23 @@ def _picture() -> UInt8Array:
     return np.clip(coarse + rng.normal(0, 12, (height, width, 3)), 0, 255).astype(np.uint8)
 
 
-HEADINGS: Final = ("model", "mAP@0.5", "mAP@0.5:0.95", "precision", "recall", "size, MB", "FPS", "GFLOPs")
+def beside(rows: Sequence[ComparedModel], name: str) -> list[ComparedModel]:
+    """The rows with their speed as a multiple of that of one of them; without it where there is none of the name."""
+    base = next((row.frames_per_s for row in rows if row.name == name), None)
+    return [replace(row, speed=row.frames_per_s / base) for row in rows] if base else list(rows)
+
+
+def processor() -> str:
+    """The name of the processor."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(names, platform.processor() or platform.machine())
+
+
+HEADINGS: Final = ("model", "mAP@0.5", "mAP@0.5:0.95", "precision", "recall", "size, MB", "FPS", "FPS, n = 1", "GFLOPs")
 
 
 def cells(row: ComparedModel) -> tuple[str, ...]:
@@ -104,8 +167,9 @@ def cells(row: ComparedModel) -> tuple[str, ...]:
     shares = (
         "" if each is None else f"{100 * each:.1f}" for each in (row.map50, row.map50_95, row.precision, row.recall)
     )
+    speed = "" if row.speed is None else f"{row.speed:.2f}"
     gflops = "" if row.gflops is None else f"{row.gflops:.1f}"
-    return (row.name, *shares, f"{row.size_mb:.1f}", f"{row.frames_per_s:.1f}", gflops)
+    return (row.name, *shares, f"{row.size_mb:.1f}", f"{row.frames_per_s:.1f}", speed, gflops)
 
 
 def as_csv(rows: Sequence[ComparedModel]) -> str:

@@ -1,8 +1,8 @@
 """What a model says of a dataset's images, with the sizes of defects where an image's ground resolution is known."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from io import BytesIO
-from typing import Final
+from typing import Final, Protocol
 
 from PIL import Image
 
@@ -10,15 +10,23 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.perception.classes import COARSE, ROAD_DEFECT, SUBTYPES
 from pavetwin.perception.evaluation.detections import FoundBox
 from pavetwin.perception.evaluation.labelled import LabelledImage, LabelledSplit
-from pavetwin.perception.inference.detector import Detector
+from pavetwin.perception.inference.detections import Detections
+from pavetwin.perception.inference.detector import Picture
 from pavetwin.perception.results.measuring import measured
 
 LEAST_CONFIDENCE: Final = 0.001
 """Of the detector of an evaluation: average precision reads the whole curve."""
 
 
+class Detects(Protocol):
+    """What finds things in pictures."""
+
+    def detect(self, images: Iterable[Picture]) -> list[Detections]:
+        """The detections of each image."""
+
+
 def found_by(
-    detector: Detector, splits: Sequence[LabelledSplit], tell: Callable[[float], None] | None = None
+    detector: Detects, splits: Sequence[LabelledSplit], tell: Callable[[float], None] | None = None
 ) -> tuple[FoundBox, ...]:
     """The detections in all images of some splits of a dataset.
 
@@ -34,7 +42,7 @@ def found_by(
     return tuple(found)
 
 
-def _found(detector: Detector, split: LabelledSplit, image: LabelledImage) -> list[FoundBox]:
+def _found(detector: Detects, split: LabelledSplit, image: LabelledImage) -> list[FoundBox]:
     try:
         picture = Image.open(BytesIO(split.data.encoded(image.example)))
         picture.load()
