@@ -27,7 +27,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"policies", "sensing"}),
     frozenset({"mission"}),
     frozenset({"draw"}),
-    frozenset({"experiments", "capture", "datasets", "flightplan"}),
+    frozenset({"experiments", "capture", "datasets", "flightplan", "inventory"}),
     frozenset({"cli", "app"}),
 )
 LEVEL = {room: level for level, rooms in enumerate(LAYERS) for room in rooms}

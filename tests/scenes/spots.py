@@ -10,10 +10,14 @@ from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import UInt8Array
 from pavetwin.labels.outlines import filled
+from pavetwin.mission.fly import MissionResult, fly_over
 from pavetwin.perception.classes import CLASSES, SUBTYPES
 from pavetwin.perception.inference import Detections
 from pavetwin.perception.inference.detections import MaskPart
+from pavetwin.policies import Policy
 from pavetwin.sensing import Frame
+from pavetwin.sensing.detector import DetectorSensor
+from scenes.tiny import Scene
 
 Spot = tuple[str, BaseGeometry]
 """Name of its class in `CLASSES`, and its shape on the ground."""
@@ -72,3 +76,15 @@ class SpotDetector:
             np.ones(count, dtype=np.float32),
             tuple(masks),
         )
+
+
+def fly_over_spots(
+    scene: Scene, spots: Sequence[Spot], *, aboard: bool, policy: str | Policy = "hover"
+) -> tuple[MissionResult, Painter]:
+    """Fly over the first segment with the sensor `detector` and a stand-in that finds the spots."""
+    settings = scene.settings("sensing.sensor=detector", f"sensing.options={{aboard: {str(aboard).lower()}}}")
+    painter = Painter(spots)
+    eyes = DetectorSensor(settings.sensing, 0, SpotDetector(image_px=240))
+    environment = scene.environment(settings)
+    result = fly_over(environment, scene.traffic(), settings, [0], policy, sensor=eyes, image_source=painter)
+    return result, painter

@@ -2,7 +2,6 @@
 ways of flying with it."""
 
 import shutil
-from collections.abc import Sequence
 from dataclasses import replace
 from math import pi
 from pathlib import Path
@@ -18,7 +17,7 @@ from shapely import Point, Polygon, box
 from pavetwin.config.mission import PolicySettings, SensingSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.again import read_mission
-from pavetwin.mission.fly import MissionResult, fly_over
+from pavetwin.mission.fly import fly_over
 from pavetwin.mission.results import detections_table, save_mission
 from pavetwin.policies import Action, GoOn, Policy, Wait
 from pavetwin.sensing import Frame, Outcome
@@ -27,7 +26,7 @@ from pavetwin.sensing.detector import DetectorSensor
 from pavetwin.twin import Snapshot
 from pavetwin.world.georeference import from_wgs84
 from scenes import drawn_detector
-from scenes.spots import Painter, Spot, SpotDetector
+from scenes.spots import Painter, Spot, SpotDetector, fly_over_spots
 from scenes.tiny import TRUCK, Scene, parked, straight
 
 POTHOLE = box(29.8, -0.2, 30.2, 0.2)
@@ -46,17 +45,6 @@ def capture(*spots: Spot, at: tuple[float, float] = (30.0, 0.0), yaw_rad: float 
     """From 10 m; the image of 640 pixels across covers 15.4 m, 24.1 mm a pixel."""
     frame = trial_frames(1)[0]
     return replace(frame, position=at, yaw_rad=yaw_rad, altitude_m=10.0, source=Painter(spots))
-
-
-def fly(
-    scene: Scene, spots: Sequence[Spot], *, aboard: bool, policy: str | Policy = "hover"
-) -> tuple[MissionResult, Painter]:
-    settings = scene.settings("sensing.sensor=detector", f"sensing.options={{aboard: {str(aboard).lower()}}}")
-    painter = Painter(spots)
-    eyes = DetectorSensor(settings.sensing, 0, SpotDetector(image_px=240))
-    environment = scene.environment(settings)
-    result = fly_over(environment, scene.traffic(), settings, [0], policy, sensor=eyes, image_source=painter)
-    return result, painter
 
 
 def test_a_detection_lies_where_the_spot_does_and_has_its_sizes() -> None:
@@ -135,7 +123,7 @@ PERSON = ("Person", box(35, -2, 35.5, -1.5))
 @pytest.mark.parametrize("aboard", [True, False])
 def test_hits_duplicates_false_alarms_and_misses_are_counted(aboard: bool) -> None:
     scene = Scene(straight((30, 0), (50, 0)), altitude_m=10.0)
-    result, painter = fly(scene, [("Pothole", POTHOLE), GHOST, PERSON], aboard=aboard)
+    result, painter = fly_over_spots(scene, [("Pothole", POTHOLE), GHOST, PERSON], aboard=aboard)
     (row,) = result.rows
     assert (row.defects, row.confirmed) == (2, 1)
     shown = sum(each.footprint.intersects(GHOST[1]) for each in painter.asked)
@@ -160,7 +148,7 @@ STORY = Scene(
 def test_aboard_and_after_landing_find_the_same(policy: str) -> None:
     spots: list[Spot] = [("Pothole", each.polygon) for each in STORY.world.defects]
     spots += [GHOST]
-    (aboard, _), (after, _) = (fly(STORY, spots, aboard=way, policy=policy) for way in (True, False))
+    (aboard, _), (after, _) = (fly_over_spots(STORY, spots, aboard=way, policy=policy) for way in (True, False))
     assert after.rows == aboard.rows
     assert after.detections == aboard.detections
     assert after.memory == aboard.memory
@@ -178,8 +166,8 @@ class Reader(Policy):
 def test_a_policy_knows_what_was_found_aboard_only() -> None:
     spots: list[Spot] = [("Pothole", STORY.world.defects[0].polygon)]
     reader = Reader(PolicySettings())
-    (aboard, _), (after, _) = (fly(STORY, spots, aboard=way, policy=reader) for way in (True, False))
-    nothing, _ = fly(STORY, [], aboard=True, policy=reader)
+    (aboard, _), (after, _) = (fly_over_spots(STORY, spots, aboard=way, policy=reader) for way in (True, False))
+    nothing, _ = fly_over_spots(STORY, [], aboard=True, policy=reader)
     assert aboard.duration_s < after.duration_s
     assert after.duration_s == nothing.duration_s
     assert set(after.memory.confirmed) == {0}
@@ -211,7 +199,7 @@ def test_a_mission_is_told_when_its_model_has_changed(tmp_path: Path) -> None:
 
 def test_what_was_measured_is_in_the_table_of_detections() -> None:
     scene = Scene(straight((30, 0)), altitude_m=10.0)
-    result, _ = fly(scene, [("Pothole", POTHOLE), PERSON], aboard=False)
+    result, _ = fly_over_spots(scene, [("Pothole", POTHOLE), PERSON], aboard=False)
     table = detections_table(result)
     holes = table.filter(pl.col("class") == "pothole", ~pl.col("is_cut"))
     assert holes["area_m2"].to_list() == pytest.approx([0.16] * len(holes), rel=0.2)

@@ -26,7 +26,7 @@ TERMINATED = 143
 """The exit code after SIGTERM, of shells."""
 
 COMMANDS = (
-    *("world", "traffic", "fly", "plan", "aircraft", "policy", "sensor", "defect", "pci"),
+    *("world", "traffic", "fly", "plan", "aircraft", "policy", "sensor", "defect", "pci", "inventory"),
     *("capture", "data", "evaluate", "compare", "train", "export", "detect", "serve", "experiment", "demo", "doctor"),
 )
 """Each a module of this package with a group `app`, or a function of its own name."""

@@ -46,7 +46,7 @@ def assembled(cells: Sequence[Image.Image], title: str, colour_of: Mapping[str, 
 
     Args:
         colour_of: by class, for the legend.
-        ignored: what dashed boxes mean.
+        ignored: what dashed boxes mean; empty where there are none.
     """
     columns = _columns(len(cells))
     rows = [cells[start : start + columns] for start in range(0, len(cells), columns)]
@@ -95,7 +95,7 @@ def _columns(count: int) -> int:
 def _legend(colour_of: Mapping[str, str], ignored: str, width: float) -> list[tuple[float, int, str]]:
     """Entries as (left, line, words): as many on a line as it has room for."""
     entries, left, line = list[tuple[float, int, str]](), 0.0, 0
-    for words in (*colour_of, ignored):
+    for words in filter(None, (*colour_of, ignored)):
         needed = 26 + font(16).getlength(words)
         if left and left + needed > width:
             left, line = 0.0, line + 1

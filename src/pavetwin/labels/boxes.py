@@ -55,6 +55,12 @@ def flipped(box: PixelBox, width: int) -> PixelBox:
     return width - box[2], box[1], width - box[0], box[3]
 
 
+def ends_at_border(box: FloatBox, size_px: tuple[int, int], within_px: float = 1.5) -> bool:
+    """Whether a box ends so near to the border of an image of (width, height) that what is in it may go on beyond."""
+    near = min(box[0], box[1]) < within_px
+    return near or box[2] > size_px[0] - within_px or box[3] > size_px[1] - within_px
+
+
 def of_mask(mask: BoolArray) -> PixelBox | None:
     """The smallest box around a mask (height, width); None where it is empty."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))

@@ -53,6 +53,15 @@ def boundary(mask: BoolArray) -> Float64Array:
     return _walk(rings, _bridges(rings))
 
 
+def hull(mask: BoolArray) -> Float64Array:
+    """The corners (n ≥ 4, 2) of the convex hull of a mask (height, width) that is not empty: column, row along the
+    edges of its pixels; the first pixel reaches from 0 to 1."""
+    rows = np.flatnonzero(mask.any(axis=1))
+    first, last = mask[rows].argmax(axis=1), mask.shape[1] - mask[rows, ::-1].argmax(axis=1)
+    x, y = np.concatenate([first, last, first, last]), np.concatenate([rows, rows, rows + 1, rows + 1])
+    return shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(np.column_stack([x, y]))))[:-1]
+
+
 def filled(polygon: Float64Array, size_px: tuple[int, int]) -> BoolArray:
     """(height, width) The pixels whose middle lies in a polygon (n, 2) along pixel edges, by the even-odd rule.
 

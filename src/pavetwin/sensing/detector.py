@@ -8,18 +8,17 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar, Final, Protocol
 
-import numpy as np
-import shapely
 from shapely import Polygon
 
 from pavetwin.arrays import BoolArray, UInt8Array
 from pavetwin.config.mission import SensingSettings
 from pavetwin.config.options import OptionValue
 from pavetwin.errors import PaveTwinError
-from pavetwin.labels.boxes import PixelBox
+from pavetwin.labels.boxes import PixelBox, ends_at_border
+from pavetwin.labels.outlines import hull
 from pavetwin.sensing.base import Sensor
 from pavetwin.sensing.detection import Detection, MeasuredSizes
-from pavetwin.sensing.frame import Box, Frame
+from pavetwin.sensing.frame import Frame
 from pavetwin.sensing.registered import sensor
 from pavetwin.uav.cameras import Camera
 
@@ -31,9 +30,6 @@ LARGEST_PX: Final = 2048
 
 _WAITING: Final = 4
 """Images that wait for the detector at most, which bounds the memory."""
-
-_BORDER_PX: Final = 1.5
-"""A box that ends so near to the image's border may go on beyond it."""
 
 
 class ImageDetector(Protocol):
@@ -153,22 +149,11 @@ def _detection(found: "Detections", at: int, frame: Frame, seen: Frame) -> Detec
         measures=MeasuredSizes(
             sizes=sizes_of(found, at, pixel_mm),
             pixel_mm=pixel_mm,
-            is_cut=_is_cut(box, found.size_px),
+            is_cut=ends_at_border(box, found.size_px),
         ),
     )
 
 
 def _hull(window: PixelBox, covered: BoolArray, seen: Frame) -> Polygon | None:
     """The convex hull of a mask on the ground; None for one that covers nothing."""
-    rows = np.flatnonzero(covered.any(axis=1))
-    if not len(rows):
-        return None
-    first = covered[rows].argmax(axis=1) + window[0]
-    last = window[0] + covered.shape[1] - covered[rows, ::-1].argmax(axis=1)
-    x, y = np.concatenate([first, last, first, last]), np.concatenate([rows, rows, rows + 1, rows + 1]) + window[1]
-    hull = shapely.convex_hull(shapely.multipoints(seen.view.ground(np.column_stack([x, y]))))
-    return hull if isinstance(hull, Polygon) else None
-
-
-def _is_cut(box: Box, size_px: tuple[int, int]) -> bool:
-    return min(box[0], box[1]) < _BORDER_PX or box[2] > size_px[0] - _BORDER_PX or box[3] > size_px[1] - _BORDER_PX
+    return Polygon(seen.view.ground(hull(covered) + window[:2])) if covered.any() else None

@@ -48,6 +48,8 @@ class PhotographPose:
     pitch_deg: float | None = None
     """−90 straight down, 0 level."""
     focal_px: float | None = None
+    position_error_m: float | None = None
+    """Standard deviation of the position, east and north each, where the receiver states it."""
 
     @property
     def is_nadir(self) -> bool:
@@ -75,16 +77,40 @@ class PhotographPose:
         lon, lat, _ = _EARTH.fwd([self.lonlat[0]] * count, [self.lonlat[1]] * count, azimuths, distances)
         return [(round(float(x), 8), round(float(y), 8)) for x, y in zip(lon, lat, strict=True)]
 
+    def pixels(self, lonlats: Float64Array) -> Float64Array | None:
+        """Column and row (n, 2) of places on the ground, longitude and latitude (n, 2): the inverse of `lonlats`.
+
+        Returns:
+            None where the pose is not known, or one lies behind the camera.
+        """
+        if self.lonlat is None or self.height_m is None or self.height_m <= 0 or self.focal_px is None:
+            return None
+        if self.pitch_deg is None or self.heading_deg is None:
+            return None
+        count = len(lonlats)
+        azimuths, _, distances = _EARTH.inv(
+            [self.lonlat[0]] * count, [self.lonlat[1]] * count, lonlats[:, 0].tolist(), lonlats[:, 1].tolist()
+        )
+        east, north = (np.array(distances) * side(np.radians(azimuths)) for side in (np.sin, np.cos))
+        seen = np.column_stack([east, north, np.full(count, -self.height_m)]) @ self._axes(self.pitch_deg).T
+        if (seen[:, 2] <= 0).any():
+            return None
+        pixels: Float64Array = self.focal_px * seen[:, :2] / seen[:, 2:] + np.array(self.size_px) / 2
+        return pixels
+
+    def _axes(self, pitch_deg: float) -> Float64Array:
+        """(3, 3) The camera's right, down and ahead in east, north, up; a row each."""
+        yaw, pitch = radians(self.heading_deg or 0.0), radians(pitch_deg)
+        ahead = np.array([sin(yaw) * cos(pitch), cos(yaw) * cos(pitch), sin(pitch)])
+        right = np.array([cos(yaw), -sin(yaw), 0.0])
+        return np.stack([right, np.cross(ahead, right), ahead])
+
     def _ground(self, pixels: Float64Array) -> Float64Array | None:
         """East and north of the camera in metres, (n, 2)."""
         if self.height_m is None or self.focal_px is None or self.pitch_deg is None or self.height_m <= 0:
             return None
-        yaw, pitch = radians(self.heading_deg or 0.0), radians(self.pitch_deg)
-        ahead = np.array([sin(yaw) * cos(pitch), cos(yaw) * cos(pitch), sin(pitch)])
-        right = np.array([cos(yaw), -sin(yaw), 0.0])
-        up = np.cross(right, ahead)
-        across, down = pixels[:, 0] - self.size_px[0] / 2, pixels[:, 1] - self.size_px[1] / 2
-        rays = self.focal_px * ahead + across[:, None] * right - down[:, None] * up
+        rays = np.column_stack([pixels - np.array(self.size_px) / 2, np.full(len(pixels), self.focal_px)])
+        rays = rays @ self._axes(self.pitch_deg)
         if (rays[:, 2] >= -1e-6).any():
             return None
         ground: Float64Array = rays[:, :2] * (self.height_m / -rays[:, 2:])
@@ -115,7 +141,15 @@ def _pose(image: Image.Image) -> PhotographPose:
         heading if heading is not None else _number(gps.get(ExifTags.GPS.GPSImgDirection)),
         pitch,
         _focal_px(exif.get_ifd(ExifTags.IFD.Exif), size),
+        _position_error_m(gps, dji),
     )
+
+
+def _position_error_m(gps: Mapping[int, Any], dji: Mapping[str, float]) -> float | None:
+    """Of a receiver with corrections (DJI's RTK), or as EXIF's `GPSHPositioningError` states it."""
+    stated = [dji[name] for name in ("RtkStdLon", "RtkStdLat") if name in dji]
+    error = max(stated, default=_number(gps.get(ExifTags.GPS.GPSHPositioningError)))
+    return error if error is not None and error >= 0 else None
 
 
 def _dji(image: Image.Image) -> dict[str, float]:

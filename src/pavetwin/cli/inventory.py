@@ -1,0 +1,129 @@
+"""`pavetwin inventory`: the defects of a road from a mission or from photographs, each once."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pavetwin.cli.console import out, progress
+from pavetwin.cli.detect import Model, named
+from pavetwin.errors import PaveTwinError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pavetwin.inventory.reading import Reading
+
+MISSION = "mission.yaml"
+
+
+def inventory(
+    source: Annotated[Path, typer.Argument(metavar="MISSION|PHOTOGRAPHS", help="Folder of a mission or photographs.")],
+    model: Model = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Folder for the files; unless given, inventory in that one."),
+    ] = None,
+    confidence: Annotated[float, typer.Option(help="The least confidence of what counts.")] = 0.25,
+    tiled: Annotated[
+        bool | None,
+        typer.Option("--tiled/--whole", help="As in `pavetwin detect`; unless given, as the model was trained."),
+    ] = None,
+    gsd_mm: Annotated[
+        float | None, typer.Option(help="Ground resolution of all photographs, as in --gsd-mm 2.7; for sizes.")
+    ] = None,
+    height_m: Annotated[
+        float | None, typer.Option(help="Height of all photographs above the ground; else as they say.")
+    ] = None,
+    position_error_m: Annotated[
+        float | None,
+        typer.Option(help="Standard deviation of the positions; else as photographs say, or 0."),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Write into a folder that holds something.")] = False,
+) -> None:
+    """List the defects that were detected, each once: place, class, severity and sizes with their errors.
+
+    \b
+    pavetwin inventory missions/monday/hover
+    pavetwin inventory photographs --model model.onnx -o inventory
+    pavetwin inventory photographs --model model.onnx -o inventory --gsd-mm 2.7
+    pavetwin inventory photographs --model model.onnx -o inventory --height-m 12 --position-error-m 0.5
+
+    Writes inventory.gpkg (for QGIS, with its style), inventory.geojson, inventory.csv, and crops with pages of them.
+    """
+    from pavetwin.inventory.entry import entry_of
+    from pavetwin.inventory.files import write_inventory
+    from pavetwin.inventory.merging import merged
+
+    if not source.is_dir():
+        raise PaveTwinError(f"There is no folder '{source}'; name that of a mission or of photographs.")
+    target = output or source / "inventory"
+    if target.exists() and (not target.is_dir() or any(target.iterdir())) and not force:
+        raise PaveTwinError(f"`output` '{target}' exists and holds something; choose another folder, or add `force`.")
+    with progress("Reading", lines=True) as tell:
+        if (source / MISSION).is_file():
+            from pavetwin.inventory.of_mission import flown
+
+            _refuse(model=model, gsd_mm=gsd_mm, height_m=height_m, tiled=tiled)
+            reading = flown(source, position_error_m=position_error_m or 0.0)
+        else:
+            inner = sorted(path.parent.name for path in source.glob(f"*/{MISSION}"))
+            if inner:
+                names = ", ".join(str(source / name) for name in inner)
+                raise PaveTwinError(f"'{source}' holds a mission for each policy; name one: {names}.")
+            reading = _photographs(source, model, confidence, tiled, gsd_mm, height_m, position_error_m, tell)
+        tell(1.0, "Writing")
+        kept = [each for each in reading.observations if each.confidence >= confidence]
+        groups = merged(kept)
+        entries = [entry_of(number, [kept[at] for at in group]) for number, group in enumerate(groups, 1)]
+        files = write_inventory(entries, reading.frame, target)
+    _tell(reading, len(kept), [entry.kind for entry in entries])
+    has_crops = any((target / "crops").glob("*.jpg"))
+    names = ", ".join([*(file.name for file in files), *(("crops/", "crops-01.jpg, …") if has_crops else ())])
+    out.line(f"Results: {target} ({names})")
+
+
+def _photographs(
+    source: Path,
+    model: Path | None,
+    confidence: float,
+    tiled: bool | None,
+    gsd_mm: float | None,
+    height_m: float | None,
+    position_error_m: float | None,
+    tell: "Callable[[float, str], None]",
+) -> "Reading":
+    from pavetwin.inventory.of_photographs import photographed
+    from pavetwin.perception.inference import Detector
+
+    detector = Detector(named(model), confidence=confidence, tiled=tiled)
+    return photographed(
+        detector, source, gsd_mm=gsd_mm, height_m=height_m, position_error_m=position_error_m, tell=tell
+    )
+
+
+def _refuse(**given: object) -> None:
+    """Raises:
+    PaveTwinError: an option for photographs is given with a mission.
+    """
+    for name, value in given.items():
+        if value is not None:
+            raise PaveTwinError(f"`{name}` is for photographs; a mission's own detections are listed without it.")
+
+
+def _tell(reading: "Reading", observations: int, kinds: list[str]) -> None:
+    from collections import Counter
+
+    from typer.main import get_group
+
+    from pavetwin.cli import app
+    from pavetwin.cli.flags import with_flags
+    from pavetwin.experiments.words import counted
+
+    found = Counter(kinds)
+    parts = ", ".join(f"{kind} {number}" for kind, number in found.most_common())
+    seen = f"{counted(observations, 'detection')} in {counted(reading.images, 'image')}"
+    entries = f"{len(kinds)} {'entry' if len(kinds) == 1 else 'entries'}"
+    out.line(f"{seen}: {entries}{f' ({parts})' if parts else ''}.")
+    for remark in reading.remarks:
+        out.line(with_flags(remark, ["inventory"], get_group(app)))

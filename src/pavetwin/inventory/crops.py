@@ -1,0 +1,94 @@
+"""Pictures of the entries: the part of an image around the best detection, and pages of them."""
+
+from collections.abc import Sequence
+from math import ceil
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from pavetwin.arrays import UInt8Array
+from pavetwin.draw.contact_sheet import CELL_PX, assembled, captioned, draw_box
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import writing
+from pavetwin.inventory.entry import Entry
+from pavetwin.labels.boxes import FloatBox
+from pavetwin.labels.classes import categories, colours
+
+A_PAGE: Final = 24
+"""Crops on a page."""
+
+_MARGIN: Final = 1.6
+"""Side of a crop over the longer side of the box."""
+
+_LEAST_PX: Final = 96
+
+_QUALITY: Final = 88
+
+
+def around(pixels: UInt8Array, box: FloatBox) -> UInt8Array:
+    """(side, side, 3) The square part of a picture (height, width, 3) around a box, which is drawn in it; black beyond
+    the picture."""
+    left, top, right, bottom = box
+    side = ceil(max(_LEAST_PX, _MARGIN * max(right - left, bottom - top)))
+    x, y = round((left + right - side) / 2), round((top + bottom - side) / 2)
+    cut = Image.fromarray(pixels).crop((x, y, x + side, y + side))
+    size = max(side, CELL_PX)
+    cut = cut.resize((size, size), Image.Resampling.BICUBIC)
+    scale = size / side
+    edges = ((left - x) * scale, (top - y) * scale, (right - x) * scale, (bottom - y) * scale)
+    draw_box(ImageDraw.Draw(cut), edges, "#FFFFFF")
+    return np.asarray(cut)
+
+
+def write_crops(entries: Sequence[Entry], folder: Path) -> dict[int, str]:
+    """Write the crop of each entry whose image is there, and pages of them; returns the names by the entry's number.
+
+    Raises:
+        PaveTwinError: a file cannot be written.
+    """
+    names: dict[int, str] = {}
+    cells: list[Image.Image] = []
+    for entry in entries:
+        picture = _crop(entry)
+        if picture is None:
+            continue
+        names[entry.number] = f"crops/{entry.number:04}.jpg"
+        with writing(folder / names[entry.number]) as temporary:
+            picture.save(temporary, "JPEG", quality=_QUALITY)
+        cells.append(_cell(entry, picture))
+    named = sorted({entry.kind for entry in entries if entry.number in names})
+    colour_of = {name: colour for name, colour in _colours().items() if name in named}
+    for start in range(0, len(cells), A_PAGE):
+        shown = cells[start : start + A_PAGE]
+        title = f"Inventory   {start + 1} to {start + len(shown)} of {len(cells)} entries with a picture"
+        with writing(folder / f"crops-{start // A_PAGE + 1:02}.jpg") as temporary:
+            assembled(shown, title, colour_of, ignored="").save(temporary, "JPEG", quality=_QUALITY)
+    return names
+
+
+def _crop(entry: Entry) -> Image.Image | None:
+    if entry.best.crop is None:
+        return None
+    try:
+        pixels = entry.best.crop()
+    except PaveTwinError:  # the image is gone or damaged since it was looked at
+        return None
+    return None if pixels is None else Image.fromarray(pixels)
+
+
+def _cell(entry: Entry, picture: Image.Image) -> Image.Image:
+    size = entry.sizes.get("length_m") or entry.sizes.get("area_m2")
+    unit = "m" if "length_m" in entry.sizes else "m²"
+    words = [f"{size.value:.2f} ± {size.error:.2f} {unit}"] if size else []
+    words += [entry.severity] if entry.severity else []
+    looks = f"{entry.looks} look{'s' * (entry.looks != 1)}"
+    text = ", ".join([*words, looks])
+    return captioned(
+        picture.resize((CELL_PX, CELL_PX)), f"{entry.number}: {entry.kind}", text, f"confidence {entry.confidence:.2f}"
+    )
+
+
+def _colours() -> dict[str, str]:
+    return colours([category.name for category in categories()])

@@ -1,0 +1,162 @@
+"""The files of an inventory: a table, and where places are known a GeoPackage with its QGIS style and GeoJSON."""
+
+import csv
+import io
+import json
+import sqlite3
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from pavetwin.files import writing
+from pavetwin.inventory.crops import write_crops
+from pavetwin.inventory.entry import Entry
+from pavetwin.inventory.observation import SIZES
+from pavetwin.inventory.style import STYLES
+from pavetwin.world.georeference import GeoReference
+from pavetwin.world.layers import STAMP, write_layer
+
+TABLE: Final = "inventory.csv"
+GEOPACKAGE: Final = "inventory.gpkg"
+GEOJSON: Final = "inventory.geojson"
+
+_DIGITS: Final = {"area_m2": 4, "length_m": 3, "mean_width_mm": 1, "diameter_mm": 1}
+
+_SIDES: Final = ("left", "top", "right", "bottom")
+
+_TEXTS: Final = ("class", "severity", "image", "crop")
+COLUMNS: Final = (
+    *("id", "class", "severity"),
+    *(column for name in SIZES for column in (name, f"{name}_error")),
+    *("is_cut", "confidence", "looks", "longitude", "latitude", "position_error_m", "image", *_SIDES, "crop"),
+)
+"""Of every file."""
+
+_WHOLE: Final = ("id", "looks")
+_FLAGS: Final = ("is_cut",)
+
+
+def write_inventory(entries: Sequence[Entry], frame: GeoReference | None, folder: Path) -> tuple[Path, ...]:
+    """Write all files of an inventory; returns those that are not crops.
+
+    Args:
+        frame: of the entries' places; None where none is known.
+
+    Raises:
+        PaveTwinError: a file cannot be written.
+    """
+    crops = write_crops(entries, folder)
+    rows = [_row(entry, frame, crops.get(entry.number, "")) for entry in entries]
+    with writing(folder / TABLE) as temporary:
+        temporary.write_text(_csv(rows), encoding="utf-8")
+    written = [folder / TABLE]
+    placed = [at for at, entry in enumerate(entries) if entry.place is not None]
+    if frame is not None and placed:
+        kept = [rows[at] for at in placed]
+        with writing(folder / GEOPACKAGE) as temporary:
+            _write_geopackage([entries[at] for at in placed], kept, frame, temporary)
+        with writing(folder / GEOJSON) as temporary:
+            temporary.write_text(_geojson(kept), encoding="utf-8")
+        written += [folder / GEOPACKAGE, folder / GEOJSON]
+    return tuple(written)
+
+
+def _row(entry: Entry, frame: GeoReference | None, crop: str) -> dict[str, Any]:
+    """An entry by `COLUMNS`."""
+    sizes: dict[str, float | None] = {}
+    for name in SIZES:
+        estimate = entry.sizes.get(name)
+        sizes[name] = None if estimate is None else round(estimate.value, _DIGITS[name])
+        sizes[f"{name}_error"] = None if estimate is None else round(estimate.error, _DIGITS[name] + 1)
+    lonlat = (
+        (None, None)
+        if entry.place is None or frame is None
+        else tuple(round(float(angle), 8) for angle in frame.to_wgs84((entry.place.x, entry.place.y)))
+    )
+    box = entry.best.box_px or (None,) * 4
+    return {
+        "id": entry.number,
+        "class": entry.kind,
+        "severity": entry.severity,
+        **sizes,
+        "is_cut": entry.is_cut,
+        "confidence": round(entry.confidence, 4),
+        "looks": entry.looks,
+        "longitude": lonlat[0],
+        "latitude": lonlat[1],
+        "position_error_m": None if entry.place_error_m is None else round(entry.place_error_m, 3),
+        "image": entry.best.image,
+        **{side: None if at is None else round(at, 1) for side, at in zip(_SIDES, box, strict=True)},
+        "crop": crop,
+    }
+
+
+def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def _geojson(rows: Sequence[Mapping[str, Any]]) -> str:
+    features = [
+        {
+            "type": "Feature",
+            "id": row["id"],
+            "geometry": {"type": "Point", "coordinates": [row["longitude"], row["latitude"]]},
+            "properties": {name: value for name, value in row.items() if name not in ("longitude", "latitude")},
+        }
+        for row in rows
+    ]
+    return json.dumps({"type": "FeatureCollection", "features": features}, ensure_ascii=False, indent=1) + "\n"
+
+
+def _write_geopackage(
+    entries: Sequence[Entry], rows: Sequence[Mapping[str, Any]], frame: GeoReference, path: Path
+) -> None:
+    """The layers `defects` (places) and `outlines` (of the best look), each with the style that QGIS opens it in."""
+    columns = {name: _column(name, rows) for name in rows[0]}
+    masks = {name: np.array([row[name] is None for row in rows]) for name in rows[0] if name not in _TEXTS}
+    write_layer(path, "defects", "Point", [entry.place for entry in entries if entry.place], columns, frame, masks)
+    outlines = [entry.outline for entry in entries if entry.outline]
+    write_layer(path, "outlines", "Polygon", outlines, columns, frame, masks)
+    _write_styles(path)
+
+
+def _column(name: str, rows: Sequence[Mapping[str, Any]]) -> "np.ndarray[Any, Any]":
+    values = [row[name] for row in rows]
+    if name in _TEXTS:
+        return np.array(values, dtype=object)
+    if name in _FLAGS:
+        return np.array(values, dtype=np.bool_)
+    plain = [0 if value is None else value for value in values]
+    return np.array(plain, dtype=np.int64 if name in _WHOLE else np.float64)
+
+
+def _write_styles(path: Path) -> None:
+    """The table `layer_styles`, in which QGIS looks for the style of a layer that it opens."""
+    with closing(sqlite3.connect(path)) as base, base:
+        base.execute(
+            "CREATE TABLE layer_styles (id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, f_table_catalog TEXT, "
+            "f_table_schema TEXT, f_table_name TEXT, f_geometry_column TEXT, styleName TEXT, styleQML TEXT, "
+            "styleSLD TEXT, useAsDefault BOOLEAN, description TEXT, owner TEXT, ui TEXT, update_time DATETIME)"
+        )
+        base.execute(
+            "INSERT INTO gpkg_contents (table_name, data_type, identifier, description, last_change) "
+            "VALUES ('layer_styles', 'attributes', 'layer_styles', '', ?)",
+            (STAMP,),
+        )
+        for layer, style in STYLES.items():
+            (column,) = base.execute(
+                "SELECT column_name FROM gpkg_geometry_columns WHERE table_name = ?", (layer,)
+            ).fetchone()
+            base.execute(
+                "INSERT INTO layer_styles (f_table_catalog, f_table_schema, f_table_name, f_geometry_column, "
+                "styleName, styleQML, styleSLD, useAsDefault, description, owner, update_time) "
+                "VALUES ('', '', ?, ?, ?, ?, '', 1, '', '', ?)",
+                (layer, column, layer, style, STAMP),
+            )

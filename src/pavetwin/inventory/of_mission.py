@@ -1,0 +1,105 @@
+"""Observations of a mission: what its sensor reported, from its folder alone."""
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+import shapely
+from PIL import Image
+from shapely import Polygon
+
+from pavetwin.arrays import UInt8Array
+from pavetwin.errors import PaveTwinError
+from pavetwin.inventory.crops import around
+from pavetwin.inventory.observation import SIZES, Observation
+from pavetwin.inventory.reading import Reading
+from pavetwin.labels.classes import label_name
+from pavetwin.perception.inference.detector import pixels_of
+from pavetwin.perception.results.measuring import NOT_RESOLVABLE
+from pavetwin.perception.results.photograph import pose_of
+from pavetwin.sensing import OTHER_CLASSES
+from pavetwin.world.georeference import GeoReference, anchored, from_wgs84
+
+TABLE: Final = "detections.parquet"
+
+FRAMES: Final = "frames"
+
+NO_CROPS: Final = "There are no crops; `pavetwin fly WORLD save_frames=hits` saves the images for them."
+
+LATER: Final = ("footprint", "is_cut", "pixel_mm", "severity", *SIZES)
+"""Columns that missions of earlier versions do not have."""
+
+
+def flown(folder: Path, *, position_error_m: float = 0.0) -> Reading:
+    """What the sensor of a mission reported: all its detections of defects, as an agency gets them, without the
+    judgement of what is there.
+
+    Args:
+        folder: of the mission.
+        position_error_m: standard deviation of the camera's position, east and north each; 0 in the simulation.
+
+    Raises:
+        PaveTwinError: its detections are gone, or the mission is of an earlier version.
+    """
+    path = folder / TABLE
+    try:
+        table = pl.read_parquet(path)
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise PaveTwinError(f"'{path}' cannot be read; fly the mission again.") from error
+    if gone := [name for name in LATER if name not in table.columns]:
+        raise PaveTwinError(f"'{path}' is of an earlier version (it has no column '{gone[0]}'); fly the mission again.")
+    rows = [row for row in table.iter_rows(named=True) if row["class"] not in OTHER_CLASSES]
+    images = _images(folder)
+    captures = table["capture"].n_unique()
+    if not rows:
+        return Reading((), None, captures)
+    frame = anchored(rows[0]["latitude"], rows[0]["longitude"])
+    observations = tuple(_observed(row, frame, images, position_error_m) for row in rows)
+    return Reading(observations, frame, captures, () if images else (NO_CROPS,))
+
+
+def _images(folder: Path) -> Mapping[int, Path]:
+    """The image of each capture that was saved."""
+    path = folder / FRAMES / "captures.csv"
+    if not path.is_file():
+        return {}
+    table = pl.read_csv(path)
+    return {capture: folder / FRAMES / image for capture, image in table.iter_rows()}
+
+
+def _observed(row: Mapping[str, Any], frame: GeoReference, images: Mapping[int, Path], error_m: float) -> Observation:
+    degrees = shapely.from_wkb(row["footprint"])
+    outline = shapely.transform(degrees, partial(from_wgs84, frame))
+    assert isinstance(outline, Polygon)
+    image = images.get(row["capture"])
+    return Observation(
+        kind=label_name(row["class"]),
+        confidence=row["confidence"],
+        image=f"capture {row['capture']}",
+        box_px=None,
+        footprint=outline,
+        sizes={name: row[name] for name in SIZES if row[name] is not None},
+        severity=_severity(row["severity"]),
+        pixel_m=None if row["pixel_mm"] is None else row["pixel_mm"] / 1000,
+        position_error_m=error_m,
+        is_cut=bool(row["is_cut"]),
+        crop=None if image is None else partial(_crop, image, degrees),
+    )
+
+
+def _severity(text: str | None) -> str:
+    return "" if text is None or text == NOT_RESOLVABLE else text
+
+
+def _crop(image: Path, degrees: Polygon) -> UInt8Array | None:
+    """The part of a saved frame around an outline in WGS 84."""
+    pixels = pixels_of(image)
+    with Image.open(image) as held:
+        corners = pose_of(held).pixels(shapely.get_coordinates(degrees))
+    if corners is None:
+        return None
+    (left, top), (right, bottom) = np.min(corners, axis=0).tolist(), np.max(corners, axis=0).tolist()
+    return around(pixels, (left, top, right, bottom))

@@ -1,0 +1,150 @@
+"""Observations from a folder of photographs, each placed by what it says of itself: EXIF, and the XMP tags of DJI."""
+
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from shapely import Polygon
+
+from pavetwin.arrays import Float64Array
+from pavetwin.errors import PaveTwinError
+from pavetwin.inventory.crops import around
+from pavetwin.inventory.observation import Crop, Observation, numbers_in, severity_in
+from pavetwin.inventory.reading import Reading, counted_remarks
+from pavetwin.labels.boxes import FloatBox, ends_at_border
+from pavetwin.labels.outlines import hull
+from pavetwin.perception.inference import Detections
+from pavetwin.perception.results.detected_image import sizes_of
+from pavetwin.perception.results.photograph import PhotographPose
+from pavetwin.perception.results.sources import SourceImage, source_images
+from pavetwin.sensing.detector import ImageDetector
+from pavetwin.world.georeference import GeoReference, anchored, from_wgs84
+
+HIGHEST_M: Final = 150.0
+"""A photograph that says that it was taken higher above the ground gives its height above the sea: most countries allow
+120 m. Our assumption."""
+
+
+def photographed(
+    detector: ImageDetector,
+    folder: Path,
+    *,
+    gsd_mm: float | None = None,
+    height_m: float | None = None,
+    position_error_m: float | None = None,
+    tell: Callable[[float, str], None] = lambda share, what: None,  # noqa: ARG005
+) -> Reading:
+    """Look at every picture of a folder.
+
+    Args:
+        gsd_mm: ground resolution of all pictures, for sizes; counts for more than what photographs say.
+        height_m: of all pictures above the ground, likewise.
+        position_error_m: standard deviation of all positions, likewise; 0 unless a photograph states one.
+        tell: is called with the share that is done, and words.
+
+    Raises:
+        PaveTwinError: the folder holds no picture that can be read, or a value is out of its bounds.
+    """
+    for name, value in (("gsd_mm", gsd_mm), ("height_m", height_m)):
+        if value is not None and value <= 0:
+            raise PaveTwinError(f"`{name}` {value:g}: it is above 0.")
+    if position_error_m is not None and position_error_m < 0:
+        raise PaveTwinError(f"`position_error_m` {position_error_m:g}: it is 0 or more.")
+    frame: GeoReference | None = None
+    found: list[Observation] = []
+    missing: dict[str, list[str]] = defaultdict(list)
+    unreadable: list[str] = []
+    images = 0
+    for image in source_images(folder):
+        tell(image.share, f"Looking at photograph {images + 1}")
+        try:
+            pixels, pose = image.read()
+        except PaveTwinError as error:
+            unreadable.append(str(error))
+            continue
+        images += 1
+        known = pose or PhotographPose((pixels.shape[1], pixels.shape[0]))
+        if height_m is not None:
+            known = replace(known, height_m=height_m)
+        if reason := _why_without_place(known, has_scale=gsd_mm is not None):
+            missing[reason].append(image.name)
+        elif frame is None and known.lonlat is not None:
+            frame = anchored(known.lonlat[1], known.lonlat[0])
+        (seen,) = detector.detect([pixels])
+        error_m = position_error_m if position_error_m is not None else known.position_error_m or 0.0
+        where = None if reason else frame
+        found += [
+            _observed(seen, int(at), image, known, where, gsd_mm, error_m) for at in np.flatnonzero(seen.is_defect)
+        ]
+    if not images:
+        raise PaveTwinError(unreadable[0])
+    remarks = counted_remarks(missing, images)
+    if unreadable:
+        remarks += (f"Left out: {len(unreadable)} that cannot be read, such as this: {unreadable[0]}",)
+    return Reading(tuple(found), frame, images, remarks)
+
+
+def _why_without_place(pose: PhotographPose, *, has_scale: bool) -> str:
+    """What a photograph does not say that a place on the ground needs; empty where it says all."""
+    sizes = "" if has_scale else ", sizes with `gsd_mm` only"
+    if pose.lonlat is None:
+        return f"no position; its defects are given in pixels{sizes if pose.gsd_mm(0, 0) is None else ''}"
+    if pose.height_m is None or pose.height_m > HIGHEST_M:
+        return f"no height above the ground but one above the sea, or none; give it by `height_m`{sizes}"
+    if pose.focal_px is None:
+        return f"no focal length; its defects are given in pixels{sizes}"
+    if pose.pitch_deg is None or pose.heading_deg is None:
+        return f"no direction of view; its defects are given in pixels{sizes}"
+    if not pose.is_nadir:
+        return "the gimbal looks ahead, more than 30° from straight down; its defects are given in pixels"
+    return ""
+
+
+def _observed(
+    seen: Detections,
+    at: int,
+    image: SourceImage,
+    pose: PhotographPose,
+    frame: GeoReference | None,
+    gsd_mm: float | None,
+    error_m: float,
+) -> Observation:
+    box, mask = seen.box(at), seen.mask(at)
+    scale = gsd_mm or (pose.gsd_mm((box[0] + box[2]) / 2, (box[1] + box[3]) / 2) if _has_height(pose) else None)
+    outline = _corners(box) if mask is None or not mask[1].any() else hull(mask[1]) + mask[0][:2]
+    sizes = {} if scale is None else sizes_of(seen, at, scale)
+    return Observation(
+        kind=seen.names[at],
+        confidence=float(seen.confidence[at]),
+        image=image.name,
+        box_px=box,
+        footprint=None if frame is None else _on_ground(outline, pose, frame),
+        sizes=numbers_in(sizes),
+        severity=severity_in(sizes),
+        pixel_m=None if scale is None else scale / 1000,
+        position_error_m=error_m,
+        is_cut=ends_at_border(box, seen.size_px),
+        crop=_crop_of(image, box),
+    )
+
+
+def _has_height(pose: PhotographPose) -> bool:
+    return pose.height_m is not None and pose.height_m <= HIGHEST_M
+
+
+def _corners(box: FloatBox) -> Float64Array:
+    left, top, right, bottom = box
+    return np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
+
+
+def _on_ground(outline: Float64Array, pose: PhotographPose, frame: GeoReference) -> Polygon | None:
+    """An outline in pixels (n, 2) as a polygon of the frame."""
+    lonlats = pose.lonlats(outline)
+    return None if lonlats is None else Polygon(from_wgs84(frame, lonlats))
+
+
+def _crop_of(image: SourceImage, box: FloatBox) -> Crop:
+    return lambda: around(image.read()[0], box)

@@ -1,0 +1,147 @@
+"""`pavetwin inventory`: from missions and photographs to files for agencies; and what is refused."""
+
+import csv
+import json
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+from xml.etree.ElementTree import fromstring
+
+import numpy as np
+import pyogrio
+import pytest
+import shapely
+from PIL import Image
+
+from pavetwin.mission.results import save_mission
+from scenes.aerial import FOCAL_PX, HEIGHT_M, LATITUDE, LONGITUDE, aerial_photograph
+from scenes.command_line import pavetwin, plain_refusal
+from scenes.drawn_detector import FILE, drawn
+from scenes.tiny import empty_street
+
+STREET = drawn((640, 480), ("Pothole", (100, 100, 160, 150)), ("Crocodile Crack", (300, 200, 420, 330)))
+
+
+@pytest.fixture(scope="module")
+def listed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """Of two photographs of one place, and one that says nothing."""
+    folder = tmp_path_factory.mktemp("inventory")
+    (folder / "in").mkdir()
+    for name in ("a.jpg", "b.jpg"):
+        (folder / "in" / name).write_bytes(aerial_photograph(STREET))
+    drawn((96, 96), ("Pothole", (30, 10, 60, 90))).save(folder / "in" / "c.png")
+    done = pavetwin("inventory", folder / "in", "--model", FILE, "-o", folder / "out")
+    assert done.returncode == 0, done.stderr
+    return folder / "out", done.stdout
+
+
+def test_it_says_what_it_found_and_what_is_missing(listed: tuple[Path, str]) -> None:
+    lines = listed[1].splitlines()
+    assert lines[0] == "5 detections in 3 images: 3 entries (Pothole 2, Crocodile Crack 1)."
+    assert lines[1].startswith(
+        "1 of 3 photographs, such as 'c.png': no position; its defects are given in pixels, sizes"
+    )
+    assert "with --gsd-mm only." in lines[1]
+
+
+def test_the_table_has_all_entries_and_the_maps_those_with_a_place(listed: tuple[Path, str]) -> None:
+    folder = listed[0]
+    rows = list(csv.DictReader((folder / "inventory.csv").open()))
+    assert sorted((row["class"], row["looks"], bool(row["longitude"])) for row in rows) == [
+        ("Crocodile Crack", "2", True),
+        ("Pothole", "1", False),
+        ("Pothole", "2", True),
+    ]
+    (bare,) = [row for row in rows if not row["longitude"]]
+    assert (bare["image"], bare["left"], bare["area_m2"]) == ("c.png", "30.0", "")
+    features = json.loads((folder / "inventory.geojson").read_text())["features"]
+    assert len(features) == 2
+    pothole = next(each for each in features if each["properties"]["class"] == "Pothole")
+    gsd_m = HEIGHT_M / FOCAL_PX
+    east, north = (130 - 320) * gsd_m, (240 - 125) * gsd_m
+    metres = 111_265.0
+    longitude, latitude = pothole["geometry"]["coordinates"]
+    assert (latitude - LATITUDE) * metres == pytest.approx(north, abs=0.03)
+    assert (longitude - LONGITUDE) * metres * np.cos(np.radians(LATITUDE)) * 1.002 == pytest.approx(east, abs=0.03)
+    assert pothole["properties"]["area_m2"] == pytest.approx(60 * 50 * gsd_m**2, rel=0.1)
+    assert pothole["properties"]["area_m2_error"] > 0
+
+
+def test_the_geopackage_opens_in_the_style_that_it_holds(listed: tuple[Path, str]) -> None:
+    path = listed[0] / "inventory.gpkg"
+    layers = dict(map(tuple, pyogrio.list_layers(path)))
+    assert {"defects": "Point", "outlines": "Polygon"}.items() <= layers.items()
+    about, _, places, columns = pyogrio.raw.read(path, layer="defects")
+    assert about["crs"] == "EPSG:32633"
+    kinds = list(columns[list(about["fields"]).index("class")])
+    assert sorted(kinds) == ["Crocodile Crack", "Pothole"]
+    _, _, outlines, _ = pyogrio.raw.read(path, layer="outlines")
+    middles = shapely.centroid(shapely.from_wkb(outlines))
+    assert (shapely.distance(middles, shapely.from_wkb(places)) < 0.05).all()
+    with closing(sqlite3.connect(path)) as base:
+        styles = base.execute(
+            "SELECT f_table_name, f_geometry_column, styleQML, useAsDefault FROM layer_styles"
+        ).fetchall()
+        contents = base.execute("SELECT data_type FROM gpkg_contents WHERE table_name = 'layer_styles'").fetchall()
+    assert contents == [("attributes",)]
+    assert {name for name, *_ in styles} == {"defects", "outlines"}
+    for _, column, qml, is_default in styles:
+        assert (column, is_default) == ("geom", 1)
+        root = fromstring(qml.partition("\n")[2])
+        renderer = root.find("renderer-v2")
+        assert renderer is not None
+        assert renderer.get("attr") == "class"
+        named = {each.get("value"): each.get("symbol") for each in renderer.iter("category")}
+        assert set(kinds) <= set(named)
+        assert {each.get("name") for each in renderer.iter("symbol")} == set(named.values())
+
+
+def test_every_entry_has_a_crop_and_a_place_on_a_page(listed: tuple[Path, str]) -> None:
+    folder = listed[0]
+    rows = list(csv.DictReader((folder / "inventory.csv").open()))
+    for row in rows:
+        with Image.open(folder / row["crop"]) as crop:
+            assert crop.width == crop.height >= 420
+    assert [path.name for path in sorted(folder.glob("crops-*.jpg"))] == ["crops-01.jpg"]
+
+
+def test_a_mission_needs_no_model(tmp_path: Path) -> None:
+    save_mission(empty_street((20, 1), (45, 1)).fly("baseline"), tmp_path / "m")
+    done = pavetwin("inventory", tmp_path / "m")
+    assert done.returncode == 0, done.stderr
+    assert "2 entries (Pothole 2)." in done.stdout
+    assert "pavetwin fly WORLD --save-frames hits" in done.stdout
+    assert len(list(csv.DictReader((tmp_path / "m" / "inventory" / "inventory.csv").open()))) == 2
+    again = pavetwin("inventory", tmp_path / "m")
+    assert "exists and holds something" in plain_refusal(again)
+    assert pavetwin("inventory", tmp_path / "m", "--force").returncode == 0
+    assert plain_refusal(pavetwin("inventory", tmp_path / "m", "-o", tmp_path / "o", "--gsd-mm", 2)) == (
+        "Error: --gsd-mm is for photographs; a mission's own detections are listed without it."
+    )
+
+
+def test_what_is_wrong_is_said_plainly_and_leaves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    STREET.save(tmp_path / "in" / "a.png")
+    for arguments, words in (
+        ((tmp_path / "none", "-o", tmp_path / "o"), "There is no folder"),
+        ((tmp_path / "in", "-o", tmp_path / "o"), "Say which model with --model"),
+        ((tmp_path / "in", "-o", tmp_path / "o", "--model", FILE, "--gsd-mm", 0), "--gsd-mm 0: it is above 0."),
+        ((tmp_path / "in", "-o", tmp_path / "o", "--model", FILE, "--height-m", -3), "--height-m -3: it is above 0."),
+        (
+            (tmp_path / "in", "-o", tmp_path / "o", "--model", FILE, "--position-error-m", -1),
+            "--position-error-m -1: it is 0 or more.",
+        ),
+    ):
+        assert words in plain_refusal(pavetwin("inventory", *arguments))
+        assert not (tmp_path / "o").exists()
+
+
+def test_without_a_detection_the_table_has_its_columns_alone(tmp_path: Path) -> None:
+    save_mission(empty_street().fly("baseline"), tmp_path / "m")
+    done = pavetwin("inventory", tmp_path / "m")
+    assert done.returncode == 0, done.stderr
+    assert "0 entries." in done.stdout
+    (header,) = (tmp_path / "m" / "inventory" / "inventory.csv").read_text().splitlines()
+    assert header.startswith("id,class,severity,area_m2,area_m2_error,")
+    assert not (tmp_path / "m" / "inventory" / "inventory.gpkg").exists()

@@ -1,0 +1,164 @@
+"""The inventory of a folder of photographs, whose places are known from what they say of themselves."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.inventory.entry import Entry, entry_of
+from pavetwin.inventory.merging import merged
+from pavetwin.inventory.of_photographs import photographed
+from pavetwin.inventory.reading import Reading
+from pavetwin.perception.results.photograph import PhotographPose, pose_of
+from pavetwin.world.georeference import from_wgs84
+from scenes.aerial import aerial_photograph
+from scenes.spots import SpotDetector
+from scenes.survey import ALTITUDE_M, PLACE, SPOTS, captures, photograph, photographs
+
+DEFECTS = [(name, shape) for name, shape in SPOTS if name != "Car"]
+
+
+def entries_of(reading: Reading) -> list[Entry]:
+    groups = merged(reading.observations)
+    return [entry_of(at, [reading.observations[index] for index in group]) for at, group in enumerate(groups, 1)]
+
+
+def world_xy(entry: Entry, reading: Reading) -> np.ndarray:
+    assert entry.place is not None
+    assert reading.frame is not None
+    return from_wgs84(PLACE, reading.frame.to_wgs84((entry.place.x, entry.place.y)))
+
+
+def test_each_defect_is_listed_once_at_its_place_with_its_size(tmp_path: Path) -> None:
+    """The error of the places is that of EXIF's digits, of the rolled-off heading and of the pixels."""
+    reading = photographed(SpotDetector(), photographs(tmp_path / "p"))
+    assert reading.remarks == ()
+    found = entries_of(reading)
+    assert sorted(entry.kind for entry in found) == sorted(name for name, _ in DEFECTS)
+    for name, shape in DEFECTS:
+        centre = np.array([shape.centroid.x, shape.centroid.y])
+        away_m = [float(np.hypot(*(world_xy(entry, reading) - centre))) for entry in found]
+        nearest = found[int(np.argmin(away_m))]
+        assert nearest.kind == name
+        assert min(away_m) < 0.05
+        assert nearest.sizes["area_m2"].value == pytest.approx(shape.area, rel=0.06)
+        assert nearest.looks > 1
+        assert nearest.place_error_m is not None
+        assert nearest.place_error_m < 0.05
+    crack = next(entry for entry in found if entry.kind == "Single Crack")
+    assert crack.sizes["length_m"].value == pytest.approx(2.0, rel=0.1)
+
+
+def test_one_without_exif_among_others_is_told_and_the_rest_goes_on(tmp_path: Path) -> None:
+    folder = photographs(tmp_path / "p")
+    Image.fromarray(captures()[1].image()).save(folder / "bare.png")
+    (folder / "broken.jpg").write_bytes(b"no picture")
+    reading = photographed(SpotDetector(), folder)
+    bare, broken = reading.remarks
+    assert bare.startswith("1 of 6 photographs, such as 'bare.png': no position; its defects are given in pixels")
+    assert bare.endswith(", sizes with `gsd_mm` only.")
+    assert broken.startswith("Left out: 1 that cannot be read, such as this: ")
+    found = entries_of(reading)
+    assert sum(entry.place is not None for entry in found) == len(DEFECTS)
+    assert all(entry.best.image == "bare.png" and not entry.sizes for entry in found if entry.place is None)
+
+
+def written(folder: Path, **dji: float) -> Path:
+    folder.mkdir()
+    picture = Image.fromarray(captures()[1].image()).resize((640, 480), Image.Resampling.NEAREST)
+    (folder / "one.jpg").write_bytes(aerial_photograph(picture, **dji))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("dji", "words"),
+    [
+        ({"GimbalPitchDegree": -20.0}, "the gimbal looks ahead, more than 30° from straight down"),
+        (
+            {"RelativeAltitude": 431.0},
+            "no height above the ground but one above the sea, or none; give it by `height_m`",
+        ),
+    ],
+)
+def test_what_a_place_needs_and_a_photograph_does_not_say_is_told(
+    tmp_path: Path, dji: dict[str, float], words: str
+) -> None:
+    reading = photographed(SpotDetector(), written(tmp_path / "p", **dji))
+    (remark,) = reading.remarks
+    assert remark.startswith(f"1 of 1 photographs, such as 'one.jpg': {words}")
+    assert reading.frame is None
+    assert all(each.footprint is None for each in reading.observations)
+
+
+def test_a_height_that_is_given_counts_for_more_than_what_photographs_say(tmp_path: Path) -> None:
+    reading = photographed(SpotDetector(), written(tmp_path / "p", RelativeAltitude=431.0), height_m=10.0)
+    assert reading.remarks == ()
+    assert all(each.footprint is not None for each in reading.observations)
+
+
+def test_the_error_of_a_receiver_with_corrections_is_read(tmp_path: Path) -> None:
+    folder = written(tmp_path / "p", RtkStdLon=0.02, RtkStdLat=0.03)
+    errors = {each.position_error_m for each in photographed(SpotDetector(), folder).observations}
+    assert errors == {0.03}
+    given_error = photographed(SpotDetector(), folder, position_error_m=1.5)
+    assert {each.position_error_m for each in given_error.observations} == {1.5}
+
+
+def test_without_position_sizes_come_with_a_resolution_that_is_given(tmp_path: Path) -> None:
+    folder = tmp_path / "p"
+    folder.mkdir()
+    Image.fromarray(captures()[1].image()).save(folder / "bare.png")
+    gsd_mm = 1000 * captures()[1].ground_resolution_m
+    reading = photographed(SpotDetector(), folder, gsd_mm=gsd_mm)
+    assert [remark.partition(": ")[2] for remark in reading.remarks] == [
+        "no position; its defects are given in pixels."
+    ]
+    potholes = [each for each in reading.observations if each.kind == "Pothole" and not each.is_cut]
+    assert potholes
+    areas = [shape.area for name, shape in DEFECTS if name == "Pothole"]
+    for each in potholes:
+        assert min(abs(each.sizes["area_m2"] / area - 1) for area in areas) < 0.06
+
+
+def test_a_folder_without_a_picture_that_can_be_read_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "broken.jpg").write_bytes(b"no picture")
+    with pytest.raises(PaveTwinError, match="cannot be read as an image"):
+        photographed(SpotDetector(), tmp_path)
+
+
+@given(
+    x=st.floats(0, 960),
+    y=st.floats(0, 720),
+    heading_deg=st.floats(-180, 360),
+    pitch_deg=st.floats(-90, -60),
+    height_m=st.floats(3, 120),
+    lon=st.floats(-179, 179),
+    lat=st.floats(-75, 75),
+)
+def test_from_pixel_to_the_earth_and_back(
+    x: float, y: float, heading_deg: float, pitch_deg: float, height_m: float, lon: float, lat: float
+) -> None:
+    pose = PhotographPose((960, 720), (lon, lat), height_m, heading_deg, pitch_deg, 800.0)
+    places = pose.lonlats(np.array([[x, y]]))
+    assert places is not None
+    back = pose.pixels(np.array(places))
+    assert back is not None
+    tolerance_px = 0.003 * 800 / height_m + 1e-6  # places are rounded to 10⁻⁸ degrees, about 1 mm
+    assert back[0] == pytest.approx((x, y), abs=tolerance_px)
+
+
+def test_a_photograph_lies_where_the_view_that_took_it_looks(tmp_path: Path) -> None:
+    """Two independent ways from a pixel to the ground: the renderer's camera, and what is written into the file."""
+    frame = captures()[2]
+    (tmp_path / "one.png").write_bytes(photograph(frame))
+    with Image.open(tmp_path / "one.png") as held:
+        pose = pose_of(held)
+    corners = np.array([[0.0, 0.0], [960.0, 0.0], [960.0, 720.0], [0.0, 720.0], [480.0, 360.0]])
+    places = pose.lonlats(corners)
+    assert places is not None
+    assert from_wgs84(PLACE, places) == pytest.approx(frame.view.ground(corners), abs=0.02)
+    assert pose.height_m == ALTITUDE_M
