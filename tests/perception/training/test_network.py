@@ -1,5 +1,6 @@
 """The network: its published size, one encoding of an image, and what its heads look at."""
 
+from dataclasses import replace
 from math import exp, log
 
 import pytest
@@ -13,6 +14,7 @@ from pavetwin.perception.training.cost import gflops, parameters
 from pavetwin.perception.training.detect import DetectLimits, detect
 from pavetwin.perception.training.heads import pooled, sample_regions
 from pavetwin.perception.training.network import DetectorNetwork
+from pavetwin.perception.training.validate import LIMITS
 
 TINY = Architecture(width=0.125)
 
@@ -65,6 +67,23 @@ def test_every_option_gives_boxes_and_regions(architecture: Architecture, anchor
     assert masks is None or masks.shape == (2, 28, 28)
     kinds = {type(each) for each in network.modules()}
     assert (torch.nn.SiLU in kinds) == (architecture.activation == "silu")
+
+
+def test_validation_draws_no_masks_and_finds_the_same() -> None:
+    network = DetectorNetwork(TINY).eval()
+    drawn = []
+    mask_head = network.regions.mask
+    assert mask_head is not None
+    mask_head.register_forward_hook(lambda *_: drawn.append(1))
+    images = torch.rand(1, 3, 64, 96)
+    (plain,) = detect(network, images, replace(LIMITS, masks=False))
+    assert plain.masks is None
+    assert not drawn
+    (whole,) = detect(network, images, replace(LIMITS, masks=True))
+    assert drawn
+    assert torch.equal(plain.boxes, whole.boxes)
+    assert torch.equal(plain.subtypes, whole.subtypes)
+    assert not LIMITS.masks
 
 
 def test_anchors_lie_in_the_middle_of_their_cells() -> None:

@@ -22,6 +22,8 @@ class DetectLimits:
     """Boxes of an image before duplicates are dropped, the most confident ones."""
     most: int = 300
     """Boxes of an image."""
+    masks: bool = True
+    """Whether masks of defects are drawn, where there is a head for them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +39,8 @@ class ImageDetections:
     subtypes: Tensor
     """(n, 3) probabilities of a defect's subtypes; 0 for others."""
     masks: Tensor | None
-    """(n, pixels, pixels) probabilities within the box; 0 for what is no defect. None without a mask head."""
+    """(n, pixels, pixels) probabilities within the box; 0 for what is no defect. None without a mask head, or where
+    masks were not asked for."""
 
     @property
     def classes(self) -> Tensor:
@@ -72,7 +75,7 @@ def _of_image(
     found, coarse, confident = found[kept], coarse[kept], confident[kept]
     defect = torch.nonzero(coarse == ROAD_DEFECT).squeeze(1)
     regions = torch.cat([torch.full_like(found[defect, :1], image), found[defect]], dim=1)
-    logits, mask_logits = network.regions(encoded.maps, regions)
+    logits, mask_logits = network.regions(encoded.maps, regions, masks=limits.masks)
     subtypes = found.new_zeros(len(found), len(SUBTYPES))
     subtypes[defect] = logits.float().softmax(dim=1)
     masks = None

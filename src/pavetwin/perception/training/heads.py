@@ -75,15 +75,16 @@ class RegionHead(nn.Module):
         )
         self.mask = _mask_head(inputs, it.activation) if it.masks else None
 
-    def forward(self, maps: Tensor, boxes: Tensor) -> tuple[Tensor, Tensor | None]:
+    def forward(self, maps: Tensor, boxes: Tensor, *, masks: bool = True) -> tuple[Tensor, Tensor | None]:
         """Logits (boxes, subtypes), and (boxes, pixels, pixels) where there is a mask head.
 
         Args:
             maps: of stride 8.
             boxes: (boxes, 5) index of the image, left, top, right, bottom in pixels of the image.
+            masks: whether to draw them, which takes most of the time.
         """
         sampled = sample_regions(maps, boxes, self.points)
-        mask = self.mask(sampled).squeeze(1) if self.mask is not None else None
+        mask = self.mask(sampled).squeeze(1) if masks and self.mask is not None else None
         return self.subtype(pooled(sampled)), mask
 
 

@@ -12,7 +12,7 @@ from pavetwin.perception.training.batches import Batch
 from pavetwin.perception.training.detect import DetectLimits, ImageDetections, detect
 from pavetwin.perception.training.network import DetectorNetwork
 
-LIMITS = DetectLimits(confidence=0.001)
+LIMITS = DetectLimits(confidence=0.001, masks=False)
 """Nearly everything is kept: average precision reads the whole curve."""
 
 
