@@ -13,9 +13,11 @@ import pytest
 from PIL import Image
 
 from pavetwin.capture.mission_images import MissionImages, check_frames
+from pavetwin.capture.scene_renderer import SceneRenderer
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.config import Conditions, load_settings
 from pavetwin.errors import PaveTwinError
+from pavetwin.mission.fly import MissionResult, fly_over
 from pavetwin.mission.replay import Replay
 from pavetwin.scene.view import View
 from pavetwin.sensing import Frame
@@ -23,6 +25,7 @@ from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.uav.cameras import find_camera
 from pavetwin.world.store import save_world
 from scenes import damaged
+from scenes.drawn_detector import FILE
 from scenes.parking import FULL, full_street
 from scenes.recordings import recording
 from scenes.tiny import empty_street, straight
@@ -70,6 +73,29 @@ def test_a_sensor_of_ones_own_sees_the_image_that_is_saved(tmp_path: Path) -> No
     )
     with Image.open(tmp_path / "m" / name) as saved, Image.open(stream) as image:
         assert np.array_equal(np.asarray(saved), np.asarray(image))
+
+
+@pytest.mark.slow
+@pytest.mark.needs_adapter
+def test_a_detector_sees_the_same_in_rendered_captures_both_ways_and_again() -> None:
+    """A stand-in for a trained model that takes everything dark for damage: cars and shadows, and so false alarms."""
+    scene = empty_street((20, 1), (30, -1))
+    passing = recording(("suv",), lambda _, time_s: (5.0 + 2.0 * time_s, 1.5, 0.0, 2.0), frames=401)
+
+    def flown(aboard: bool) -> MissionResult:
+        options = f"sensing.options={{model: {FILE}, image_px: 320, aboard: {str(aboard).lower()}}}"
+        settings = scene.settings("sensing.sensor=detector", options)
+        environment = scene.environment(settings)
+        replay = Replay(scene.world, passing)
+        images = MissionImages(environment.inspected_world, replay, seed=0)
+        images.scene_renderer = renderer
+        return fly_over(environment, replay, settings, [0], "skip", image_source=images)
+
+    renderer = SceneRenderer(scene.world)
+    after, again, aboard = flown(False), flown(False), flown(True)
+    assert len(after.detections) > 0
+    assert after.detections == again.detections == aboard.detections
+    assert after.rows == again.rows == aboard.rows
 
 
 class Asked:
