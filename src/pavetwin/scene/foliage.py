@@ -17,6 +17,7 @@ from typing import Final
 import numpy as np
 
 from pavetwin.arrays import AnyArray, Float64Array, UInt8Array
+from pavetwin.scene.texture_cache import kept
 
 SIDE_PX: Final = 512
 """Side of the atlas [texels]; it has 2 × 2 cells."""
@@ -62,16 +63,21 @@ def leaf_atlas() -> UInt8Array:
 
 @cache
 def leaf_levels() -> tuple[UInt8Array, ...]:
-    """The mip levels of the atlas, scaled for the alpha test at `CUT`: every cell keeps its share of leaves."""
+    """The mip levels of the atlas, scaled for the alpha test at `CUT`: every cell keeps its share of leaves. From the
+    cache."""
+    return tuple(kept("leaves", lambda: {str(level): each for level, each in enumerate(_levels())}).values())
+
+
+def _levels() -> tuple[UInt8Array, ...]:
     atlas = leaf_atlas()
-    kept = [float((cell >= 255 * CUT).mean()) for cell in cells(atlas[..., 3])]
+    shares = [float((cell >= 255 * CUT).mean()) for cell in cells(atlas[..., 3])]
     levels = [atlas]
     texels = atlas / 255
     for _ in range(_LEVELS - 1):
         half = len(texels) // 2
         texels = texels.reshape(half, 2, half, 2, 4).mean(axis=(1, 3))
         cut = texels.copy()
-        for share, cell in zip(kept, cells(cut[..., 3]), strict=True):
+        for share, cell in zip(shares, cells(cut[..., 3]), strict=True):
             cell *= CUT / max(float(np.quantile(cell, 1.0 - share)), 0.05)
         levels.append((255 * np.clip(cut, 0, 1) + 0.5).astype(np.uint8))
     return tuple(levels)

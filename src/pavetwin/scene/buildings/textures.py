@@ -6,6 +6,7 @@ from pavetwin.arrays import UInt8Array
 from pavetwin.scene.buildings import openings, surfaces
 from pavetwin.scene.buildings.layers import FacadeTexture
 from pavetwin.scene.ground.materials.sampling import srgb_of_linear
+from pavetwin.scene.texture_cache import kept
 from pavetwin.seeds import Stream, child
 
 KEY = 3
@@ -29,7 +30,11 @@ MAKERS = {
 
 
 def facade_textures(seed: int) -> UInt8Array:
-    """(layers, k, k, 4): sRGB-coded reflectance and roughness; row 0 is v = 0."""
+    """(layers, k, k, 4): sRGB-coded reflectance and roughness; row 0 is v = 0. From the cache."""
+    return kept("facades", lambda: {"layers": _made(seed)}, seed)["layers"]
+
+
+def _made(seed: int) -> UInt8Array:
     layers = []
     for layer in FacadeTexture:
         if layer is not FacadeTexture.PLAIN:

@@ -1,0 +1,51 @@
+"""Textures that depend on the code alone, or on a seed, kept in the cache: they take seconds to make.
+
+A file that is damaged is made again; where none can be written, each process makes its own.
+"""
+
+import hashlib
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+from zipfile import BadZipFile
+
+import numpy as np
+
+from pavetwin import seeds
+from pavetwin.arrays import AnyArray
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import writing
+from pavetwin.world.cache import texture_folder
+
+_FILES: Final = 3
+"""As many of one name are kept, the last made, of other seeds and earlier code."""
+
+
+def kept(name: str, make: Callable[[], Mapping[str, AnyArray]], seed: int = 0) -> Mapping[str, AnyArray]:
+    """Arrays by their names, from a file of the cache, which is made where there is none.
+
+    Args:
+        name: of the file; a hash of the code of scenes follows.
+        seed: on which they depend.
+    """
+    path = texture_folder() / f"{name}-{_code()}-{seed}.npz"
+    with suppress(OSError, ValueError, KeyError, BadZipFile), np.load(path) as file:
+        return {column: file[column] for column in file.files}
+    made: Mapping[str, Any] = make()
+    with suppress(PaveTwinError, OSError):
+        with writing(path) as temporary:
+            np.savez(temporary, **made)
+        for old in sorted(path.parent.glob(f"{name}-*.npz"), key=lambda each: -each.stat().st_mtime_ns)[_FILES:]:
+            old.unlink()
+    return made
+
+
+@cache
+def _code() -> str:
+    """Hash of the code of scenes and of NumPy's version."""
+    digest = hashlib.sha256(np.__version__.encode())
+    for file in (*sorted(Path(__file__).parent.rglob("*.py")), Path(seeds.__file__)):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
