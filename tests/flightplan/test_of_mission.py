@@ -120,10 +120,10 @@ def test_the_plan_follows_the_track(tmp_path_factory: pytest.TempPathFactory, wa
     assume(max(hypot(row["x_m"], row["y_m"]) for row in rows) > 1)
     (flight,) = planned(rows, tmp_path_factory.getbasetemp()).flights
     xy = from_wgs84(PLACE, flight.lonlat)
-    flown = [(row["x_m"], row["y_m"]) for row in rows]
+    flown = list(dict.fromkeys((float(row["x_m"]), float(row["y_m"])) for row in rows))
     short_leg_m = 0.6  # with the tolerance
-    assert shapely.distance(shapely.LineString(xy), shapely.points(flown)).max() < short_leg_m
-    assert shapely.distance(shapely.LineString(flown), shapely.points(xy)).max() < 0.01
+    assert shapely.distance(shapely.LineString(xy).simplify(0), shapely.points(flown)).max() < short_leg_m
+    assert shapely.distance(shapely.MultiPoint(flown), shapely.points(xy)).max() < 0.01
     assert all(hypot(*(after - before)) >= 0.49 for before, after in pairwise(xy[1:]))
 
 

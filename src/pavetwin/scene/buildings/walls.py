@@ -27,6 +27,14 @@ SHADE_BELOW_EAVES, SHADE_AT_FOOT, SHADE_IN_REVEAL = 0.86, 0.80, 0.62
 SHOP_M, LOBBY_M = 3.7, 3.5
 """Heights of ground floors that are more than a storey of dwellings."""
 
+SLAB_ENDS = np.array([[0, 1, 1, 0], [0, 1, 1, 0], [0, 1, 1, 0], [0, 0, 0, 0], [1, 1, 1, 1]])
+SLAB_HEIGHTS = np.array([[0, 0, 1, 1], [1, 1, 1, 1], [0, 0, 0, 0], [0, 0, 1, 1], [0, 0, 1, 1]])
+SLAB_FRONT = np.array([[1, 1, 1, 1], [1, 1, 0, 0], [0, 0, 1, 1], [0, 1, 1, 0], [1, 0, 0, 1]], dtype=bool)
+"""Of the four corners of a slab's front, top, underside and two ends: which end along the wall, bottom or top, and
+whether at the front."""
+
+SLAB_SHADES = np.array([1.0, 1.05, 0.6, 0.9, 0.9])[:, None, None]
+
 
 @dataclass(frozen=True)
 class Wall:
@@ -162,9 +170,8 @@ class WallBuilder:
         self.faces.quads(look.layer, corners, (1.0, 1.0, 1.0), uv=_cell_uv(cells), roughness=0.2)
         if look.with_sill:
             out, thick = SILL_M
-            for a, b, z_m in zip(u0, u1, z0, strict=True):
-                ends, band = np.array([a - 0.05, b + 0.05]), np.array([z_m - thick, z_m])
-                self._slab(ends, band, out, np.array(self.style.trim), 0.7)
+            ends, bands = np.stack([u0 - 0.05, u1 + 0.05], axis=1), np.stack([z0 - thick, z0], axis=1)
+            self._slab(ends, bands, out, np.array(self.style.trim), 0.7)
 
     def _panels(
         self, left: Float64Array, right: Float64Array, low: Float64Array, high: Float64Array, colour: Float64Array
@@ -199,19 +206,12 @@ class WallBuilder:
             self.faces.quads(FacadeTexture.PLAIN, self.wall.points(u, z, depths), colour * dark, roughness=0.9)
 
     def _slab(self, u: Float64Array, z: Float64Array, out: float, colour: Float64Array, roughness: float) -> None:
-        """A box on the wall's face: front, top, underside and ends."""
-        (a, b), (low, high) = u, z
-        front, back = -out, 0.0
-        sides = (
-            ([a, b, b, a], [low, low, high, high], [front] * 4, 1.0),
-            ([a, b, b, a], [high] * 4, [front, front, back, back], 1.05),
-            ([a, b, b, a], [low] * 4, [back, back, front, front], 0.6),
-            ([a, a, a, a], [low, low, high, high], [back, front, front, back], 0.9),
-            ([b, b, b, b], [low, low, high, high], [front, back, back, front], 0.9),
-        )
-        corners = np.stack([self.wall.points(np.array(us), np.array(zs), np.array(ds)) for us, zs, ds, _ in sides])
-        shades = np.array([shade for *_, shade in sides])[:, None, None]
-        self.faces.quads(FacadeTexture.PLAIN, corners, np.clip(colour * shades, 0, 0.9), roughness=roughness)
+        """Boxes on the wall's face, (2,) or (n, 2) ends along it and heights: front, top, underside and ends."""
+        u, z = u.reshape(-1, 2), z.reshape(-1, 2)
+        depths = np.broadcast_to(np.where(SLAB_FRONT, -out, 0.0), (len(u), *SLAB_FRONT.shape))
+        corners = self.wall.points(u[:, SLAB_ENDS], z[:, SLAB_HEIGHTS], depths)
+        shades = np.tile(np.clip(colour * SLAB_SHADES, 0, 0.9), (len(u), 1, 1))
+        self.faces.quads(FacadeTexture.PLAIN, corners, shades, roughness=roughness)
 
 
 def _floors(style: FacadeStyle, top_m: float) -> list[tuple[float, float]]:

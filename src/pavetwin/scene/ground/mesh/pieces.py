@@ -19,18 +19,35 @@ def ground_pieces(plan: GroundPlan, key: tuple[int, int]) -> tuple[GroundPiece, 
     """The meshes of a tile's ground, in the tile's frame, in the order of their kinds and finishs."""
     relief = Relief(plan, tile_box(key))
     faces = faces_of(plan, key, relief)
-    pieces = []
-    for kind, finish in sorted({(face.kind, face.finish) for face in faces}):
-        alike = [face for face in faces if (face.kind, face.finish) == (kind, finish)]
-        pieces.append(GroundPiece(kind, _mesh(plan, key, relief, kind, alike), finish))
-    return tuple(pieces)
+    kinds = sorted({(face.kind, face.finish) for face in faces})
+    alike = [[face for face in faces if (face.kind, face.finish) == each] for each in kinds]
+    triangles = [_triangles(each) for each in alike]
+    heights = _heights(relief, [corners.reshape(-1, 2) for corners, _ in triangles])
+    return tuple(
+        GroundPiece(kind, _mesh(plan, key, kind, mine, *parts, height), finish)
+        for (kind, finish), mine, parts, height in zip(kinds, alike, triangles, heights, strict=True)
+    )
 
 
-def _mesh(plan: GroundPlan, key: tuple[int, int], relief: Relief, kind: GroundKind, faces: Sequence[Face]) -> Mesh:
-    corners, face = _triangles(faces)
+def _heights(relief: Relief, points: Sequence[Float64Array]) -> list[Float64Array]:
+    """Heights at the corners (n, 2) of each piece; once for corners that several share."""
+    if not points:
+        return []
+    unique, back = np.unique(np.concatenate(points), axis=0, return_inverse=True)
+    return np.split(relief.heights(unique)[back], np.cumsum([len(each) for each in points])[:-1])
+
+
+def _mesh(
+    plan: GroundPlan,
+    key: tuple[int, int],
+    kind: GroundKind,
+    faces: Sequence[Face],
+    corners: Float64Array,
+    face: Int64Array,
+    height: Float64Array,
+) -> Mesh:
+    """Of triangles' corners (n, 3, 2), the face of each triangle, and the heights (3 n,) of the corners."""
     flat = corners.reshape(-1, 2)
-    unique, back = np.unique(flat, axis=0, return_inverse=True)
-    height = relief.heights(unique)[back]
     uv = _coordinates(plan, kind, faces, corners, face).reshape(-1, 2)
     local = flat - np.array(key) * TILE_M
     rows = np.column_stack([local, height, uv])
