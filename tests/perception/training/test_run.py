@@ -139,7 +139,7 @@ def refusal(*arguments: object) -> str:
 def test_a_folder_with_a_run_of_other_settings_is_refused(whole: Path, data: list[ExampleSet]) -> None:
     before = {path: path.read_bytes() for path in whole.iterdir()}
     other = replace(TINY, rate=0.5)
-    assert "holds a run with rate 0.0002, not 0.5; give what it has" in refusal(data, whole, other, CPU, Silent())
+    assert "holds a run with rate 0.001, not 0.5; give what it has" in refusal(data, whole, other, CPU, Silent())
     changed = [replace(data[0], fingerprint="0" * 64)]
     assert "holds a run with data " in refusal(changed, whole, TINY, CPU, Silent())
     assert {path: path.read_bytes() for path in whole.iterdir()} == before
@@ -224,6 +224,8 @@ def test_the_stages_have_their_images(folder: Path, tmp_path: Path) -> None:
     }.items():
         phases = phases_of(members, replace(TINY, order=order))
         assert [(phase.name, phase.main, phase.drawn) for phase in phases] == expected
+    skipped = phases_of(members, replace(TINY, order="synthetic-real", skip_first=True))
+    assert [(phase.name, phase.drawn) for phase in skipped] == [("real", 4), ("real, classifier", 4)]
     phase = phases_of(members, TINY)[1]
     for epoch in range(3):
         shown = [phase.members[at][1].is_synthetic for at in epoch_order(phase, (0, 1, epoch))]

@@ -48,11 +48,12 @@ class TrainingOptions:
     replay: float = _about(
         "Share of the other kind's images in an epoch of the second stage, or of `mixed`.", 0.25, 0, 0.9
     )
+    skip_first: bool = _about("Leave the first of two stages out; for weights that have had it.", default=False)
     without: str = _about("Classes that the data need not have, with commas.", "")
     epochs: int = _about("Of the detector, in each stage.", 40, 0, 10_000)
     classifier_epochs: int = _about("Of the subtype and mask heads alone, afterwards.", 10, 0, 10_000)
     batch: int = _about("Images of a step.", 16, 1, 4096)
-    rate: float = _about("Greatest learning rate; the default suits a batch of 16.", 2e-4, 0, 1)
+    rate: float = _about("Greatest learning rate; the default suits a batch of 16.", 1e-3, 0, 1)
     final_rate: float = _about("Last learning rate, as a share of the greatest.", 0.01, 0, 1)
     warmup_epochs: float = _about("Epochs in which the rate rises.", 3.0, 0, 100)
     weight_decay: float = _about("Of AdamW, for weights of convolutions.", 5e-4, 0, 1)

@@ -54,6 +54,7 @@ def phases_of(members: Sequence[Member], options: TrainingOptions) -> list[Phase
     else:
         first, second = order.split("-")
         stages = [(first, kinds[first], []), (second, kinds[second], kinds[first])]
+        stages = stages[options.skip_first :]
     phases = [_phase(name, main, others, options) for name, main, others in stages if options.epochs]
     if options.classifier_epochs:
         name, main, others = stages[-1]
