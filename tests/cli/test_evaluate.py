@@ -67,6 +67,7 @@ def test_a_report_is_written(place: Path) -> None:
     ("arguments", "line"),
     [
         (("found.json", "town"), "Error: Say where the report goes with -o"),
+        (("best.pt", "town", "-o", "n"), "Error: Evaluating weights needs PyTorch, which is an extra; install it with"),
         (("nosuch.json", "town", "-o", "n"), "Error: 'nosuch.json' cannot be read (No such file or directory)."),
         (("wrong.json", "town", "-o", "n"), "Error: 'wrong.json': entry 1 is of image 77, which is not in test"),
         (("found.json", ".", "-o", "n"), "Error: '.' holds no annotations/instances_test.json; make one with"),

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from pavetwin.perception.evaluation.detections import FoundBox
     from pavetwin.perception.evaluation.evaluate import DetectorEvaluation, PairedComparison
     from pavetwin.perception.evaluation.labelled import LabelledSplit
+    from pavetwin.perception.training.weights_detector import WeightsDetector
+
+WEIGHTS = ".pt"
+"""Suffix of a file of weights, which PyTorch runs."""
 
 VALIDATION = "val"
 """The split on which the best confidence is chosen."""
@@ -24,7 +28,7 @@ VALIDATION = "val"
 
 def evaluate(
     detections: Annotated[
-        Path, typer.Argument(metavar="MODEL", help="model.onnx, or its detections in COCO's form of results.")
+        Path, typer.Argument(metavar="MODEL", help="model.onnx, weights such as best.pt, or detections (COCO).")
     ],
     dataset: Annotated[Path, typer.Argument(help="Folder with annotations/instances_SPLIT.json and images/SPLIT/.")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the report.")] = None,
@@ -55,7 +59,8 @@ def evaluate(
     The dataset is a capture, or what `pavetwin data export --formats coco` writes. The file may hold detections of the
     split val too: the confidence with the best F1 is chosen there.
 
-    Needs pycocotools: pip install 'pavetwin\\[evaluate]'; a model needs onnxruntime too, and no PyTorch.
+    Needs pycocotools: pip install 'pavetwin\\[evaluate]'; a model needs onnxruntime too, and no PyTorch. Weights need
+    PyTorch, and are asked for the subtypes of true regions too.
     """
     from pavetwin.experiments.detector_report.write import write_detector_report
     from pavetwin.labels import SPLITS
@@ -82,6 +87,10 @@ def evaluate(
         if regions is not None:
             with about("regions"):
                 told = read_subtypes(regions, chosen)
+        elif detections.suffix.lower() == WEIGHTS:
+            from pavetwin.perception.evaluation.running import subtypes_by
+
+            told = subtypes_by(_of_weights(detections), chosen)
         validation = next((each for each in splits[1:] if each.name == VALIDATION), None)
         how: dict[str, Any] = {"confidence": confidence, "resamples": resamples, "seed": seed}
         result = evaluated(chosen, found, validation=validation, subtypes=told, **how)
@@ -106,12 +115,25 @@ def _found(
     """
     from pavetwin.perception.evaluation.detections import read_detections
 
-    if path.suffix.lower() != ".onnx":
+    kind = path.suffix.lower()
+    if kind not in (".onnx", WEIGHTS):
         return read_detections(path, splits)
     from pavetwin.perception.evaluation.running import LEAST_CONFIDENCE, found_by
     from pavetwin.perception.inference import Detector
 
+    if kind == WEIGHTS:
+        return found_by(_of_weights(path), splits[:models_in], tell)
     return found_by(Detector(path, confidence=LEAST_CONFIDENCE), splits[:models_in], tell)
+
+
+def _of_weights(path: Path) -> "WeightsDetector":
+    from pavetwin.cli.train import check_torch
+    from pavetwin.perception.evaluation.running import LEAST_CONFIDENCE
+
+    check_torch("Evaluating weights")
+    from pavetwin.perception.training.weights_detector import WeightsDetector
+
+    return WeightsDetector(path, confidence=LEAST_CONFIDENCE)
 
 
 def _others(dataset: Path, split: str) -> "list[LabelledSplit]":

@@ -70,7 +70,7 @@ def train(
     if start is not None and not start.is_file():
         raise PaveTwinError(f"`start`: there is no file of weights '{start}'; a run keeps its best in best.pt.")
     unlabelled = read_unlabelled(photographs) if photographs is not None else None
-    _check_installed()
+    check_torch("Training")
     from pavetwin.perception.training.trainer import Trainer
 
     with _watched() as watcher:
@@ -84,11 +84,14 @@ def train(
     out.line(f"Trained: {quote(str(output / 'best.pt'))}, mAP@0.5 up to {best:.3f} on the validation images.")
 
 
-def _check_installed() -> None:
+def check_torch(what: str) -> None:
+    """Raises:
+    PaveTwinError: PyTorch is not installed, which is needed for this.
+    """
     from importlib.util import find_spec
 
     if find_spec("torch") is None or find_spec("torchvision") is None:
-        raise PaveTwinError("Training needs PyTorch, which is an extra; install it with `pip install pavetwin[train]`.")
+        raise PaveTwinError(f"{what} needs PyTorch, which is an extra; install it with `pip install pavetwin[train]`.")
 
 
 @contextmanager

@@ -1,5 +1,6 @@
 """The ONNX file of a network says what the network says, on any number of images of any size."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,9 @@ from pavetwin.perception.training.architecture import variant
 from pavetwin.perception.training.detect import DetectLimits, ImageDetections, detect
 from pavetwin.perception.training.export import export, onnx_model
 from pavetwin.perception.training.network import DetectorNetwork
-from scenes.command_line import pavetwin
+from pavetwin.perception.training.weights_detector import WeightsDetector
+from scenes.command_line import pavetwin, plain_refusal
+from scenes.drawn_roads import drawn_roads
 
 pytestmark = pytest.mark.slow
 
@@ -172,3 +175,49 @@ def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
     with pytest.raises(PaveTwinError, match="not all finite"):
         export(run, tmp_path / "model.onnx")
     assert not (tmp_path / "model.onnx").exists()
+
+
+def test_weights_say_what_their_file_says_and_are_asked_of_regions(tmp_path: Path) -> None:
+    """In tiles, and the subtypes of their own boxes are those that they gave them."""
+    network = lively_network()
+    corners = np.random.default_rng(0).uniform(0, 60, (40, 2))
+    regions = torch.from_numpy(np.hstack([np.zeros((40, 1)), corners, corners + 36])).float()
+    shown = torch.from_numpy(images_of(1, (96, 96), np.random.default_rng(1))).permute(0, 3, 1, 2).float() / 255
+    with torch.no_grad():
+        logits, _ = network.regions(network(shown).maps, regions)
+        network.regions.subtype[-1].bias -= logits.mean(dim=0)  # so that each subtype is said of some region
+    run = saved(network, tmp_path / "run")
+    export(run, tmp_path / "model.onnx")
+    weights = WeightsDetector(run / "best.pt", confidence=0.3)
+    image = images_of(1, (128, 160), np.random.default_rng(1))[0]
+    mine, theirs = weights.detect([image])[0], Detector(tmp_path / "model.onnx", confidence=0.3).detect([image])[0]
+    assert len(mine) > 20
+    assert abs(len(mine) - len(theirs)) <= 0.05 * len(mine)
+    boxes, others = torch.from_numpy(mine.boxes), torch.from_numpy(theirs.boxes)
+    assert (box_iou(boxes, others).amax(dim=1) > 0.98).float().mean() > 0.95
+    whole = WeightsDetector(run / "best.pt", confidence=0.3, tiled=False)
+    (found,) = whole.detect([image])
+    rows = np.flatnonzero(found.is_defect)
+    said = whole.subtypes_at(image, [found.box(at) for at in rows])
+    assert len(set(said)) > 1
+    assert said == found.classes[rows].tolist()
+    asked = weights.subtypes_at(image, [(100.0, 70.0, 150.0, 120.0), (2.0, 2.0, 60.0, 50.0)])
+    alone = [weights.subtypes_at(each, [box])[0] for each, box in (
+        (image[32:128, 64:160], (36.0, 38.0, 86.0, 88.0)), (image[:96, :96], (2.0, 2.0, 60.0, 50.0))
+    )]  # fmt: skip
+    assert asked == alone
+
+
+def test_weights_are_evaluated_without_an_export(tmp_path: Path) -> None:
+    """With the subtypes of true regions, which no detection has to match."""
+    run = saved(lively_network(), tmp_path / "run")
+    data = drawn_roads(tmp_path / "roads", {"test": 3})
+    done = pavetwin("evaluate", run / "best.pt", data, "-o", tmp_path / "report", "--resamples", 0)
+    assert done.returncode == 0, done.stderr
+    told = json.loads((tmp_path / "report" / "metrics.json").read_text())
+    rows = json.loads((data / "annotations" / "instances_test.json").read_text())["annotations"]
+    assert told["subtypes_on_true_regions"]["regions"] == sum(row["category_id"] <= 3 for row in rows) > 0
+    (tmp_path / "best.pt").write_bytes(b"nothing")
+    refused = plain_refusal(pavetwin("evaluate", tmp_path / "best.pt", data, "-o", tmp_path / "other"))
+    assert refused.startswith("Error: '")
+    assert "is damaged, or no file of this program's" in refused

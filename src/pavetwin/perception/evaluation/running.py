@@ -7,6 +7,7 @@ from typing import Final, Protocol
 from PIL import Image
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.labels.boxes import FloatBox
 from pavetwin.perception.classes import COARSE, ROAD_DEFECT, SUBTYPES
 from pavetwin.perception.evaluation.detections import FoundBox
 from pavetwin.perception.evaluation.labelled import LabelledImage, LabelledSplit
@@ -42,13 +43,39 @@ def found_by(
     return tuple(found)
 
 
-def _found(detector: Detects, split: LabelledSplit, image: LabelledImage) -> list[FoundBox]:
+class AsksRegions(Protocol):
+    """What says the subtype of given regions."""
+
+    def subtypes_at(self, image: Picture, boxes: Sequence[FloatBox]) -> list[int]:
+        """The number in `SUBTYPES` of each region of an image."""
+
+
+def subtypes_by(detector: AsksRegions, split: LabelledSplit) -> dict[int, int]:
+    """What the subtype head says at the true boxes of defects: number of the annotation → number in `SUBTYPES`.
+
+    Raises:
+        PaveTwinError: a picture is missing, or no image.
+    """
+    told: dict[int, int] = {}
+    for image in split.images:
+        regions = [each for each in image.regions if each.has_subtype]
+        if regions:
+            said = detector.subtypes_at(_picture(split, image), [each.true.box for each in regions])
+            told |= zip((each.number for each in regions), said, strict=True)
+    return told
+
+
+def _picture(split: LabelledSplit, image: LabelledImage) -> Image.Image:
     try:
         picture = Image.open(BytesIO(split.data.encoded(image.example)))
         picture.load()
     except OSError as error:
         raise PaveTwinError(f"The picture of '{image.example.name}' cannot be read as an image ({error}).") from error
-    (said,) = detector.detect([picture])
+    return picture
+
+
+def _found(detector: Detects, split: LabelledSplit, image: LabelledImage) -> list[FoundBox]:
+    (said,) = detector.detect([_picture(split, image)])
     gsd_mm = image.facts.get("gsd_mm", image.example.gsd_mm)
     rows = []
     for at in range(len(said)):

@@ -12,7 +12,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import PixelBox
 from pavetwin.perception.classes import SUBTYPES
 from pavetwin.perception.inference.detections import Detections, MaskPart
-from pavetwin.perception.inference.model_file import open_session
+from pavetwin.perception.inference.model_file import ModelFacts, open_session
 from pavetwin.perception.inference.tiles import merged, tile_windows
 
 GREY: Final = 114
@@ -56,12 +56,16 @@ class Detector:
         for name, value in (("confidence", confidence), ("overlap", overlap)):
             if not 0.0 < value < 1.0:
                 raise PaveTwinError(f"`{name}` {value:g}: it is above 0 and below 1.")
-        self._session, self.facts = open_session(Path(path), threads)
+        self.facts = self._open(Path(path), threads)
         self.image_px = image_px or self.facts.image_px
         if not 64 <= self.image_px <= 4096 or self.image_px % self.facts.stride:
             raise PaveTwinError(f"`image_px` {self.image_px}: a multiple of {self.facts.stride} from 64 to 4096.")
         self.tiled = self.facts.native if tiled is None else tiled
         self._confidence, self._overlap = confidence, overlap
+
+    def _open(self, path: Path, threads: int) -> ModelFacts:
+        self._session, facts = open_session(path, threads)
+        return facts
 
     def detect(self, images: Iterable[Picture], between: Callable[[], None] | None = None) -> list[Detections]:
         """The detections of each image.
@@ -93,12 +97,16 @@ class Detector:
     def _whole(self, pixels: UInt8Array) -> Detections:
         """The image, scaled so that its longer side is what the network was trained on."""
         height, width = pixels.shape[:2]
-        scale = self.image_px / max(width, height)
-        small = (max(1, round(scale * width)), max(1, round(scale * height)))
-        shown = pixels if small == (width, height) else _resized(pixels, small)
-        step = np.array([width / small[0], height / small[1]] * 2, dtype=np.float32)
+        shown = self._fitted(pixels)
+        step = np.array([width / shown.shape[1], height / shown.shape[0]] * 2, dtype=np.float32)
         (found,) = self._run([shown])
         return _detections((width, height), found, step, (0, 0))
+
+    def _fitted(self, pixels: UInt8Array) -> UInt8Array:
+        height, width = pixels.shape[:2]
+        scale = self.image_px / max(width, height)
+        small = (max(1, round(scale * width)), max(1, round(scale * height)))
+        return pixels if small == (width, height) else _resized(pixels, small)
 
     def _tiles(self, pixels: UInt8Array, tiles: Sequence[PixelBox]) -> Iterator[Detections]:
         size = (pixels.shape[1], pixels.shape[0])
@@ -109,14 +117,7 @@ class Detector:
     def _run(self, shown: Sequence[UInt8Array]) -> list[dict[str, Any]]:
         """What the model says of pictures of one size, in their pixels."""
         height, width = shown[0].shape[:2]
-        step = self.facts.stride
-        canvas = np.full((len(shown), -(-height // step) * step, -(-width // step) * step, 3), GREY, dtype=np.uint8)
-        for at, each in enumerate(shown):
-            canvas[at, :height, :width] = each
-        limits = {"confidence": self._confidence, "overlap": self._overlap}
-        given = {name: np.array([limit], dtype=np.float32) for name, limit in limits.items()}
-        names = [each.name for each in self._session.get_outputs()]
-        told = dict(zip(names, self._session.run(names, {"images": canvas, **given}), strict=True))
+        told = self._told(self._canvas(shown))
         told["boxes"] = np.minimum(told["boxes"], np.array([width, height] * 2, dtype=np.float32))
         final = told["detection"] * told["subtype"]
         rows = []
@@ -126,6 +127,22 @@ class Detector:
             best = mine[np.argsort(-final[mine], kind="stable")][:MOST]
             rows.append({name: values[best] for name, values in told.items()})
         return rows
+
+    def _canvas(self, shown: Sequence[UInt8Array]) -> UInt8Array:
+        """Pictures of one size (pictures, rows, columns, 3), padded to multiples of the stride."""
+        height, width = shown[0].shape[:2]
+        step = self.facts.stride
+        canvas = np.full((len(shown), -(-height // step) * step, -(-width // step) * step, 3), GREY, dtype=np.uint8)
+        for at, each in enumerate(shown):
+            canvas[at, :height, :width] = each
+        return canvas
+
+    def _told(self, canvas: UInt8Array) -> dict[str, Any]:
+        """The model's outputs by name."""
+        limits = {"confidence": self._confidence, "overlap": self._overlap}
+        given = {name: np.array([limit], dtype=np.float32) for name, limit in limits.items()}
+        names = [each.name for each in self._session.get_outputs()]
+        return dict(zip(names, self._session.run(names, {"images": canvas, **given}), strict=True))
 
 
 def _detections(

@@ -3,7 +3,8 @@
 PyTorch exports the encoder and the heads of regions; what lies between them is `export_graph`.
 """
 
-from dataclasses import asdict
+from collections.abc import Mapping
+from dataclasses import asdict, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final
@@ -72,21 +73,30 @@ def export(run: Path, target: Path, *, licence: str = "", half: bool = False) ->
     """
     weights = run / BEST if run.is_dir() else run
     network, told = load_network(weights)
-    options, settings = told.get("options", {}), weights.parent / SETTINGS
-    facts = ModelFacts(
+    settings = weights.parent / SETTINGS
+    recipe = sha256(settings.read_bytes()).hexdigest() if settings.is_file() else ""
+    facts = replace(facts_of(network, told), recipe=recipe, licence=licence)
+    content = onnx_model(network, facts, half=half).SerializeToString()
+    with writing(target) as temporary:
+        temporary.write_bytes(content)
+    return facts
+
+
+def facts_of(network: DetectorNetwork, told: Mapping[str, Any]) -> ModelFacts:
+    """What a file of weights says of itself, but for recipe and licence.
+
+    Args:
+        told: what `load_network` gives beside the network.
+    """
+    options = told.get("options", {})
+    return ModelFacts(
         classes=CLASSES,
         image_px=int(options.get("image_px", 640)),
         native=bool(options.get("native", False)),
         stride=SIDE_STEP,
         mask_px=network.architecture.mask_px if network.architecture.masks else 0,
-        recipe=sha256(settings.read_bytes()).hexdigest() if settings.is_file() else "",
-        licence=licence,
         architecture=network.architecture.as_mapping(),
     )
-    content = onnx_model(network, facts, half=half).SerializeToString()
-    with writing(target) as temporary:
-        temporary.write_bytes(content)
-    return facts
 
 
 def onnx_model(
