@@ -1,6 +1,5 @@
 """The network: its published size, one encoding of an image, and what its heads look at."""
 
-from dataclasses import replace
 from math import exp, log
 
 import pytest
@@ -10,11 +9,13 @@ from torchvision.ops import roi_align
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.classes import COARSE
 from pavetwin.perception.training.architecture import Architecture, variant
+from pavetwin.perception.training.batches import Batch
 from pavetwin.perception.training.cost import gflops, parameters
 from pavetwin.perception.training.detect import DetectLimits, detect
 from pavetwin.perception.training.heads import pooled, sample_regions
 from pavetwin.perception.training.network import DetectorNetwork
-from pavetwin.perception.training.validate import LIMITS
+from pavetwin.perception.training.targets import no_targets
+from pavetwin.perception.training.validate import LIMITS, validate
 
 TINY = Architecture(width=0.125)
 
@@ -75,15 +76,14 @@ def test_validation_draws_no_masks_and_finds_the_same() -> None:
     mask_head = network.regions.mask
     assert mask_head is not None
     mask_head.register_forward_hook(lambda *_: drawn.append(1))
-    images = torch.rand(1, 3, 64, 96)
-    (plain,) = detect(network, images, replace(LIMITS, masks=False))
-    assert plain.masks is None
+    images = torch.randint(0, 256, (1, 3, 64, 96), dtype=torch.uint8)
+    validate(network, [Batch(images, no_targets(1, 3, 28), torch.zeros(0, dtype=torch.int64))], torch.device("cpu"))
     assert not drawn
-    (whole,) = detect(network, images, replace(LIMITS, masks=True))
+    plain, whole = (detect(network, images.float() / 255, LIMITS, masks=masks)[0] for masks in (False, True))
     assert drawn
+    assert plain.masks is None
     assert torch.equal(plain.boxes, whole.boxes)
     assert torch.equal(plain.subtypes, whole.subtypes)
-    assert not LIMITS.masks
 
 
 def test_anchors_lie_in_the_middle_of_their_cells() -> None:

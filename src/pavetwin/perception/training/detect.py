@@ -22,8 +22,6 @@ class DetectLimits:
     """Boxes of an image before duplicates are dropped, the most confident ones."""
     most: int = 300
     """Boxes of an image."""
-    masks: bool = True
-    """Whether masks of defects are drawn, where there is a head for them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,15 +53,21 @@ class ImageDetections:
 
 
 @torch.no_grad()
-def detect(network: DetectorNetwork, images: Tensor, limits: DetectLimits) -> list[ImageDetections]:
-    """The detections of each image of a batch (batch, 3, height, width) in 0 … 1; the network is in `eval` mode."""
+def detect(
+    network: DetectorNetwork, images: Tensor, limits: DetectLimits, *, masks: bool = True
+) -> list[ImageDetections]:
+    """The detections of each image of a batch (batch, 3, height, width) in 0 … 1; the network is in `eval` mode.
+
+    Args:
+        masks: whether masks of defects are drawn, where there is a head for them.
+    """
     encoded = network(images)
     size = torch.tensor([images.shape[3], images.shape[2]] * 2, device=images.device, dtype=torch.float32)
-    return [_of_image(network, encoded, image, size, limits) for image in range(len(images))]
+    return [_of_image(network, encoded, image, size, limits, masks=masks) for image in range(len(images))]
 
 
 def _of_image(
-    network: DetectorNetwork, encoded: Encoded, image: int, size: Tensor, limits: DetectLimits
+    network: DetectorNetwork, encoded: Encoded, image: int, size: Tensor, limits: DetectLimits, *, masks: bool
 ) -> ImageDetections:
     boxes = encoded.boxes[image].clamp(min=0).minimum(size)
     scores = encoded.scores[image].float().sigmoid()
@@ -75,11 +79,11 @@ def _of_image(
     found, coarse, confident = found[kept], coarse[kept], confident[kept]
     defect = torch.nonzero(coarse == ROAD_DEFECT).squeeze(1)
     regions = torch.cat([torch.full_like(found[defect, :1], image), found[defect]], dim=1)
-    logits, mask_logits = network.regions(encoded.maps, regions, masks=limits.masks)
+    logits, mask_logits = network.regions(encoded.maps, regions, masks=masks)
     subtypes = found.new_zeros(len(found), len(SUBTYPES))
     subtypes[defect] = logits.float().softmax(dim=1)
-    masks = None
+    drawn = None
     if mask_logits is not None:
-        masks = found.new_zeros(len(found), *mask_logits.shape[1:])
-        masks[defect] = mask_logits.float().sigmoid()
-    return ImageDetections(found, coarse, confident, subtypes, masks)
+        drawn = found.new_zeros(len(found), *mask_logits.shape[1:])
+        drawn[defect] = mask_logits.float().sigmoid()
+    return ImageDetections(found, coarse, confident, subtypes, drawn)

@@ -121,7 +121,8 @@ class MeanTeacher:
             images: (photographs, 3, height, width) in 0 … 1.
         """
         options = self._options
-        found = detect(teacher, images, DetectLimits(confidence=max(options.teacher_doubt, 1e-3)))
+        limits = DetectLimits(confidence=max(options.teacher_doubt, 1e-3))
+        found = detect(teacher, images, limits, masks=False)
         counts = torch.tensor([len(each.boxes) for each in found], device=images.device)
         image = torch.repeat_interleave(torch.arange(len(found), device=images.device), counts)
         boxes, classes = torch.cat([each.boxes for each in found]), torch.cat([each.coarse for each in found])

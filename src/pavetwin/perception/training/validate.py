@@ -12,7 +12,7 @@ from pavetwin.perception.training.batches import Batch
 from pavetwin.perception.training.detect import DetectLimits, ImageDetections, detect
 from pavetwin.perception.training.network import DetectorNetwork
 
-LIMITS = DetectLimits(confidence=0.001, masks=False)
+LIMITS = DetectLimits(confidence=0.001)
 """Nearly everything is kept: average precision reads the whole curve."""
 
 
@@ -24,7 +24,7 @@ def validate(network: DetectorNetwork, batches: Iterable[Batch], device: torch.d
     scored = []
     for batch in batches:
         images = batch.images.to(device, non_blocking=True).float() / 255
-        for at, found in enumerate(detect(network, images, LIMITS)):
+        for at, found in enumerate(detect(network, images, LIMITS, masks=False)):
             scored.append(_scored(found, batch, at))
     return average_precision(scored, len(CLASSES))
 
