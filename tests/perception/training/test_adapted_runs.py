@@ -198,7 +198,7 @@ def test_sure_detections_are_objects_and_doubtful_ones_are_ignored(
 ) -> None:
     """The second photograph is judged by nothing; cars are not judged in the first, nor anywhere if not trained."""
     rows = [(BOX, 0, 0.8, 2), (OTHER, 0, 0.4, 1), (BOX, 2, 0.5, 0), (OTHER, 1, 0.9, 0)]
-    monkeypatch.setattr(self_training, "detect", lambda *_: [said(rows), said([])])
+    monkeypatch.setattr(self_training, "detect", lambda *_, **__: [said(rows), said([])])
     network = DetectorNetwork(TINY.architecture).eval()
     teacher = MeanTeacher(photographs, replace(TINY, teacher_weight=1.0), frozenset({0, 2}))
     targets = teacher.targets(network, torch.zeros(2, 3, 64, 64))
@@ -217,7 +217,7 @@ def test_what_the_teacher_says_is_learned_and_nothing_else_is(
     torch.manual_seed(0)
     network = DetectorNetwork(TINY.architecture)
     teacher = MeanTeacher(photographs, replace(TINY, teacher_weight=1.0), frozenset({0, 1, 2}))
-    monkeypatch.setattr(self_training, "detect", lambda *_: [said([(BOX, 0, 0.8, 2)])])
+    monkeypatch.setattr(self_training, "detect", lambda *_, **__: [said([(BOX, 0, 0.8, 2)])])
     images = torch.rand(1, 3, 64, 64, generator=torch.Generator().manual_seed(0)).repeat(2, 1, 1, 1)
     targets = teacher.targets(network, images[:1])
     boxes = [each.clone() for each in network.detection.boxes.parameters()]
@@ -243,7 +243,7 @@ def test_a_photograph_of_which_nothing_is_said_teaches_nothing(
 ) -> None:
     network = DetectorNetwork(TINY.architecture)
     teacher = MeanTeacher(photographs, replace(TINY, teacher_weight=1.0), frozenset({0, 1, 2}))
-    monkeypatch.setattr(self_training, "detect", lambda *_: [said([(BOX, 0, 0.3, 2)])])
+    monkeypatch.setattr(self_training, "detect", lambda *_, **__: [said([(BOX, 0, 0.3, 2)])])
     images = torch.rand(1, 3, 64, 64).repeat(2, 1, 1, 1)
     targets = teacher.targets(network, images[:1])
     assert teacher.loss(network, network(images).images(slice(1)), targets, LossWeights()).item() == 0.0
