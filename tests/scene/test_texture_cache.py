@@ -1,5 +1,6 @@
 """Textures that no world changes are made once and kept in the cache."""
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -53,6 +54,14 @@ def test_a_damaged_file_is_made_again(folder: Path, kept_bytes: int) -> None:
     assert path.read_bytes() == whole
 
 
+def test_an_empty_file_is_made_again(folder: Path) -> None:
+    kept("grain", Maker())
+    (path,) = folder.iterdir()
+    path.write_bytes(b"")
+    assert is_whole(kept("grain", Maker()))
+    assert path.stat().st_size > 0
+
+
 def test_where_nothing_can_be_written_each_process_makes_its_own(folder: Path) -> None:
     folder.parent.mkdir()
     folder.write_text("not a folder")
@@ -61,9 +70,11 @@ def test_where_nothing_can_be_written_each_process_makes_its_own(folder: Path) -
     assert maker.made == 2
 
 
-def test_three_files_of_a_name_are_kept(folder: Path) -> None:
+def test_the_last_three_files_of_a_name_are_kept(folder: Path) -> None:
     for seed in range(5):
         kept("grain", Maker(), seed)
+        (path,) = folder.glob(f"grain-*-{seed}.npz")
+        os.utime(path, (seed, seed))  # a clock may be too coarse to tell them apart
     kept("leaves", Maker())
-    assert len(list(folder.glob("grain-*"))) == 3
+    assert {path.stem.rpartition("-")[2] for path in folder.glob("grain-*")} == {"2", "3", "4"}
     assert len(list(folder.iterdir())) == 4

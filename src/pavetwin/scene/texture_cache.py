@@ -31,7 +31,7 @@ def kept(name: str, make: Callable[[], Mapping[str, AnyArray]], seed: int = 0) -
         seed: on which they depend.
     """
     path = texture_folder() / f"{name}-{_code()}-{seed}.npz"
-    with suppress(OSError, ValueError, KeyError, BadZipFile), np.load(path) as file:
+    with suppress(OSError, ValueError, KeyError, EOFError, BadZipFile), np.load(path) as file:
         return {column: file[column] for column in file.files}
     made: Mapping[str, Any] = make()
     with suppress(PaveTwinError, OSError):
