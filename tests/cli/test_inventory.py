@@ -8,6 +8,7 @@ from pathlib import Path
 from xml.etree.ElementTree import fromstring
 
 import numpy as np
+import polars as pl
 import pyogrio
 import pytest
 import shapely
@@ -120,6 +121,28 @@ def test_a_mission_needs_no_model(tmp_path: Path) -> None:
     )
 
 
+def test_options_of_missions_count(tmp_path: Path) -> None:
+    save_mission(empty_street((20, 1), (45, 1)).fly("baseline"), tmp_path / "m")
+    path = tmp_path / "m" / "detections.parquet"
+    table = pl.read_parquet(path)
+    surer = pl.col("longitude") > table["longitude"].mean()
+    table.with_columns(confidence=pl.when(surer).then(0.6).otherwise(0.4)).write_parquet(path)
+    done = pavetwin("inventory", tmp_path / "m", "-o", tmp_path / "o", "--confidence", 0.5, "--position-error-m", 3)
+    assert "1 entry (Pothole 1)." in done.stdout, done.stderr
+    (row,) = csv.DictReader((tmp_path / "o" / "inventory.csv").open())
+    assert row["confidence"] == "0.6"
+    assert float(row["position_error_m"]) == pytest.approx(3 / np.sqrt(int(row["looks"])), abs=0.01)
+    for option, value, words in (
+        ("--confidence", 7, "it is from 0 to 1."),
+        ("--confidence", "nan", "it is from 0 to 1."),
+        ("--position-error-m", -1, "it is 0 or more."),
+        ("--position-error-m", "nan", "it is a finite number."),
+    ):
+        refused = pavetwin("inventory", tmp_path / "m", "-o", tmp_path / "none", option, value)
+        assert plain_refusal(refused) == f"Error: {option} {value}: {words}"
+    assert not (tmp_path / "none").exists()
+
+
 def test_what_is_wrong_is_said_plainly_and_leaves_nothing(tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
     STREET.save(tmp_path / "in" / "a.png")
@@ -131,6 +154,10 @@ def test_what_is_wrong_is_said_plainly_and_leaves_nothing(tmp_path: Path) -> Non
         (
             (tmp_path / "in", "-o", tmp_path / "o", "--model", FILE, "--position-error-m", -1),
             "--position-error-m -1: it is 0 or more.",
+        ),
+        (
+            (tmp_path / "in", "-o", tmp_path / "o", "--model", FILE, "--height-m", "nan"),
+            "--height-m nan: it is a finite number.",
         ),
     ):
         assert words in plain_refusal(pavetwin("inventory", *arguments))

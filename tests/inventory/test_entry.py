@@ -36,6 +36,15 @@ def test_sizes_are_means_weighted_by_the_pixels() -> None:
     assert entry.sizes["length_m"].error == pytest.approx(0.01 / sqrt(2) / sqrt(1.25))
 
 
+def test_an_area_is_uncertain_by_half_a_pixel_along_its_edge() -> None:
+    """Of pixels of 1 cm: the edge of a crack is twice its length, that of 0.4 by 0.4 m is 1.6 m."""
+    crack = entry_of(1, [look(area_m2=0.16, length_m=3.0, pixel_m=0.01)])
+    assert crack.sizes["area_m2"].error == pytest.approx(0.5 * 0.01 * 6.0)
+    assert crack.sizes["length_m"].error == pytest.approx(0.01 / sqrt(2))
+    square = entry_of(1, [look(area_m2=0.16, pixel_m=0.01)])
+    assert square.sizes["area_m2"].error == pytest.approx(0.5 * 0.01 * 1.6)
+
+
 def test_looks_that_scatter_more_than_pixels_explain_have_a_larger_error() -> None:
     values = [1.0, 1.2, 1.4, 1.6]
     entry = entry_of(1, [look(length_m=value) for value in values])

@@ -1,5 +1,6 @@
 """The inventory of a mission: from what its sensor reported, without the judgement of what is there."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -98,3 +99,53 @@ def test_a_mission_of_an_earlier_version_is_refused(tmp_path: Path, mission: tup
     pl.read_parquet(mission[0] / "detections.parquet").drop("footprint").write_parquet(tmp_path / "detections.parquet")
     with pytest.raises(PaveTwinError, match=r"is of an earlier version \(it has no column 'footprint'\); fly"):
         flown(tmp_path)
+
+
+DAMAGED = {
+    "empty": b"",
+    "other words": b"hello,world\n",
+    "one column": b"capture\n3\n",
+    "no number": b"capture,image\nthree,images/3.png\n",
+    "half a line": b"capture,image\n3\n",
+    "a longer line": b"capture,image\n3,images/3.png,4\n",
+    "bytes": bytes(range(128, 255)),
+}
+
+
+@pytest.mark.parametrize("content", DAMAGED.values(), ids=DAMAGED)
+def test_a_damaged_table_of_images_is_refused(
+    mission: tuple[Path, MissionResult], tmp_path: Path, content: bytes
+) -> None:
+    copied = tmp_path / "m"
+    (copied / "frames").mkdir(parents=True)
+    (copied / "detections.parquet").write_bytes((mission[0] / "detections.parquet").read_bytes())
+    (copied / "frames" / "captures.csv").write_bytes(content)
+    with pytest.raises(PaveTwinError, match=r"captures.csv' is damaged; remove it for an inventory without crops"):
+        flown(copied)
+
+
+def test_columns_of_the_table_of_images_are_found_by_their_names(
+    mission: tuple[Path, MissionResult], tmp_path: Path
+) -> None:
+    (tmp_path / "frames").mkdir()
+    (tmp_path / "detections.parquet").write_bytes((mission[0] / "detections.parquet").read_bytes())
+    lines = [line.split(",") for line in (mission[0] / "frames" / "captures.csv").read_text().split()]
+    rows = [f"{mission[0]}/frames/{image},2,{capture}" for capture, image in lines[1:]]
+    (tmp_path / "frames" / "captures.csv").write_text("\n".join(["image,note,capture", *rows]))
+    for each in flown(tmp_path).observations:
+        assert each.crop is not None
+        assert each.crop() is not None
+
+
+def test_confidence_counts_from_the_least_on(mission: tuple[Path, MissionResult]) -> None:
+    reading = flown(mission[0])
+    one, other = (replace(reading.observations[0], confidence=each) for each in (0.5, 0.499))
+    assert replace(reading, observations=(one, other)).confident(0.5) == [one]
+
+
+def test_the_error_of_positions_is_that_of_places(mission: tuple[Path, MissionResult]) -> None:
+    first = flown(mission[0], position_error_m=3.0).observations[0]
+    assert entry_of(1, [first]).place_error_m == pytest.approx(3.0, abs=0.01)
+    for value in (-1.0, float("nan"), float("inf")):
+        with pytest.raises(PaveTwinError, match=r"`position_error_m` .*: it is "):
+            flown(mission[0], position_error_m=value)

@@ -24,7 +24,7 @@ def inventory(
         Path | None,
         typer.Option("--output", "-o", help="Folder for the files; unless given, inventory in that one."),
     ] = None,
-    confidence: Annotated[float, typer.Option(help="The least confidence of what counts.")] = 0.25,
+    confidence: Annotated[float, typer.Option(help="The least confidence of what counts, from 0 to 1.")] = 0.25,
     tiled: Annotated[
         bool | None,
         typer.Option("--tiled/--whole", help="As in `pavetwin detect`; unless given, as the model was trained."),
@@ -73,7 +73,7 @@ def inventory(
                 raise PaveTwinError(f"'{source}' holds a mission for each policy; name one: {names}.")
             reading = _photographs(source, model, confidence, tiled, gsd_mm, height_m, position_error_m, tell)
         tell(1.0, "Writing")
-        kept = [each for each in reading.observations if each.confidence >= confidence]
+        kept = reading.confident(confidence)
         groups = merged(kept)
         entries = [entry_of(number, [kept[at] for at in group]) for number, group in enumerate(groups, 1)]
         files = write_inventory(entries, reading.frame, target)

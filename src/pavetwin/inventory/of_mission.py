@@ -15,7 +15,7 @@ from pavetwin.arrays import UInt8Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.inventory.crops import around
 from pavetwin.inventory.observation import SIZES, Observation
-from pavetwin.inventory.reading import Reading
+from pavetwin.inventory.reading import Reading, check_size
 from pavetwin.labels.classes import label_name
 from pavetwin.perception.inference.detector import pixels_of
 from pavetwin.perception.results.measuring import NOT_RESOLVABLE
@@ -28,6 +28,9 @@ TABLE: Final = "detections.parquet"
 FRAMES: Final = "frames"
 
 NO_CROPS: Final = "There are no crops; `pavetwin fly WORLD save_frames=hits` saves the images for them."
+
+_OF_IMAGES: Final = {"capture": pl.Int64, "image": pl.String}
+"""Columns of the table of images."""
 
 LATER: Final = ("footprint", "is_cut", "pixel_mm", "severity", *SIZES)
 """Columns that missions of earlier versions do not have."""
@@ -42,8 +45,10 @@ def flown(folder: Path, *, position_error_m: float = 0.0) -> Reading:
         position_error_m: standard deviation of the camera's position, east and north each; 0 in the simulation.
 
     Raises:
-        PaveTwinError: its detections are gone, or the mission is of an earlier version.
+        PaveTwinError: its detections are gone, its table of images is damaged, the mission is of an earlier version,
+            or the error is out of its bounds.
     """
+    check_size("position_error_m", position_error_m, may_be_zero=True)
     path = folder / TABLE
     try:
         table = pl.read_parquet(path)
@@ -62,12 +67,28 @@ def flown(folder: Path, *, position_error_m: float = 0.0) -> Reading:
 
 
 def _images(folder: Path) -> Mapping[int, Path]:
-    """The image of each capture that was saved."""
+    """The image of each capture that was saved.
+
+    Raises:
+        PaveTwinError: the table of images is damaged.
+    """
     path = folder / FRAMES / "captures.csv"
     if not path.is_file():
         return {}
-    table = pl.read_csv(path)
-    return {capture: folder / FRAMES / image for capture, image in table.iter_rows()}
+    try:
+        table = pl.read_csv(path, columns=list(_OF_IMAGES), schema_overrides=_OF_IMAGES)
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise _damaged(path) from error
+    if any(table.null_count().row(0)):
+        raise _damaged(path)
+    return {capture: folder / FRAMES / image for capture, image in table.select(*_OF_IMAGES).iter_rows()}
+
+
+def _damaged(path: Path) -> PaveTwinError:
+    return PaveTwinError(
+        f"'{path}' is damaged; remove it for an inventory without crops, or fly the mission again by "
+        "`pavetwin fly WORLD save_frames=hits`."
+    )
 
 
 def _observed(row: Mapping[str, Any], frame: GeoReference, images: Mapping[int, Path], error_m: float) -> Observation:

@@ -13,7 +13,7 @@ from pavetwin.arrays import Float64Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.inventory.crops import around
 from pavetwin.inventory.observation import Crop, Observation, numbers_in, severity_in
-from pavetwin.inventory.reading import Reading, counted_remarks
+from pavetwin.inventory.reading import Reading, check_size, counted_remarks
 from pavetwin.labels.boxes import FloatBox, ends_at_border
 from pavetwin.labels.outlines import hull
 from pavetwin.perception.inference import Detections
@@ -49,10 +49,10 @@ def photographed(
         PaveTwinError: the folder holds no picture that can be read, or a value is out of its bounds.
     """
     for name, value in (("gsd_mm", gsd_mm), ("height_m", height_m)):
-        if value is not None and value <= 0:
-            raise PaveTwinError(f"`{name}` {value:g}: it is above 0.")
-    if position_error_m is not None and position_error_m < 0:
-        raise PaveTwinError(f"`position_error_m` {position_error_m:g}: it is 0 or more.")
+        if value is not None:
+            check_size(name, value)
+    if position_error_m is not None:
+        check_size("position_error_m", position_error_m, may_be_zero=True)
     frame: GeoReference | None = None
     found: list[Observation] = []
     missing: dict[str, list[str]] = defaultdict(list)
