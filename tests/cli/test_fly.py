@@ -481,7 +481,7 @@ def test_the_detector_needs_a_model_that_is_there(world: Path, tmp_path: Path) -
     assert plain_refusal(pavetwin(*eyes)).startswith("Error: The sensor 'detector' needs a model: name its file by")
     assert "there is no file 'none.onnx'" in plain_refusal(pavetwin(*eyes, "--model", "none.onnx"))
     other = pavetwin("fly", world, *SHORT, "-o", tmp_path / "m", "--model", drawn_detector.FILE)
-    assert "the sensor 'recall' has no option 'model'" in plain_refusal(other)
+    assert plain_refusal(other) == "Error: --model: the sensor 'recall' takes none; add --sensor detector."
     assert plain_refusal(pavetwin("fly", world, "--save-frames", "some")) == (
         "Error: --save-frames some: one of hits, all, none."
     )

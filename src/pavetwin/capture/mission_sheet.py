@@ -17,7 +17,7 @@ from shapely import Polygon
 from pavetwin.capture.mission_images import MissionImages
 from pavetwin.draw.contact_sheet import CELL_PX, assembled, captioned, draw_box, evenly_chosen
 from pavetwin.files import writing
-from pavetwin.labels.classes import categories, colours, label_name
+from pavetwin.labels.classes import category_colours, label_name
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.inspected_defects import captured_frame
 from pavetwin.sensing import Frame, Outcome, Sensor
@@ -65,7 +65,7 @@ def save_mission_sheet(result: MissionResult, images: MissionImages, sensor: Sen
         return 0
     pictures = [_drawn(each, result, images, sensor) for each in sorted(cells, key=_order)]
     shown = {label_name(each.kind) for each in cells}
-    legend = {name: colour for name, colour in _colours().items() if name in shown}
+    legend = {name: colour for name, colour in category_colours().items() if name in shown}
     sheet = assembled(pictures, _title(result), legend, ignored="reported")
     with writing(path) as temporary:
         sheet.save(temporary, "JPEG", quality=_QUALITY)
@@ -135,12 +135,8 @@ def _drawn(cell: _Cell, result: MissionResult, images: MissionImages, sensor: Se
     pen = ImageDraw.Draw(window)
     low_x, low_y, high_x, high_y = frame.box_of(cell.shape)
     box = ((low_x - x) * scale, (low_y - y) * scale, (high_x - x) * scale, (high_y - y) * scale)
-    draw_box(pen, box, None if cell.reported else _colours()[label_name(cell.kind)])
+    draw_box(pen, box, None if cell.reported else category_colours()[label_name(cell.kind)])
     return captioned(window, cell.heading, cell.text, f"capture {cell.capture}")
-
-
-def _colours() -> dict[str, str]:
-    return colours([category.name for category in categories()])
 
 
 def _window(cell: _Cell, frame: Frame) -> tuple[float, float, float]:

@@ -210,6 +210,8 @@ def fly(
     names = policies_named(policy or [POLICY if former is None else former.spec.policy.name])
     options = {"sensing.sensor:": ("`sensor`:", sensor), "conditions.wind_mps:": ("`wind`:", wind)}
     with naming({key: option for key, (option, given) in options.items() if given is not None}):
+        if model is not None:
+            _check_has_model(chosen)
         check_names(chosen, names, seed)
     if settings:
         out.print(report.settings_text(chosen), markup=False)
@@ -299,6 +301,18 @@ def fly(
 def looks_at_images(settings: "MissionSettings") -> bool:
     """Whether the mission's sensor is the one that looks at rendered captures."""
     return settings.sensing.sensor == "detector"
+
+
+def _check_has_model(settings: "MissionSettings") -> None:
+    """Whether --model says something of the mission's sensor.
+
+    Raises:
+        PaveTwinError: the sensor takes no model.
+    """
+    from pavetwin.sensing.registered import sensor_class
+
+    if "model" not in sensor_class(settings.sensing.sensor).default_options:
+        raise PaveTwinError(f"--model: the sensor '{settings.sensing.sensor}' takes none; add --sensor detector.")
 
 
 def _former(context: typer.Context, again: Path | None, *, other_policy: bool) -> "FormerMission | None":

@@ -7,11 +7,9 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from pyproj import Geod
 
 from pavetwin.arrays import Float64Array
-
-GEOD: Final = Geod(ellps="WGS84")
+from pavetwin.world.georeference import ELLIPSOID
 
 STRAIGHT_DOWN_DEG: Final = -90.0
 """Pitch of the gimbal: missions look straight down."""
@@ -62,7 +60,7 @@ class PlannedFlight:
     @cached_property
     def _legs(self) -> tuple[Float64Array, Float64Array]:
         begins, ends = self.lonlat[:-1], self.lonlat[1:]
-        azimuths, _, lengths = GEOD.inv(*begins.T, *ends.T)
+        azimuths, _, lengths = ELLIPSOID.inv(*begins.T, *ends.T)
         return np.asarray(azimuths, dtype=np.float64), np.asarray(lengths, dtype=np.float64)
 
     @property

@@ -14,7 +14,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.inventory.entry import Entry
 from pavetwin.labels.boxes import FloatBox
-from pavetwin.labels.classes import categories, colours
+from pavetwin.labels.classes import category_colours
 
 A_PAGE: Final = 24
 """Crops on a page."""
@@ -59,7 +59,7 @@ def write_crops(entries: Sequence[Entry], folder: Path) -> dict[int, str]:
             picture.save(temporary, "JPEG", quality=_QUALITY)
         cells.append(_cell(entry, picture))
     named = sorted({entry.kind for entry in entries if entry.number in names})
-    colour_of = {name: colour for name, colour in _colours().items() if name in named}
+    colour_of = {name: colour for name, colour in category_colours().items() if name in named}
     for start in range(0, len(cells), A_PAGE):
         shown = cells[start : start + A_PAGE]
         title = f"Inventory   {start + 1} to {start + len(shown)} of {len(cells)} entries with a picture"
@@ -88,7 +88,3 @@ def _cell(entry: Entry, picture: Image.Image) -> Image.Image:
     return captioned(
         picture.resize((CELL_PX, CELL_PX)), f"{entry.number}: {entry.kind}", text, f"confidence {entry.confidence:.2f}"
     )
-
-
-def _colours() -> dict[str, str]:
-    return colours([category.name for category in categories()])

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Final
 from xml.etree.ElementTree import Element, SubElement, tostring
 
-from pavetwin.labels.classes import categories, colours
+from pavetwin.labels.classes import categories, category_colours
 
 _DOCTYPE: Final = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
 
@@ -25,7 +25,7 @@ def _style(layer: str) -> str:
     renderer = SubElement(root, "renderer-v2", {"type": "categorizedSymbol", "attr": "class", "symbollevels": "0"})
     listed, symbols = SubElement(renderer, "categories"), SubElement(renderer, "symbols")
     defects = [category.name for category in categories() if category.supercategory == "defect"]
-    colour_of = colours([category.name for category in categories()])
+    colour_of = category_colours()
     for number, name in enumerate(defects):
         SubElement(listed, "category", {"value": name, "label": name, "symbol": str(number), "render": "true"})
         symbol = SubElement(symbols, "symbol", {"type": kind, "name": str(number), "alpha": "1"})

@@ -56,6 +56,11 @@ def categories() -> tuple[Category, ...]:
     return (*first, PERSON, CAR, *(_defect(number, kinds[name]) for number, name in enumerate(later, CAR.number + 1)))
 
 
+def category_colours() -> dict[str, str]:
+    """The colour of each of the categories, by name."""
+    return colours([category.name for category in categories()])
+
+
 def category_of_defect(kind: str) -> Category:
     """The category of a class of defects.
 

@@ -2,10 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from pyproj import CRS, Transformer
+from pyproj import CRS, Geod, Transformer
 from pyproj.exceptions import CRSError
 
 from pavetwin.arrays import Float64Array
@@ -15,6 +16,9 @@ DEFAULT_ANCHOR_DEG = (0.0, 0.0)
 """(latitude, longitude) in degrees of the origin of a network without a location: the Gulf of Guinea."""
 
 WGS84 = 4326
+
+ELLIPSOID: Final = Geod(ellps="WGS84")
+"""For distances and directions between places in degrees."""
 
 
 @dataclass(frozen=True, slots=True)

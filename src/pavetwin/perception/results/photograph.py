@@ -12,9 +12,9 @@ from typing import Any, Final
 
 import numpy as np
 from PIL import ExifTags, Image
-from pyproj import Geod
 
 from pavetwin.arrays import Float64Array
+from pavetwin.world.georeference import ELLIPSOID
 
 LonLat = tuple[float, float]
 """Longitude and latitude in degrees, WGS 84."""
@@ -30,8 +30,6 @@ _FULL_FRAME_MM: Final = (36.0, 24.0)
 
 _MM_OF_UNIT: Final = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 """EXIF's units of `FocalPlaneResolutionUnit`."""
-
-_EARTH: Final = Geod(ellps="WGS84")
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +72,7 @@ class PhotographPose:
         distances = np.hypot(ground[:, 0], ground[:, 1])
         azimuths = np.degrees(np.arctan2(ground[:, 0], ground[:, 1]))
         count = len(pixels)
-        lon, lat, _ = _EARTH.fwd([self.lonlat[0]] * count, [self.lonlat[1]] * count, azimuths, distances)
+        lon, lat, _ = ELLIPSOID.fwd([self.lonlat[0]] * count, [self.lonlat[1]] * count, azimuths, distances)
         return [(round(float(x), 8), round(float(y), 8)) for x, y in zip(lon, lat, strict=True)]
 
     def pixels(self, lonlats: Float64Array) -> Float64Array | None:
@@ -88,7 +86,7 @@ class PhotographPose:
         if self.pitch_deg is None or self.heading_deg is None:
             return None
         count = len(lonlats)
-        azimuths, _, distances = _EARTH.inv(
+        azimuths, _, distances = ELLIPSOID.inv(
             [self.lonlat[0]] * count, [self.lonlat[1]] * count, lonlats[:, 0].tolist(), lonlats[:, 1].tolist()
         )
         east, north = (np.array(distances) * side(np.radians(azimuths)) for side in (np.sin, np.cos))
