@@ -1,6 +1,7 @@
 """`pavetwin plan export` as a user types it."""
 
 import json
+import shutil
 from pathlib import Path
 
 import polars as pl
@@ -58,6 +59,7 @@ def test_without_options_it_is_a_plan_for_qgroundcontrol_in_the_missions_folder(
         (("--highest", "9"), "Error: --highest 9: flight 1 goes up to 10 m above take-off"),
         (("--from-buildings", "500"), "Error: --from-buildings 500: flight 1 comes as near as "),
         (("--no-fly", "gone.gpkg"), "Error: --no-fly gone.gpkg: there is no such file."),
+        (("--no-fly", "."), "Error: --no-fly .: it is a folder; name a file of polygons in it."),
     ],
 )
 def test_mistakes_and_broken_limits_are_one_line(
@@ -65,6 +67,25 @@ def test_mistakes_and_broken_limits_are_one_line(
 ) -> None:
     assert plain_refusal(pavetwin("plan", "export", mission, *options, "-o", tmp_path / "out")).startswith(line)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_file_in_place_of_the_folder_is_refused(mission: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("notes")
+    told = plain_refusal(pavetwin("plan", "export", mission, "-o", tmp_path / "out"))
+    assert told.endswith("it is a file; name a folder.")
+    assert told.startswith("Error: --output ")
+
+
+def test_a_world_that_has_changed_is_refused(mission: Path, tmp_path: Path) -> None:
+    shutil.copytree(mission, tmp_path / "m", ignore=shutil.ignore_patterns("plan"))
+    description = (mission / "mission.yaml").read_text()
+    changed = description.replace(str(mission.parent / "cross"), str(tmp_path / "cross"))
+    assert changed != description
+    (tmp_path / "m" / "mission.yaml").write_text(changed)
+    save_world(damaged("cross", 7), tmp_path / "cross")
+    told = plain_refusal(pavetwin("plan", "export", tmp_path / "m"))
+    assert told.startswith("Error: The mission's inputs are not what they were: the world 'cross'")
+    assert not (tmp_path / "m" / "plan").exists()
 
 
 def test_a_folder_that_is_no_mission_is_refused(mission: Path) -> None:

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import polars as pl
 import pyogrio
 import pytest
 import shapely
@@ -53,8 +54,24 @@ def test_a_plan_through_a_building_is_refused_without_any_limit() -> None:
         check_limits(plan(5.0, 10.0), WORLD, PlanLimits())
 
 
-def zones(path: Path, *shapes: shapely.Geometry, crs: str = "EPSG:4326") -> Path:
-    names = np.array([f"zone {number}" for number, _ in enumerate(shapes)], dtype=object)
+@pytest.mark.parametrize(("x_m", "away_m"), [(39.0, 1.0), (50.0, 0.0)])
+@pytest.mark.parametrize("backwards", [False, True])
+def test_climb_and_landing_keep_the_distance_from_the_ground_up(x_m: float, away_m: float, backwards: bool) -> None:
+    """High above the house of 8 m, from beside it or from within it, and the other way round."""
+    lonlat = PLACE.to_wgs84([(x_m, 10.0), (x_m, 200.0)])[:: -1 if backwards else 1]
+    waypoints = [Waypoint(float(x), float(y), 30.0, 5.0, False, 0.0, None) for x, y in lonlat]
+    flown = FlightPlan("m", None, (PlannedFlight(tuple(waypoints)),), 0.7, 3.5)
+    with pytest.raises(PaveTwinError, match=rf"climbs or lands as near as {away_m:.1f} m to .* another `base`"):
+        check_limits(flown, WORLD, PlanLimits(from_buildings_m=10.0))
+    if away_m > 0:
+        check_limits(flown, WORLD, PlanLimits(from_buildings_m=0.9))
+    else:
+        with pytest.raises(PaveTwinError, match=r"as near as 0\.0 m"):
+            check_limits(flown, WORLD, PlanLimits())
+
+
+def zones(path: Path, *shapes: shapely.Geometry | None, crs: str = "EPSG:4326", named: bool = True) -> Path:
+    names = np.array([f"zone {number}" if named else None for number, _ in enumerate(shapes)], dtype=object)
     pyogrio.raw.write(
         path,
         geometry=shapely.to_wkb(np.array(shapes, dtype=object)),
@@ -83,13 +100,48 @@ def test_no_fly_zones_in_another_system(tmp_path: Path) -> None:
         check_limits(plan(), WORLD, PlanLimits(no_fly=path))
 
 
+def zone(x_m: float, y_m: float) -> shapely.Geometry:
+    return shapely.transform(shapely.box(x_m, y_m, x_m + 5, y_m + 5), PLACE.to_wgs84)
+
+
+def test_polygons_in_collections_are_zones(tmp_path: Path) -> None:
+    near = shapely.GeometryCollection([shapely.MultiPolygon([zone(0, 50)]), zone(30, -2)])
+    with pytest.raises(PaveTwinError, match="enters 'zone 1'"):
+        check_limits(plan(), WORLD, PlanLimits(no_fly=zones(tmp_path / "z.geojson", zone(0, 50), near)))
+
+
+def test_a_zone_without_a_name_has_a_number(tmp_path: Path) -> None:
+    path = zones(tmp_path / "z.gpkg", zone(0, 50), zone(30, -2), named=False)
+    with pytest.raises(PaveTwinError, match="enters feature 2 of 'z' at"):
+        check_limits(plan(), WORLD, PlanLimits(no_fly=path))
+
+
+@pytest.mark.parametrize(
+    ("shape", "holds"),
+    [
+        (shapely.Point(13.44, 52.47), r"\(Point\) is not made of polygons alone"),
+        (shapely.LineString([(13.44, 52.47), (13.45, 52.47)]), r"\(LineString\) is not made"),
+        (shapely.GeometryCollection([zone(0, 50), shapely.Point(13.44, 52.47)]), r"\(GeometryCollection\) is not"),
+        (None, "has no geometry"),
+    ],
+)
+def test_a_zone_that_is_no_polygon_is_refused(tmp_path: Path, shape: shapely.Geometry | None, holds: str) -> None:
+    path = zones(tmp_path / "z.geojson", zone(0, 50), shape)
+    with pytest.raises(PaveTwinError, match=rf"^`no_fly` .*: feature 2 of 'z' {holds}"):
+        check_limits(plan(), WORLD, PlanLimits(no_fly=path))
+
+
 def test_files_without_polygons_are_refused(tmp_path: Path) -> None:
-    point = zones(tmp_path / "point.geojson", shapely.Point(13.44, 52.47))
+    none = zones(tmp_path / "none.gpkg")
     with pytest.raises(PaveTwinError, match=r"^`no_fly` .*: it holds no polygon"):
-        check_limits(plan(), WORLD, PlanLimits(no_fly=point))
+        check_limits(plan(), WORLD, PlanLimits(no_fly=none))
     text = tmp_path / "text.geojson"
     text.write_text("north of the river")
-    with pytest.raises(PaveTwinError, match=r"^`no_fly` .*: not a file of polygons that GDAL reads"):
-        check_limits(plan(), WORLD, PlanLimits(no_fly=text))
+    pl.DataFrame({"x_m": [1.0]}).write_parquet(tmp_path / "track.parquet")
+    for other in (text, tmp_path / "track.parquet"):
+        with pytest.raises(PaveTwinError, match=r"^`no_fly` .*: not a file of polygons that GDAL reads\.$"):
+            check_limits(plan(), WORLD, PlanLimits(no_fly=other))
+    with pytest.raises(PaveTwinError, match=r"^`no_fly` .*: it is a folder"):
+        check_limits(plan(), WORLD, PlanLimits(no_fly=tmp_path))
     with pytest.raises(PaveTwinError, match=r"^`no_fly` .*: there is no such file"):
         check_limits(plan(), WORLD, PlanLimits(no_fly=tmp_path / "gone.gpkg"))

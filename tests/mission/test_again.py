@@ -129,7 +129,7 @@ def test_missions_from_before_aircraft_are_read_when_their_battery_was_linear(
     linear = of_old(described, "linear")
     spec = read_mission(changed(described, tmp_path, format=old, versions=versions, settings=linear)).spec
     assert (spec.format, spec.settings.aircraft, spec.settings.energy.model) == (5, None, "linear")
-    with pytest.raises(PaveTwinError, match=r"a model of the battery that this version does not have"):
+    with pytest.raises(PaveTwinError, match=r"reads format 5, and 3 and 4 with `energy.model=linear`"):
         read_mission(changed(described, tmp_path, format=old, settings=of_old(described, "rotor")))
     with pytest.raises(PaveTwinError, match="format 3 or 4 or 5"):
         read_mission(changed(described, tmp_path, format=2))

@@ -58,19 +58,24 @@ def export(
     """
     from pavetwin.flightplan import PLAN_FORMATS, PlanLimits, Trigger, check_limits, plan_of, save_plan
     from pavetwin.flightplan.formats.wpml import drone_named
+    from pavetwin.flightplan.limits import check_file
+    from pavetwin.flightplan.save import check_folder
     from pavetwin.mission.again import mission_file, read_mission
-    from pavetwin.mission.inputs import world_of
+    from pavetwin.mission.inputs import check_unchanged, world_of
 
     if trigger not in list(Trigger):
         raise PaveTwinError(f"`trigger` {trigger}: expected {' or '.join(Trigger)}.")
     if drone is not None:
         drone_named(drone)
     formats = [PLAN_FORMATS.get(name)(drone) for name in dict.fromkeys(format_ or ["qgc"])]
-    if no_fly is not None and not no_fly.is_file():
-        raise PaveTwinError(f"`no_fly` {no_fly}: there is no such file.")
+    if no_fly is not None:
+        check_file(no_fly)
+    if output is not None:
+        check_folder(output)
     with progress("Planning"):
         former = read_mission(mission_file(mission), other_policy=True)
         world = world_of(former.spec.world)
+        check_unchanged(former.spec.with_policy("baseline"), world)  # the track needs no file of its policy
         plan = plan_of(former, world, trigger=Trigger(trigger))
         check_limits(plan, world, PlanLimits(highest, from_buildings, no_fly))
         files = save_plan(plan, output or former.path.parent / "plan", formats)

@@ -1,6 +1,6 @@
 """Limits that a user states, and whether a plan keeps them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import hypot
 from pathlib import Path
@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 from pyproj import Transformer
-from shapely import LineString, STRtree
+from shapely import LineString, Point, STRtree
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.flightplan.model import FlightPlan, PlannedFlight
@@ -36,7 +36,7 @@ def check_limits(plan: FlightPlan, world: World, limits: PlanLimits) -> None:
     for number, flight in enumerate(plan.flights, 1):
         _check_height(number, flight, limits.highest_m)
         legs = list(_legs(flight, world.georeference))
-        _check_buildings(number, legs, world, limits.from_buildings_m)
+        _check_buildings(number, [*legs, *_columns(flight, world.georeference)], world, limits.from_buildings_m)
         for name, zone in zones:
             inside = next((leg for leg, _ in legs if leg.intersects(zone)), None)
             if inside is not None:
@@ -52,7 +52,9 @@ def _check_height(number: int, flight: PlannedFlight, highest_m: float | None) -
         )
 
 
-def _check_buildings(number: int, legs: list[tuple[LineString, float]], world: World, least_m: float) -> None:
+def _check_buildings(
+    number: int, legs: Sequence[tuple[LineString | Point, float]], world: World, least_m: float
+) -> None:
     tree = STRtree([each.polygon for each in world.buildings])
     for leg, height_m in legs:
         for index in tree.query(leg, predicate="dwithin", distance=max(least_m, 1e-9)):
@@ -60,9 +62,12 @@ def _check_buildings(number: int, legs: list[tuple[LineString, float]], world: W
             away_m = hypot(leg.distance(building.polygon), max(0.0, height_m - building.height_m))
             if away_m < least_m or away_m == 0.0:
                 where = _place(shapely.shortest_line(leg, building.polygon), world.georeference)
+                climbs = isinstance(leg, Point)
+                doing = "climbs or lands" if climbs else "comes"
+                mend = "choose another `base`" if climbs else "fly the mission higher, or leave that street out"
                 raise PaveTwinError(
-                    f"`from_buildings` {least_m:g}: flight {number} comes as near as {away_m:.1f} m to the building "
-                    f"'{building.id}' at {where}; fly the mission higher, or leave that street out."
+                    f"`from_buildings` {least_m:g}: flight {number} {doing} as near as {away_m:.1f} m to the building "
+                    f"'{building.id}' at {where}; {mend}."
                 )
 
 
@@ -74,6 +79,12 @@ def _legs(flight: PlannedFlight, place: GeoReference) -> Iterator[tuple[LineStri
         yield LineString(xy[begin : begin + 2]), min(heights[begin : begin + 2])
 
 
+def _columns(flight: PlannedFlight, place: GeoReference) -> Iterator[tuple[Point, float]]:
+    """Climb and landing in the world frame, each with its lower height, that of the ground."""
+    for xy in from_wgs84(place, flight.lonlat[[0, -1]]):
+        yield Point(xy), 0.0
+
+
 def _place(shape: shapely.Geometry, place: GeoReference) -> str:
     longitude, latitude = place.to_wgs84(shapely.get_coordinates(shape)[0])
     return f"{latitude:.6f},{longitude:.6f}"
@@ -83,12 +94,11 @@ def read_zones(path: Path, place: GeoReference) -> list[tuple[str, shapely.Geome
     """The polygons of a file, in the world frame, each with what messages call it.
 
     Raises:
-        PaveTwinError: it cannot be read, or holds no polygon.
+        PaveTwinError: it cannot be read, or holds no polygon, or something else beside polygons.
     """
     import pyogrio
 
-    if not path.is_file():
-        raise PaveTwinError(f"`no_fly` {path}: there is no such file.")
+    check_file(path)
     zones: list[tuple[str, shapely.Geometry]] = []
     try:
         for layer, _ in pyogrio.list_layers(path):
@@ -102,16 +112,41 @@ def read_zones(path: Path, place: GeoReference) -> list[tuple[str, shapely.Geome
                 return from_wgs84(place, np.column_stack(to_wgs84.transform(xy[:, 0], xy[:, 1])))
 
             for number, shape in enumerate(shapely.force_2d(shapely.from_wkb(shapes)), 1):
-                if shape is not None and shape.geom_type in ("Polygon", "MultiPolygon"):
-                    name = f"'{names[number - 1]}'" if names is not None else f"polygon {number} of '{layer}'"
-                    zones.append((name, shapely.transform(shapely.make_valid(shape), to_world)))
+                feature = f"feature {number} of '{layer}'"
+                if shape is None or not (polygons := _polygons(shape)):
+                    is_empty = shape is None or shape.is_empty
+                    holds = "has no geometry" if is_empty else f"({shape.geom_type}) is not made of polygons alone"
+                    raise PaveTwinError(f"`no_fly` {path}: {feature} {holds}; draw each zone as a polygon.")
+                name = None if names is None else names[number - 1]
+                called = feature if name is None or name != name else f"'{name}'"  # GDAL's null is None or NaN
+                zones += [(called, shapely.transform(shapely.make_valid(each), to_world)) for each in polygons]
     except (
         pyogrio.errors.DataSourceError,
         pyogrio.errors.DataLayerError,
         RuntimeError,
         shapely.GEOSException,
     ) as error:
-        raise PaveTwinError(f"`no_fly` {path}: not a file of polygons that GDAL reads ({error}).") from error
+        raise PaveTwinError(f"`no_fly` {path}: not a file of polygons that GDAL reads.") from error
     if not zones:
         raise PaveTwinError(f"`no_fly` {path}: it holds no polygon.")
     return zones
+
+
+def check_file(path: Path) -> None:
+    """Raises:
+    PaveTwinError: there is no file of zones.
+    """
+    if path.is_dir():
+        raise PaveTwinError(f"`no_fly` {path}: it is a folder; name a file of polygons in it.")
+    if not path.is_file():
+        raise PaveTwinError(f"`no_fly` {path}: there is no such file.")
+
+
+def _polygons(shape: shapely.Geometry) -> list[shapely.Geometry]:
+    """The polygons that a geometry consists of; empty where a part of it is none."""
+    if shape.geom_type == "Polygon":
+        return [] if shape.is_empty else [shape]
+    if shape.geom_type not in ("MultiPolygon", "GeometryCollection"):
+        return []
+    parts = [_polygons(each) for each in shape.geoms]
+    return [polygon for part in parts for polygon in part] if all(parts) else []

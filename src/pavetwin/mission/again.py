@@ -175,8 +175,9 @@ def _without_aircraft(path: Path, settings: Mapping[str, Any]) -> dict[str, Any]
     energy = settings.get("energy", {})
     if energy.get("model") != "linear":
         raise PaveTwinError(
-            f"'{path}' was flown with a model of the battery that this version does not have; fly the mission again "
-            "from its options, with an aircraft."
+            f"'{path}' is of an older format than {FORMAT}, with a model of the battery that this version does not "
+            f"have; it reads format {FORMAT}, and {' and '.join(map(str, READABLE[:-1]))} with `energy.model=linear`: "
+            "fly the mission again from its options, with an aircraft."
         )
     kept = {key: value for key, value in energy.items() if key not in OF_ROTOR}
     return {**settings, "aircraft": None, "energy": kept}
