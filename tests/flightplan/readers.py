@@ -23,6 +23,8 @@ class Read(NamedTuple):
     """On the leg that begins there."""
     every: float | None
     """Metres or seconds between photographs."""
+    stops: bool
+    """Whether the aircraft stops there."""
 
 
 class _Strict(BaseModel):
@@ -89,7 +91,8 @@ def read_qgc(content: bytes) -> list[Read]:
         values = [float(value or 0) for value in each.params]
         if each.command == 16:
             assert each.frame == 3
-            found.append(Read(values[5], values[4], values[6], speed, every is not None, every))
+            assert values[0] in (0, 1)
+            found.append(Read(values[5], values[4], values[6], speed, every is not None, every, values[0] == 1))
         elif each.command == 178:
             speed = values[1]
         elif each.command == 206:
@@ -172,7 +175,8 @@ def _points(folder: ElementTree.Element, names: Sequence[str], height: str) -> l
         longitude, latitude = map(float, (each.findtext(f"{K}Point/{K}coordinates") or "").split(","))
         height_m, speed = (float(each.findtext(f"{W}{name}") or "") for name in (height, "waypointSpeed"))
         every_there = photographed.get(number)
-        found.append(Read(longitude, latitude, height_m, speed, every_there is not None, every_there))
+        stops = "Stop" in (each.findtext(f"{W}waypointTurnParam/{W}waypointTurnMode") or "")
+        found.append(Read(longitude, latitude, height_m, speed, every_there is not None, every_there, stops))
     assert folder.find(f".//{W}gimbalPitchRotateAngle").text == "-90"  # type: ignore[union-attr]
     return found
 
@@ -193,7 +197,8 @@ def read_litchi(content: bytes) -> list[Read]:
         assert 0 <= float(row["heading(deg)"]) <= 360
         every = max(float(row["photo_timeinterval"]), float(row["photo_distinterval"]))
         place = (float(row["longitude"]), float(row["latitude"]), float(row["altitude(m)"]))
-        found.append(Read(*place, float(row["speed(m/s)"]), every > 0, every if every > 0 else None))
+        stops = float(row["curvesize(m)"]) == 0
+        found.append(Read(*place, float(row["speed(m/s)"]), every > 0, every if every > 0 else None, stops))
     return found
 
 
@@ -203,7 +208,8 @@ def read_csv(content: bytes) -> list[Read]:
         every = row.get("every_m") or row.get("every_s") or None
         assert (row["photographs"] == "yes") == (every is not None)
         place = (float(row["longitude"]), float(row["latitude"]), float(row["height_m"]))
-        found.append(Read(*place, float(row["speed_mps"]), every is not None, float(every) if every else None))
+        stops = row["corner_m"] == "0"
+        found.append(Read(*place, float(row["speed_mps"]), every is not None, float(every) if every else None, stops))
     return found
 
 

@@ -1,5 +1,10 @@
 """Plans in every format, read back by readers of their own."""
 
+import io
+import re
+import zipfile
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -37,7 +42,7 @@ def flights(draw: st.DrawFn) -> PlannedFlight:
 
 
 def plan(flight: PlannedFlight, trigger: Trigger = Trigger.DISTANCE) -> FlightPlan:
-    return FlightPlan("m", "mavic3e", (flight,), interval_s=0.7, spacing_m=3.5, trigger=trigger)
+    return FlightPlan("m", "mavic3e", (flight,), interval_s=1.4, spacing_m=3.5, trigger=trigger)
 
 
 def test_every_format_has_a_reader() -> None:
@@ -63,7 +68,8 @@ def test_a_flight_is_read_back_as_it_is(name: str, flight: PlannedFlight, trigge
     for there, here in zip(back[:-1], flight.waypoints[:-1], strict=True):
         assert there.speed_mps == here.speed_mps
         assert there.photographs is here.photographs
-        assert there.every == ((3.5 if trigger is Trigger.DISTANCE else 0.7) if here.photographs else None)
+        assert there.stops is (here.corner_m == 0)
+        assert there.every == ((3.5 if trigger is Trigger.DISTANCE else 1.4) if here.photographs else None)
 
 
 def straight() -> PlannedFlight:
@@ -84,14 +90,51 @@ def straight() -> PlannedFlight:
     ],
 )
 def test_the_aircraft_is_named_in_djis_numbers(drone: str, numbers: tuple[str, ...]) -> None:
-    import io
-    import re
-    import zipfile
-
     content = PLAN_FORMATS.get("wpml")(drone).write(plan(straight()), straight())
-    text = zipfile.ZipFile(io.BytesIO(content)).read("wpmz/waylines.wpml").decode()
     keys = ("droneEnumValue", "droneSubEnumValue", "payloadEnumValue", "payloadSubEnumValue")
-    assert tuple(re.search(f"<wpml:{key}>(.*)</", text)[1] for key in keys) == numbers  # type: ignore[index]
+    assert tuple(values_of_wpml(content, key)[0] for key in keys) == numbers
+
+
+def values_of_wpml(content: bytes, key: str) -> list[str]:
+    """Texts of an element in both files of the archive."""
+    archive = zipfile.ZipFile(io.BytesIO(content))
+    return [
+        text for name in archive.namelist() for text in re.findall(rf"<wpml:{key}>(.*)</", archive.read(name).decode())
+    ]
+
+
+@pytest.mark.parametrize(("height_m", "climbed"), [(37.5, "37.5"), (1.0, "1.2")])
+def test_a_dji_aircraft_climbs_to_the_height_of_the_route_first(height_m: float, climbed: str) -> None:
+    flight = PlannedFlight(tuple(replace(each, height_m=height_m) for each in straight().waypoints))
+    content = PLAN_FORMATS.get("wpml")().write(plan(flight), flight)
+    assert values_of_wpml(content, "takeOffSecurityHeight") == [climbed, climbed]
+
+
+@pytest.mark.parametrize("speed_mps", [0.99, 15.01])
+@pytest.mark.parametrize(("number", "setting"), [(0, "uav.inspect_speed_mps"), (1, "uav.transit_speed_mps")])
+def test_speeds_outside_djis_range_are_refused(number: int, setting: str, speed_mps: float) -> None:
+    waypoints = list(straight().waypoints)
+    waypoints[number] = replace(waypoints[number], speed_mps=speed_mps)
+    flight = PlannedFlight(tuple(waypoints))
+    with pytest.raises(PaveTwinError, match=rf"^`{setting}` {speed_mps:g}: DJI's plans hold speeds of 1 to 15 m/s"):
+        PLAN_FORMATS.get("wpml")().write(plan(flight), flight)
+
+
+@pytest.mark.parametrize("speed_mps", [1.0, 15.0])
+def test_the_ends_of_djis_range_of_speeds_are_written(speed_mps: float) -> None:
+    flight = PlannedFlight(tuple(replace(each, speed_mps=speed_mps) for each in straight().waypoints))
+    content = PLAN_FORMATS.get("wpml")().write(plan(flight), flight)
+    assert set(values_of_wpml(content, "waypointSpeed")) == {f"{speed_mps:g}"}
+
+
+def test_litchi_refuses_an_interval_shorter_than_its_least() -> None:
+    quick = replace(plan(straight(), Trigger.TIME), interval_s=0.9)
+    with pytest.raises(
+        PaveTwinError, match=r"^`trigger` time: the mission photographs every 0\.9 s, and Litchi every 1 s"
+    ):
+        PLAN_FORMATS.get("litchi")().write(quick, straight())
+    PLAN_FORMATS.get("litchi")().write(replace(quick, trigger=Trigger.DISTANCE), straight())
+    PLAN_FORMATS.get("litchi")().write(replace(quick, interval_s=1.0), straight())
 
 
 def test_an_aircraft_that_dji_has_no_number_for_is_refused() -> None:

@@ -59,7 +59,7 @@ def export(
     from pavetwin.flightplan import PLAN_FORMATS, PlanLimits, Trigger, check_limits, plan_of, save_plan
     from pavetwin.flightplan.formats.wpml import drone_named
     from pavetwin.flightplan.limits import check_file
-    from pavetwin.flightplan.save import check_folder
+    from pavetwin.flightplan.save import check_folder, remark_on_parts
     from pavetwin.mission.again import mission_file, read_mission
     from pavetwin.mission.inputs import check_unchanged, world_of
 
@@ -80,6 +80,8 @@ def export(
         check_limits(plan, world, PlanLimits(highest, from_buildings, no_fly))
         files = save_plan(plan, output or former.path.parent / "plan", formats)
     _tell(plan)
+    if parts := remark_on_parts(files):
+        out.line(parts)
     out.line(f"Written: {', '.join(map(str, files))}.")
 
 

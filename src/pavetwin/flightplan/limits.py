@@ -144,9 +144,10 @@ def check_file(path: Path) -> None:
 
 def _polygons(shape: shapely.Geometry) -> list[shapely.Geometry]:
     """The polygons that a geometry consists of; empty where a part of it is none."""
-    if shape.geom_type == "Polygon":
-        return [] if shape.is_empty else [shape]
-    if shape.geom_type not in ("MultiPolygon", "GeometryCollection"):
+    kind = shapely.get_type_id(shape)
+    if kind == shapely.GeometryType.POLYGON:
+        return [] if shapely.is_empty(shape) else [shape]
+    if kind not in (shapely.GeometryType.MULTIPOLYGON, shapely.GeometryType.GEOMETRYCOLLECTION):
         return []
-    parts = [_polygons(each) for each in shape.geoms]
+    parts = [_polygons(each) for each in shapely.get_parts(shape)]
     return [polygon for part in parts for polygon in part] if all(parts) else []

@@ -37,6 +37,17 @@ def save_plan(plan: FlightPlan, folder: Path, formats: Sequence[PlanFormat]) -> 
     return [folder / name for name in contents]
 
 
+def remark_on_parts(files: Sequence[Path]) -> str | None:
+    """What a pilot must know where flights are in parts, as a sentence; None where none is."""
+    count = sum("-part-" in path.name for path in files)
+    if not count:
+        return None
+    return (
+        f"{count} files are parts of a flight that begin and end in mid-route, not at take-off: the ways there and "
+        "back are not in the plan and not checked against any limit. Fly them by hand, or choose another format."
+    )
+
+
 def check_folder(folder: Path) -> None:
     """Raises:
     PaveTwinError: a file is in the place of the folder.

@@ -8,6 +8,7 @@ import csv
 import io
 from typing import Final
 
+from pavetwin.errors import PaveTwinError
 from pavetwin.flightplan.formats.base import PlanFormat, is_last, number_text, plan_format
 from pavetwin.flightplan.model import STRAIGHT_DOWN_DEG, FlightPlan, PlannedFlight, Trigger
 
@@ -17,6 +18,9 @@ NO_ACTION, TILT_CAMERA = -1, 5
 INTERPOLATE: Final = 2
 ABOVE_TAKE_OFF: Final = 0
 OFF: Final = -1
+
+LEAST_INTERVAL_S: Final = 1.0
+"""Between photographs by time."""
 
 COLUMNS: Final = (
     *("latitude", "longitude", "altitude(m)", "heading(deg)", "curvesize(m)", "rotationdir"),
@@ -35,6 +39,11 @@ class Litchi(PlanFormat):
     most_waypoints = 99
 
     def write(self, plan: FlightPlan, flight: PlannedFlight) -> bytes:
+        if plan.trigger is Trigger.TIME and plan.interval_s < LEAST_INTERVAL_S:
+            raise PaveTwinError(
+                f"`trigger` time: the mission photographs every {plan.interval_s:g} s, and Litchi every "
+                f"{LEAST_INTERVAL_S:g} s at most often; use `trigger` distance, or another format."
+            )
         file = io.StringIO()
         rows = csv.writer(file, lineterminator="\n")
         rows.writerow(COLUMNS)

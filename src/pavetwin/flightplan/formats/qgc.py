@@ -29,6 +29,9 @@ AIM_BY_ANGLES: Final = 2
 PASSED_M: Final = 0.5
 """Acceptance radius of waypoints at which the aircraft stops."""
 
+STOP_S: Final = 1.0
+"""Hold time of those waypoints: with none, the autopilot turns as soon as it is within the radius."""
+
 ABOVE_TAKE_OFF: Final = 1
 """QGroundControl's altitude mode."""
 
@@ -67,7 +70,8 @@ def _items(plan: FlightPlan, flight: PlannedFlight) -> Iterator[dict[str, Any]]:
     yield _command(AIM_GIMBAL, [STRAIGHT_DOWN_DEG, 0, 0, 0, 0, 0, AIM_BY_ANGLES])
     speed_mps, photographs = None, False
     for each in flight.waypoints:
-        yield _at(WAYPOINT, [0, each.corner_m or PASSED_M, 0, None], each, each.height_m)
+        hold_s = 0.0 if each.corner_m else STOP_S
+        yield _at(WAYPOINT, [hold_s, each.corner_m or PASSED_M, 0, None], each, each.height_m)
         if each is not last and each.speed_mps != speed_mps:
             speed_mps = each.speed_mps
             yield _command(CHANGE_SPEED, [1, speed_mps, -1, 0, 0, 0, 0])

@@ -49,6 +49,9 @@ DRONES: Final = {
 LOWEST_TAKE_OFF_M: Final = 1.2
 """DJI's range of `takeOffSecurityHeight` begins here."""
 
+SPEEDS_MPS: Final = (1.0, 15.0)
+"""DJI's range of `waypointSpeed`, `autoFlightSpeed` and `globalTransitionalSpeed`."""
+
 
 @plan_format("wpml")
 class Wpml(PlanFormat):
@@ -58,6 +61,7 @@ class Wpml(PlanFormat):
 
     def write(self, plan: FlightPlan, flight: PlannedFlight) -> bytes:
         drone = drone_named(self.drone or plan.aircraft)
+        _check_speeds(flight)
         file = io.BytesIO()
         with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
             archive.writestr("wpmz/template.kml", _xml(_template(plan, flight, drone)))
@@ -74,6 +78,17 @@ def drone_named(name: str | None) -> Drone:
     if name not in DRONES:
         raise PaveTwinError(no_such("drone of DJI's plans", name or "none", DRONES, key="`drone`"))
     return DRONES[name]
+
+
+def _check_speeds(flight: PlannedFlight) -> None:
+    least, most = SPEEDS_MPS
+    for each in flight.waypoints:
+        if not least <= each.speed_mps <= most:
+            setting = "uav.inspect_speed_mps" if each.photographs else "uav.transit_speed_mps"
+            raise PaveTwinError(
+                f"`{setting}` {each.speed_mps:g}: DJI's plans hold speeds of {least:g} to {most:g} m/s; fly the "
+                "mission again with such a speed, or choose another format."
+            )
 
 
 def _template(plan: FlightPlan, flight: PlannedFlight, drone: Drone) -> Sequence[Node]:
