@@ -15,7 +15,6 @@ from pavetwin.config.mission import SensingSettings
 from pavetwin.config.options import OptionValue
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import PixelBox, ends_at_border
-from pavetwin.labels.outlines import hull
 from pavetwin.sensing.base import Sensor
 from pavetwin.sensing.detection import Detection, MeasuredSizes
 from pavetwin.sensing.frame import Frame
@@ -156,4 +155,6 @@ def _detection(found: "Detections", at: int, frame: Frame, seen: Frame) -> Detec
 
 def _hull(window: PixelBox, covered: BoolArray, seen: Frame) -> Polygon | None:
     """The convex hull of a mask on the ground; None for one that covers nothing."""
+    from pavetwin.labels.outlines import hull
+
     return Polygon(seen.view.ground(hull(covered) + window[:2])) if covered.any() else None

@@ -85,6 +85,15 @@ def test_tiles_find_what_the_whole_shows_also_across_seams() -> None:
         assert crack[1].mean() > 0.9
 
 
+def test_images_a_little_larger_than_those_of_training_are_seen_whole_unless_tiles_are_asked_for() -> None:
+    native, asked = Detector(FILE, threads=1), Detector(FILE, tiled=True, threads=1)
+    native.tiled = True  # as after training on crops
+    little, large = (SIDE_PX * 3 // 2, SIDE_PX), (SIDE_PX * 3 // 2 + 1, SIDE_PX)
+    assert [each.in_tiles(little) for each in (native, asked)] == [False, True]
+    assert [each.in_tiles(large) for each in (native, asked)] == [True, True]
+    assert not asked.in_tiles((SIDE_PX, SIDE_PX))
+
+
 def test_detections_become_those_of_supervision(detector: Detector) -> None:
     (found,) = detector.detect([STREET])
     told = found.to_supervision()

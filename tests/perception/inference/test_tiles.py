@@ -40,6 +40,16 @@ def seen(box: FloatBox, tiles: list[PixelBox], *, kind: int = POTHOLE, confidenc
     return found
 
 
+def together(*scenes: list[Detections]) -> list[Detections]:
+    """What each tile says of several objects."""
+    found = []
+    for each in zip(*scenes, strict=True):
+        arrays = [np.concatenate([getattr(one, name) for one in each]) for name in ("boxes", "classes")]
+        confidences = [np.concatenate([getattr(one, name) for one in each]) for name in ("detection", "subtype")]
+        found.append(Detections(SIZE, *arrays, *confidences, sum((one.masks for one in each), ())))
+    return found
+
+
 @FEW
 @given(st.integers(1, 900), st.integers(1, 900), st.sampled_from([64, 96, 320]))
 def test_tiles_cover_the_image_and_overlap(width: int, height: int, side: int) -> None:
@@ -85,11 +95,41 @@ def test_neighbours_of_other_classes_or_places_stay_apart() -> None:
     tiles = tile_windows(SIZE, SIDE)
     first, second = (90.0, 40.0, 120.0, 70.0), (90.0, 80.0, 120.0, 110.0)
     scenes = [seen(first, tiles), seen(first, tiles, kind=CAR), seen(second, tiles, confidence=0.9)]
-    together = []
-    for each in zip(*scenes, strict=True):
-        arrays = [np.concatenate([getattr(one, name) for one in each]) for name in ("boxes", "classes")]
-        confidences = [np.concatenate([getattr(one, name) for one in each]) for name in ("detection", "subtype")]
-        together.append(Detections(SIZE, *arrays, *confidences, sum((one.masks for one in each), ())))
-    result = merged(together, tiles)
+    result = merged(together(*scenes), tiles)
     assert result.names == ["Pothole", "Pothole", "Car"]
     assert result.boxes.tolist() == [list(second), list(first), list(first)]
+
+
+@FEW
+@given(st.data())
+def test_doubtful_boxes_leave_a_confident_one_as_it_is(data: st.DataObject) -> None:
+    tiles = tile_windows(SIZE, SIDE)
+    box = (90.0, 90.0, data.draw(st.floats(110, 280)), data.draw(st.floats(110, 200)))
+    alone = merged(seen(box, tiles, confidence=0.9), tiles)
+    doubtful = []
+    for _ in range(data.draw(st.integers(1, 8))):
+        left, top = data.draw(st.floats(0, 200)), data.draw(st.floats(0, 150))
+        other = (left, top, left + data.draw(st.floats(20, 100)), top + data.draw(st.floats(20, 70)))
+        doubtful.append(seen(other, tiles, confidence=data.draw(st.floats(0.01, 0.4))))
+    result = merged(together(seen(box, tiles, confidence=0.9), *doubtful), tiles)
+    assert result.boxes[0].tolist() == alone.boxes[0].tolist()
+    assert (result.confidence[1:] < 0.45).all()
+
+
+def test_an_object_seen_whole_takes_the_place_of_a_more_confident_part() -> None:
+    tiles = tile_windows(SIZE, SIDE)
+    box = (60.0, 20.0, 120.0, 60.0)  # whole in the first tile, cut by the second
+    part, whole = seen(box, tiles, confidence=0.9), seen(box, tiles, confidence=0.6)
+    assert len(part[1]) == 1
+    found = [whole[0], part[1], *whole[2:]]
+    result = merged(found, tiles)
+    assert result.boxes.tolist() == [list(box)]
+
+
+def test_a_part_that_is_told_otherwise_is_not_a_second_object() -> None:
+    """The second tile sees the end of the object alone, and takes less than half of that for it."""
+    tiles = tile_windows(SIZE, SIDE)
+    found = seen((60.0, 20.0, 120.0, 60.0), tiles, confidence=0.9)
+    end = (float(tiles[1][0]), 20.0, float(tiles[1][0]) + 10, 30.0)
+    found[1] = seen(end, tiles, confidence=0.5)[1]
+    assert merged(found, tiles).boxes.tolist() == [[60.0, 20.0, 120.0, 60.0]]

@@ -1,5 +1,6 @@
 """Large images at their own resolution: in tiles that overlap, and what crosses a seam put together again."""
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -7,7 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from pavetwin.labels.boxes import FloatBox, PixelBox, area, share_within, within
+from pavetwin.arrays import BoolArray, Float64Array, IndexArray
+from pavetwin.labels.boxes import PixelBox
 from pavetwin.perception.classes import SUBTYPES
 from pavetwin.perception.inference.detections import Detections, MaskPart
 
@@ -21,7 +23,10 @@ SAME: Final = 0.5
 """IoU from which two tiles' boxes of one coarse class are one object, compared in what both tiles see."""
 
 ABSORBED: Final = 0.7
-"""Share of a box in another one of the same object, which a tile sees whole, from which it adds nothing to it."""
+"""Share of a part within the box of an object from which it adds nothing to it."""
+
+TRUSTED: Final = 0.5
+"""Share of the confidence of an object's most confident part from which another part may change its box."""
 
 
 def tile_windows(size_px: tuple[int, int], side_px: int) -> list[PixelBox]:
@@ -38,33 +43,21 @@ def tile_windows(size_px: tuple[int, int], side_px: int) -> list[PixelBox]:
     return [(x, y, min(x + side_px, width), min(y + side_px, height)) for y, x in tiles]
 
 
-@dataclass(frozen=True, slots=True)
-class _Piece:
-    """What one tile says of an object."""
-
-    tile: int
-    row: int
-    box: FloatBox
-    is_cut: bool
-    coarse: int
-    """0 for every defect, else the class."""
-    confidence: float
-
-
 def merged(found: Sequence[Detections], tiles: Sequence[PixelBox]) -> Detections:
     """The detections of an image from those of its tiles, an object once.
 
-    Two boxes of one coarse class are one object where they agree (IoU) in what both tiles see. What one tile sees whole
-    stays as it is; parts that end at seams are joined. The class of an object is that of its most confident part,
-    weighted by the part's area.
+    Two boxes of one coarse class are one object where they agree (IoU) in what both tiles see. The most confident one
+    goes first and takes those with it, as non-maximum suppression does. What one tile sees whole stays as it is; parts
+    that end at seams are joined, unless they are much less confident: a doubtful box never makes a good one larger.
+    The class of an object is that of its most confident part, weighted by the part's area.
 
     Args:
         found: of each tile, in pixels of the image.
         tiles: left, top, right, bottom.
     """
     size = found[0].size_px
-    pieces = [piece for at in range(len(tiles)) for piece in _pieces(at, found[at], tiles[at], size)]
-    rows = [_joined(group, found) for group in _groups(pieces, tiles)]
+    pieces = _pieces(found, tiles)
+    rows = [_joined(group, pieces, found) for group in _groups(pieces, tiles)]
     rows.sort(key=lambda row: -row[2] * row[3])
     boxes = np.array([row[0] for row in rows], dtype=np.float32).reshape(-1, 4)
     return Detections(
@@ -77,64 +70,115 @@ def merged(found: Sequence[Detections], tiles: Sequence[PixelBox]) -> Detections
     )
 
 
-def _pieces(at: int, found: Detections, tile: PixelBox, size: tuple[int, int]) -> list[_Piece]:
-    seams = (tile[0] > 0, tile[1] > 0, tile[2] < size[0], tile[3] < size[1])
-    pieces = []
-    for row in range(len(found)):
-        box = found.box(row)
-        ends = (abs(side - edge) <= EDGE_PX for side, edge in zip(box, tile, strict=True))
-        is_cut = any(seam and end for seam, end in zip(seams, ends, strict=True))
-        coarse = max(0, int(found.classes[row]) - len(SUBTYPES) + 1)
-        pieces.append(_Piece(at, row, box, is_cut, coarse, float(found.confidence[row])))
-    return pieces
+@dataclass(frozen=True, slots=True)
+class _Pieces:
+    """What the tiles say of objects, a row for each box."""
+
+    boxes: Float64Array
+    """(n, 4) in pixels of the image."""
+    tile: IndexArray
+    row: IndexArray
+    """Among the detections of its tile."""
+    is_cut: BoolArray
+    """Whether it ends at a seam."""
+    coarse: IndexArray
+    """0 for every defect, else the class."""
+    confidence: Float64Array
 
 
-def _groups(pieces: Sequence[_Piece], tiles: Sequence[PixelBox]) -> list[list[_Piece]]:
-    """Pieces of one object together: linked directly or through others."""
-    group = list(range(len(pieces)))
-
-    def root(at: int) -> int:
-        while group[at] != at:
-            at = group[at]
-        return at
-
-    for at, one in enumerate(pieces):
-        for before in range(at):
-            if _is_same(pieces[before], one, tiles):
-                group[root(at)] = root(before)
-    gathered: dict[int, list[_Piece]] = {}
-    for at, piece in enumerate(pieces):
-        gathered.setdefault(root(at), []).append(piece)
-    return list(gathered.values())
+def _pieces(found: Sequence[Detections], tiles: Sequence[PixelBox]) -> _Pieces:
+    counts = [len(each) for each in found]
+    tile = np.repeat(np.arange(len(tiles)), counts)
+    boxes = np.concatenate([each.boxes for each in found]).astype(float).reshape(-1, 4)
+    edges = np.array(tiles, dtype=float)[tile]
+    width, height = found[0].size_px
+    seams = edges != [0, 0, width, height]
+    return _Pieces(
+        boxes=boxes,
+        tile=tile,
+        row=np.concatenate([np.arange(count) for count in counts]),
+        is_cut=(seams & (np.abs(boxes - edges) <= EDGE_PX)).any(axis=1),
+        coarse=np.maximum(0, np.concatenate([each.classes for each in found]) - len(SUBTYPES) + 1),
+        confidence=np.concatenate([each.confidence for each in found]).astype(float),
+    )
 
 
-def _is_same(one: _Piece, other: _Piece, tiles: Sequence[PixelBox]) -> bool:
-    if one.tile == other.tile or one.coarse != other.coarse:
-        return False
-    shared = within(tiles[one.tile], tiles[other.tile])
-    if shared is None:
-        return False
-    first, second = within(one.box, shared), within(other.box, shared)
-    if first is None or second is None or (both := within(first, second)) is None:
-        return False
-    inner = area(both)
-    return inner >= SAME * (area(first) + area(second) - inner)
+def _groups(pieces: _Pieces, tiles: Sequence[PixelBox]) -> list[list[int]]:
+    """The pieces that make up each object, the most confident objects first."""
+    windows = np.array(tiles, dtype=float)
+    in_tile = [np.flatnonzero(pieces.tile == at) for at in range(len(tiles))]
+    near = [_beside(at, windows, in_tile) for at in range(len(tiles))]
+    is_left = np.ones(len(pieces.boxes), dtype=bool)
+    groups = []
+    for first in np.argsort(-pieces.confidence, kind="stable").tolist():
+        if not is_left[first]:
+            continue
+        is_left[first] = False
+        group, heads = [first], deque([first])
+        while heads:
+            head = heads.popleft()
+            same = _same(head, near[pieces.tile[head]], pieces, windows, is_left)
+            is_left[same] = False
+            if not pieces.is_cut[group[0]]:
+                continue
+            trusted = same[pieces.confidence[same] >= TRUSTED * pieces.confidence[first]]
+            whole = trusted[~pieces.is_cut[trusted]][:1].tolist()
+            group = whole or group + trusted.tolist()
+            heads.extend(whole or trusted.tolist())
+        others = near[pieces.tile[group[0]]]
+        covered = _box(group, pieces)
+        rest = others[is_left[others] & pieces.is_cut[others] & (pieces.coarse[others] == pieces.coarse[first])]
+        is_left[rest[_shares(pieces.boxes[rest], covered) >= ABSORBED]] = False
+        groups.append(group)
+    return groups
+
+
+def _beside(tile: int, windows: Float64Array, in_tile: Sequence[IndexArray]) -> IndexArray:
+    """The pieces of all other tiles that see some of what a tile sees."""
+    starts, ends = np.maximum(windows[:, :2], windows[tile, :2]), np.minimum(windows[:, 2:], windows[tile, 2:])
+    beside = np.flatnonzero((starts < ends).all(axis=1)).tolist()
+    return np.concatenate([in_tile[at][:0] if at == tile else in_tile[at] for at in beside])
+
+
+def _same(piece: int, others: IndexArray, pieces: _Pieces, windows: Float64Array, is_left: BoolArray) -> IndexArray:
+    """Which of other tiles' pieces show the same object, the most confident ones first."""
+    others = others[is_left[others] & (pieces.coarse[others] == pieces.coarse[piece])]
+    window = windows[pieces.tile[piece]]
+    theirs = windows[pieces.tile[others]]
+    shared = np.hstack([np.maximum(theirs[:, :2], window[:2]), np.minimum(theirs[:, 2:], window[2:])])
+    mine = _within(np.broadcast_to(pieces.boxes[piece], shared.shape), shared)
+    seen = _within(pieces.boxes[others], shared)
+    both = _areas(_within(mine, seen))
+    same = others[both > SAME * np.maximum(_areas(mine) + _areas(seen) - both, 1e-9)]
+    return same[np.argsort(-pieces.confidence[same], kind="stable")]
+
+
+def _box(group: Sequence[int], pieces: _Pieces) -> Float64Array:
+    boxes = pieces.boxes[list(group)]
+    return np.concatenate([boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)])
+
+
+def _within(boxes: Float64Array, windows: Float64Array) -> Float64Array:
+    return np.hstack([np.maximum(boxes[:, :2], windows[:, :2]), np.minimum(boxes[:, 2:], windows[:, 2:])])
+
+
+def _areas(boxes: Float64Array) -> Float64Array:
+    """0 where a box is turned inside out: where nothing was shared."""
+    sides = np.maximum(boxes[:, 2:] - boxes[:, :2], 0.0)
+    return sides[:, 0] * sides[:, 1]
+
+
+def _shares(boxes: Float64Array, window: Float64Array) -> Float64Array:
+    """How much of each box lies within a window."""
+    return _areas(_within(boxes, np.broadcast_to(window, boxes.shape))) / np.maximum(_areas(boxes), 1e-9)
 
 
 def _joined(
-    group: list[_Piece], found: Sequence[Detections]
-) -> tuple[FloatBox, int, float, float, tuple[MaskPart, ...]]:
+    group: Sequence[int], pieces: _Pieces, found: Sequence[Detections]
+) -> tuple[list[float], int, float, float, tuple[MaskPart, ...]]:
     """Box, class, both confidences and mask of one object."""
-    ordered = sorted(group, key=lambda piece: (piece.is_cut, -piece.confidence))
-    kept = [ordered[0]]
-    box = ordered[0].box
-    for piece in ordered[1:]:
-        is_copy = not piece.is_cut and share_within(box, piece.box) >= ABSORBED
-        if not kept[0].is_cut and (is_copy or share_within(piece.box, box) >= ABSORBED):
-            continue
-        box = (*(min(box[at], piece.box[at]) for at in (0, 1)), *(max(box[at], piece.box[at]) for at in (2, 3)))  # type: ignore[assignment]
-        kept.append(piece)
-    judge = max(kept, key=lambda piece: piece.confidence * area(piece.box))
-    of = found[judge.tile]
-    masks = tuple(part for piece in kept for part in found[piece.tile].masks[piece.row])
-    return box, int(of.classes[judge.row]), float(of.detection[judge.row]), float(of.subtype[judge.row]), masks
+    judge = max(group, key=lambda at: pieces.confidence[at] * _areas(pieces.boxes[[at]])[0])
+    of, row = found[pieces.tile[judge]], pieces.row[judge]
+    masks = tuple(part for at in group for part in found[pieces.tile[at]].masks[pieces.row[at]])
+    box = _box(group, pieces).tolist()
+    return box, int(of.classes[row]), float(of.detection[row]), float(of.subtype[row]), masks

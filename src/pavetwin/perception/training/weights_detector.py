@@ -54,7 +54,7 @@ class WeightsDetector(Detector):
         """
         pixels = pixels_of(image)
         size = (pixels.shape[1], pixels.shape[0])
-        is_cut = self.tiled and max(size) > self.image_px
+        is_cut = self.in_tiles(size)
         windows = tile_windows(size, self.image_px) if is_cut else [(0, 0, *size)]
         shares = np.array([[share_within(box, window) for window in windows] for box in boxes])
         said = [0] * len(boxes)
