@@ -28,6 +28,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"mission"}),
     frozenset({"draw"}),
     frozenset({"experiments", "capture", "datasets", "flightplan", "inventory"}),
+    frozenset({"handover"}),
     frozenset({"cli", "app"}),
 )
 LEVEL = {room: level for level, rooms in enumerate(LAYERS) for room in rooms}

@@ -27,6 +27,7 @@ TERMINATED = 143
 
 COMMANDS = (
     *("world", "traffic", "fly", "plan", "aircraft", "policy", "sensor", "defect", "pci", "inventory"),
+    "handover",
     *("capture", "data", "evaluate", "compare", "train", "export", "detect", "serve", "experiment", "demo", "doctor"),
 )
 """Each a module of this package with a group `app`, or a function of its own name."""

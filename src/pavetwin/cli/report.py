@@ -1,7 +1,7 @@
 """What `fly` prints and writes of numbers: tables, a sentence, files."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
 
@@ -13,7 +13,7 @@ from rich.text import Text
 from pavetwin.cli.console import out
 from pavetwin.mission.environment import INSPECT_MPS, capture_interval_s, inspect_speed_mps, window_m
 from pavetwin.mission.found_share import found_share
-from pavetwin.mission.inspected_defects import MissReason
+from pavetwin.mission.inspected_defects import PLACED, missed_words
 from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.results import Totals, save_mission, save_missions, totals
 from pavetwin.traffic.demand import density_named
@@ -100,9 +100,6 @@ def tell(results: Sequence["MissionResult"], inputs: "MissionInputs", former: "F
         if changes := former.version_changes():
             out.print(f"[yellow]Note:[/] flown before with {', '.join(changes)}.", soft_wrap=True)
         out.print(former.verdict(results[0]), markup=False, soft_wrap=True)
-
-
-PLACED: Final = "placed by the program, not surveyed"
 
 
 def outside_words(world: "World") -> str:
@@ -295,18 +292,6 @@ def pace_line(settings: "MissionSettings") -> str:
     )
 
 
-MISSED: Final[Mapping[MissReason, str]] = {
-    MissReason.HIDDEN_BY_VEHICLES: "hidden by vehicles in traffic",
-    MissReason.HIDDEN_BY_PARKED_VEHICLES: "under or behind a parked vehicle",
-    MissReason.HIDDEN_BY_PEDESTRIANS: "hidden by pedestrians",
-    MissReason.HIDDEN_BY_FIXED_OBJECTS: "hidden by buildings, trees or street furniture",
-    MissReason.TOO_SMALL: "too small for the pixels",
-    MissReason.NOT_RECOGNISED: "seen but not recognised by the sensor",
-    MissReason.BETWEEN_CAPTURES: "between two captures",
-    MissReason.OUTSIDE_SWATH: "outside the camera's swath",
-}
-
-
 def missed_lines(results: Sequence["MissionResult"]) -> list[str]:
     """For each mission that missed something, how many defects and why."""
     lines = []
@@ -315,8 +300,7 @@ def missed_lines(results: Sequence["MissionResult"]) -> list[str]:
         found = reasons.pop(None, 0)
         if missed := reasons.total():
             whose = f"{result.policy} missed" if len(results) > 1 else "Missed"
-            why = ", ".join(f"{reasons[reason]} {words}" for reason, words in MISSED.items() if reasons[reason])
-            lines.append(f"{whose} {missed} of {missed + found}: {why}.")
+            lines.append(f"{whose} {missed} of {missed + found}: {missed_words(reasons)}.")
     return lines
 
 

@@ -1,6 +1,6 @@
 """The figure of a mission: the town with the route, close views of notable segments, and the main numbers."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,7 @@ from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
 from pavetwin.traffic.demand import USER
 from pavetwin.world.ground import Bounds
+from pavetwin.world.model import World
 
 WIDTH_IN = 10.0
 MARGIN_IN = 0.25
@@ -163,7 +164,8 @@ def _draw_town(axes: Axes, result: MissionResult, bounds: Bounds, strips: Sequen
         disc = {"boxstyle": "circle,pad=0.18", "facecolor": style.PAPER, "edgecolor": style.INK, "linewidth": 0.8}
         text = axes.text(float(corner[0]), float(corner[1]), letter, fontsize=9, fontweight="bold", bbox=disc)
         text.set(ha="center", va="center", zorder=ABOVE_WORLD + 40)
-    _name_streets(axes, result, [strip.outline() for strip in strips])
+    inspected = {row.segment for row in result.rows}
+    name_streets(axes, result.environment.world, inspected, [strip.outline() for strip in strips])
     mission_layers.draw_surfaces(axes, result, _PLAIN)
     mission_layers.draw_parked(axes, result, _PLAIN)
     mission_layers.draw_route(axes, result, _PLAIN, weights)
@@ -172,11 +174,10 @@ def _draw_town(axes: Axes, result: MissionResult, bounds: Bounds, strips: Sequen
     mission_layers.draw_stations(axes, result, _PLAIN)
 
 
-def _name_streets(axes: Axes, result: MissionResult, frames: Sequence[shapely.Polygon]) -> None:
-    """Outside the inspected segments and frames where the street continues there, else across them."""
-    world = result.environment.world
+def name_streets(axes: Axes, world: World, inspected: Collection[str], frames: Sequence[shapely.Polygon] = ()) -> None:
+    """Write street names outside the inspected segments and frames where the street continues there, else across
+    them."""
     segments, names = world.segments, shown_names(world)
-    inspected = {row.segment for row in result.rows}
     per_m = shapes.points_per_m(axes)
     base = world.base.buffer(6.0 / per_m)
     clear, any_ = lettering.OccupiedSpace(), lettering.OccupiedSpace()

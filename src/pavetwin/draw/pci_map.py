@@ -28,8 +28,14 @@ def save_pci_map(world: World, conditions: Sequence[UnitCondition], path: Path, 
     Raises:
         PaveTwinError: it cannot be written.
     """
+    title = f"{world.name}: Pavement Condition Index"
+    save_shaded_map(world, pci_shades(conditions), title=title, subtitle=subtitle, path=path)
+
+
+def pci_shades(conditions: Sequence[UnitCondition]) -> list[Shade]:
+    """One for each rating, the best first."""
     limits = [100.0, *(least for least, _ in RATINGS)]
-    shades = [
+    return [
         Shade(
             f"{rating.value}, {low:g} to {high:g}",
             COLOURS[rating],
@@ -37,5 +43,3 @@ def save_pci_map(world: World, conditions: Sequence[UnitCondition], path: Path, 
         )
         for (high, low), (_, rating) in zip(pairwise(limits), RATINGS, strict=True)
     ]
-    title = f"{world.name}: Pavement Condition Index"
-    save_shaded_map(world, shades, title=title, subtitle=subtitle, path=path)

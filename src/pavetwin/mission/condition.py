@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
 import polars as pl
 
 from pavetwin.errors import PaveTwinError
@@ -13,8 +12,8 @@ from pavetwin.files import writing
 from pavetwin.mission.again import FormerMission
 from pavetwin.mission.inputs import check_unchanged, defects_of, world_of
 from pavetwin.pci import Survey, UnitCondition, mean_pci, not_counted, rating_of, sample_units
-from pavetwin.world.layers import write_layer
-from pavetwin.world.model import World
+from pavetwin.world.layers import columns_of, write_layer
+from pavetwin.world.model import Defect, World
 
 WORST_FIRST: Final = "pci"
 
@@ -29,6 +28,8 @@ class ConditionReport:
     """Of the same units; None where nobody inspected them."""
     not_counted: Mapping[str, int]
     """Defects of classes that stand for no distress, by class."""
+    defects: tuple[Defect, ...]
+    """Of these units."""
 
     @property
     def pci(self) -> float:
@@ -42,14 +43,14 @@ class ConditionReport:
 def condition_of_world(world: World) -> ConditionReport:
     """The true condition of all of a world."""
     true = Survey(sample_units(world.segments), world.defects).conditions()
-    return ConditionReport(world, true, None, not_counted(world.defects))
+    return ConditionReport(world, true, None, not_counted(world.defects), world.defects)
 
 
 def condition_of_mission(mission: FormerMission) -> ConditionReport:
     """The condition of the segments that a mission inspected.
 
     Raises:
-        PaveTwinError: its world has changed, or its `captures.geojson` is gone.
+        PaveTwinError: its world has changed, or its `captures.geojson` is gone or damaged.
     """
     if mission.detections is None:
         raise PaveTwinError(
@@ -60,10 +61,15 @@ def condition_of_mission(mission: FormerMission) -> ConditionReport:
     targets = [world.segment(name) for name in mission.spec.targets]
     inspected = {segment.id for segment in targets}
     placed = defects_of(world, mission.spec.defects, mission.spec.targets)
-    defects = [defect for defect in placed if defect.segment in inspected]
+    defects = tuple(defect for defect in placed if defect.segment in inspected)
     survey = Survey(sample_units(targets), defects)
-    found = [int(feature["id"]) for feature in mission.detections["features"]]
-    return ConditionReport(world, survey.conditions(), survey.conditions(found), not_counted(defects))
+    try:
+        found = [int(feature["id"]) for feature in mission.detections["features"]]
+    except (KeyError, TypeError, ValueError) as error:
+        raise PaveTwinError(
+            f"'{mission.path.parent / 'captures.geojson'}' is damaged; fly the mission again."
+        ) from error
+    return ConditionReport(world, survey.conditions(), survey.conditions(found), not_counted(defects), defects)
 
 
 def unit_table(report: ConditionReport) -> pl.DataFrame:
@@ -136,12 +142,16 @@ def write_condition(report: ConditionReport, folder: Path) -> None:
         table.write_csv(temporary)
     with writing(folder / "streets.csv") as temporary:
         street_condition(report).write_csv(temporary)
-    columns = {
-        name: np.array(table[name].to_list(), dtype=object)
-        if table[name].dtype == pl.String
-        else table[name].to_numpy()
-        for name in table.columns
-    }
-    outlines = [condition.unit.polygon for condition in report.true]
     with writing(folder / "pci.gpkg") as temporary:
-        write_layer(temporary, "sample_units", "MultiPolygon", outlines, columns, report.world.georeference)
+        write_units(report, table, temporary)
+
+
+def write_units(report: ConditionReport, table: pl.DataFrame, path: Path) -> None:
+    """Add the layer `sample_units`, the units' outlines with the columns of `unit_table`, to a GeoPackage.
+
+    Raises:
+        OSError: the disk is full or the folder cannot be written.
+    """
+    columns, masks = columns_of(table)
+    outlines = [condition.unit.polygon for condition in report.true]
+    write_layer(path, "sample_units", "MultiPolygon", outlines, columns, report.world.georeference, masks)

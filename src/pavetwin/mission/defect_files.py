@@ -5,13 +5,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import polars as pl
 
 from pavetwin.files import writing
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.inspected_defects import HIDDEN, InspectedDefect
-from pavetwin.world.layers import write_layer
+from pavetwin.world.layers import columns_of, write_layer
 from pavetwin.world.model import Defect, World
 
 _COLUMNS: dict[str, Any] = {
@@ -80,18 +79,10 @@ def write_defects(result: MissionResult, folder: Path) -> None:
     """
     table, environment = defects_table(result), result.environment
     table.write_csv(folder / "defects.csv")
-    columns = {name: _plain(table[name]) for name in table.columns}
-    masks = {name: table[name].is_null().to_numpy() for name in table.columns if table[name].dtype != pl.String}
+    columns, masks = columns_of(table)
     outlines = [environment.defects[number].polygon for number in table["id"]]
     place = environment.world.georeference
     write_layer(folder / "defects.gpkg", "defects", "Polygon", outlines, columns, place, masks)
-
-
-def _plain(column: pl.Series) -> "np.ndarray[Any, Any]":
-    """For GDAL: texts as objects, and any number where there is none."""
-    if column.dtype == pl.String:
-        return np.array(column.to_list(), dtype=object)
-    return column.fill_null(False if column.dtype == pl.Boolean else 0).to_numpy()
 
 
 def write_captures(result: MissionResult, path: Path, frames: Sequence[str] = ()) -> None:

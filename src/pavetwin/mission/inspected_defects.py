@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
 from math import hypot
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -29,6 +29,10 @@ from pavetwin.world.model import Defect
 
 if TYPE_CHECKING:
     from pavetwin._core import DefectShares
+
+
+PLACED: Final = "placed by the program, not surveyed"
+"""What the defects of a world are."""
 
 
 class MissReason(StrEnum):
@@ -50,6 +54,33 @@ class MissReason(StrEnum):
     HIDDEN_BY_PEDESTRIANS = "hidden_by_pedestrians"
     HIDDEN_BY_FIXED_OBJECTS = "hidden_by_fixed_objects"
     """Buildings, trees, street furniture."""
+
+    @property
+    def words(self) -> str:
+        """As it goes into a sentence on missed defects."""
+        return _WORDS[self]
+
+
+_WORDS: Final[Mapping[MissReason, str]] = {
+    MissReason.HIDDEN_BY_VEHICLES: "hidden by vehicles in traffic",
+    MissReason.HIDDEN_BY_PARKED_VEHICLES: "under or behind a parked vehicle",
+    MissReason.HIDDEN_BY_PEDESTRIANS: "hidden by pedestrians",
+    MissReason.HIDDEN_BY_FIXED_OBJECTS: "hidden by buildings, trees or street furniture",
+    MissReason.TOO_SMALL: "too small for the pixels",
+    MissReason.NOT_RECOGNISED: "seen but not recognised by the sensor",
+    MissReason.BETWEEN_CAPTURES: "between two captures",
+    MissReason.OUTSIDE_SWATH: "outside the camera's swath",
+}
+"""In the order in which sentences name them."""
+
+
+def missed_words(reasons: Mapping[MissReason | None, int]) -> str:
+    """`3 hidden by vehicles in traffic, 1 too small for the pixels`; empty where nothing was missed.
+
+    Args:
+        reasons: how many defects were missed for each reason; None, of those that were found, is left out.
+    """
+    return ", ".join(f"{count} {words}" for reason, words in _WORDS.items() if (count := reasons.get(reason)))
 
 
 HIDDEN: Mapping[MissReason, str] = {

@@ -1,6 +1,6 @@
 """Π: what to do when traffic hides the road. One file a policy, one registry."""
 
-from pavetwin.policies.base import Action, Displace, GoOn, Policy, Revisit, Wait
+from pavetwin.policies.base import Action, Displace, GoOn, Pilot, Policy, Revisit, Wait
 from pavetwin.policies.baseline import Baseline
 from pavetwin.policies.conformance import check_policy
 from pavetwin.policies.hover import Hover
@@ -16,6 +16,7 @@ __all__ = [
     "GoOn",
     "Hover",
     "Micro",
+    "Pilot",
     "Policy",
     "Revisit",
     "Skip",

@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from math import hypot, isfinite
 from types import MappingProxyType
 from typing import Any, ClassVar
@@ -60,6 +61,18 @@ class Revisit:
 Action = GoOn | Wait | Displace | Revisit
 
 
+class Pilot(StrEnum):
+    """Who can carry out a policy with a real drone and an exported plan."""
+
+    ANY = "anyone"
+    """The plan is all of it."""
+    OBSERVER = "with an observer"
+    """A second person watches the live picture, sees when the road is hidden, and says so."""
+    NOBODY = "nobody by hand"
+    """It needs a computer that knows the traffic around the drone."""
+    UNKNOWN = "not stated"
+
+
 class Policy(ABC):
     """Π: asked whenever o_{s*,t} < τ_o while inspecting. Decides from the snapshot alone."""
 
@@ -71,10 +84,16 @@ class Policy(ABC):
     """The settings of the section `policy` that it reads, `options` aside: a study that sweeps another one flies it
     once. Not inherited: a subclass that does not say may read any."""
 
+    pilot: ClassVar[Pilot] = Pilot.UNKNOWN
+    """Who can carry it out by hand; as `by_hand` not inherited, since a subclass does something else."""
+    by_hand: ClassVar[str] = ""
+    """How that is done, or why not, in one sentence that a pilot understands; empty where nobody has said."""
+
     def __init_subclass__(cls, **given: Any) -> None:
         super().__init_subclass__(**given)
-        if "reads" not in vars(cls):
-            cls.reads = Policy.reads
+        for name in ("reads", "pilot", "by_hand"):
+            if name not in vars(cls):
+                setattr(cls, name, getattr(Policy, name))
 
     def __init__(self, settings: PolicySettings) -> None:
         """Raises:

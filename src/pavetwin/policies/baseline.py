@@ -1,6 +1,6 @@
 """The policy that never reacts."""
 
-from pavetwin.policies.base import Action, GoOn, Policy
+from pavetwin.policies.base import Action, GoOn, Pilot, Policy
 from pavetwin.policies.registered import policy
 from pavetwin.twin import Snapshot
 
@@ -10,6 +10,8 @@ class Baseline(Policy):
     """Flies on whatever it sees."""
 
     reads = frozenset()
+    pilot = Pilot.ANY
+    by_hand = "The autopilot flies the plan as it is; nobody reacts to the traffic."
 
     def decide(self, snapshot: Snapshot) -> Action:  # noqa: ARG002
         return GoOn()

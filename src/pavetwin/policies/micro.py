@@ -5,7 +5,7 @@ from math import cos, sin, tau
 import numpy as np
 
 from pavetwin.config.mission import PolicySettings
-from pavetwin.policies.base import Action, Displace, GoOn, Policy
+from pavetwin.policies.base import Action, Displace, GoOn, Pilot, Policy
 from pavetwin.policies.registered import policy
 from pavetwin.twin import Snapshot
 
@@ -26,6 +26,10 @@ class Micro(Policy):
     """
 
     reads = frozenset({"max_displacement_m"})
+    pilot = Pilot.NOBODY
+    by_hand = (
+        "The step aside is computed from the places of all vehicles around the drone, which a pilot does not know."
+    )
 
     def __init__(self, settings: PolicySettings) -> None:
         super().__init__(settings)

@@ -1,6 +1,6 @@
 """The policy that notes a hidden place and comes back after the pass."""
 
-from pavetwin.policies.base import Action, GoOn, Policy, Revisit
+from pavetwin.policies.base import Action, GoOn, Pilot, Policy, Revisit
 from pavetwin.policies.registered import policy
 from pavetwin.twin import Snapshot
 
@@ -10,6 +10,11 @@ class Skip(Policy):
     """Notes the place (none closer than `note_spacing_m`, at most one every `note_interval_s`) and goes on."""
 
     reads = frozenset({"note_spacing_m", "note_interval_s", "revisit_stay_s"})
+    pilot = Pilot.OBSERVER
+    by_hand = (
+        "An observer sees on the live picture that the road is hidden and notes the place; the pilot comes "
+        "back to it after the pass."
+    )
 
     def decide(self, snapshot: Snapshot) -> Action:
         occlusion = snapshot.occlusion

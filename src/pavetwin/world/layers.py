@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
@@ -17,6 +17,9 @@ from pavetwin.world.content import round_to_grid
 from pavetwin.world.georeference import GeoReference
 from pavetwin.world.layer_tables import LAYERS, Layer, LayerRow, collections_of, conflicts_of
 from pavetwin.world.model import World
+
+if TYPE_CHECKING:
+    import polars as pl
 
 CONDITION = "condition"
 """The layer of what is damaged on each segment, for GIS programs; it follows from the defects and is not read."""
@@ -79,6 +82,23 @@ def write_layer(
             )
     except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, RuntimeError) as error:
         raise OSError(f"{path.name} could not be written ({error})") from error
+
+
+def columns_of(table: "pl.DataFrame") -> tuple[dict[str, AnyArray], dict[str, BoolArray]]:
+    """The columns of a table for GDAL, texts as objects and any number where there is none; and of columns that are no
+    texts, where there is none."""
+    import polars as pl
+
+    values = {name: _filled(table[name]) for name in table.columns}
+    return values, {name: table[name].is_null().to_numpy() for name in table.columns if table[name].dtype != pl.String}
+
+
+def _filled(column: "pl.Series") -> AnyArray:
+    import polars as pl
+
+    if column.dtype == pl.String:
+        return np.array(column.to_list(), dtype=object)
+    return column.fill_null(False if column.dtype == pl.Boolean else 0).to_numpy()
 
 
 @contextmanager

@@ -1,0 +1,191 @@
+"""A mission's folder, read and checked: what its handover says, before any file is written."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import polars as pl
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.flightplan import FlightPlan, Trigger, plan_of
+from pavetwin.handover.streets import StreetAdvice
+from pavetwin.mission.again import FormerMission
+from pavetwin.mission.condition import ConditionReport, condition_of_mission, street_condition, unit_table
+from pavetwin.mission.inspected_defects import MissReason
+from pavetwin.policies import policy_class
+from pavetwin.world.model import Defect, World
+
+DEFECTS: Final = "defects.csv"
+STREETS: Final = "streets.csv"
+
+DEFECT_COLUMNS: Final[Mapping[str, Any]] = {
+    **{"id": pl.Int64, "class": pl.String, "severity": pl.String, "outcome": pl.String, "reason": pl.String},
+    **{"street": pl.String, "segment": pl.String},
+    **dict.fromkeys(("length_m", "width_m", "depth_m", "area_m2", "longitude", "latitude"), pl.Float64),
+}
+"""Of the handover's table of defects; all are in a mission's `defects.csv`."""
+
+_STREET_COLUMNS: Final[Mapping[str, Any]] = {
+    **{"street": pl.String, "segments": pl.String, "length_m": pl.Float64, "area_m2": pl.Float64},
+    **{"defects": pl.Int64, "found": pl.Int64, "surface_coverage": pl.Float64, "time_s": pl.Float64},
+}
+"""Taken from a mission's `streets.csv`."""
+
+_CONDITION_COLUMNS: Final = ("units", "pci", "rating", "pci_found", "rating_found", "worst_unit", "worst_pci")
+
+
+@dataclass(frozen=True)
+class Handover:
+    """A mission, what it found, and what is flown for it."""
+
+    mission: FormerMission
+    world: World
+    plan: FlightPlan
+    condition: ConditionReport
+    shapes: Sequence[Defect]
+    """Of the rows of `defects`."""
+    defects: pl.DataFrame
+    """A row a defect of the inspected segments: `DEFECT_COLUMNS`."""
+    units: pl.DataFrame
+    """A row a sample unit, as `unit_table` makes it."""
+    streets: pl.DataFrame
+    """A row a street, the worst first: length, defects and found ones, what was seen, condition; of a study also what
+    to fly there (`StreetAdvice`)."""
+    advice: StreetAdvice | None = None
+
+    @property
+    def name(self) -> str:
+        return self.mission.path.absolute().parent.name
+
+    @property
+    def policy(self) -> str:
+        return policy_class(self.mission.spec.policy.name).name
+
+    @property
+    def pci_found(self) -> float:
+        assert self.condition.pci_found is not None
+        return self.condition.pci_found
+
+    @property
+    def by_segment(self) -> tuple[list[int], list[int]]:
+        """Of each segment with defects, how many were found and how many there are."""
+        counted = self.defects.group_by("segment", maintain_order=True).agg(
+            (pl.col("outcome") == "found").sum().alias("found"), pl.len().alias("defects")
+        )
+        return counted["found"].to_list(), counted["defects"].to_list()
+
+    @property
+    def found(self) -> int:
+        return int((self.defects["outcome"] == "found").sum())
+
+    @property
+    def missed(self) -> int:
+        return self.defects.height - self.found
+
+    @property
+    def reasons(self) -> Mapping[MissReason | None, int]:
+        """How many defects were missed for each reason."""
+        counted = self.defects["reason"].drop_nulls().value_counts().rows()
+        return {MissReason(reason): count for reason, count in counted}
+
+    def by_severity(self) -> pl.DataFrame:
+        """A row a class and severity that occurs: `class`, `severity`, `defects`, `found`, `missed`."""
+        order = {"low": 0, "medium": 1, "high": 2}
+        return (
+            self.defects.group_by("class", "severity")
+            .agg(
+                pl.len().alias("defects"),
+                (pl.col("outcome") == "found").sum().alias("found"),
+                (pl.col("outcome") == "missed").sum().alias("missed"),
+            )
+            .sort("class", pl.col("severity").replace_strict(order, default=3))
+        )
+
+
+def handover_of(
+    mission: FormerMission, *, trigger: Trigger = Trigger.DISTANCE, advice: StreetAdvice | None = None
+) -> Handover:
+    """What a mission hands over.
+
+    Args:
+        trigger: what releases the camera in the plans.
+        advice: of a study over the same world.
+
+    Raises:
+        PaveTwinError: the world or a file of the mission is gone, damaged or not what it was, its files contradict each
+            other, or the world has no place on the earth.
+    """
+    condition = condition_of_mission(mission)
+    world, folder = condition.world, mission.path.parent
+    if advice is not None and advice.world != world.name:
+        raise PaveTwinError(f"`study`: it has no missions in the world '{world.name}' of the mission.")
+    plan = plan_of(mission, world, trigger=trigger)
+    defects = _table(folder / DEFECTS, DEFECT_COLUMNS)
+    streets = _table(folder / STREETS, _STREET_COLUMNS)
+    shapes = _matched(mission, defects, condition)
+    _check_streets(folder / STREETS, streets, defects)
+    whole = streets.with_columns((pl.col("defects") - pl.col("found")).alias("missed")).join(
+        street_condition(condition).select("street", *_CONDITION_COLUMNS), on="street", how="left"
+    )
+    if advice is not None:
+        whole = whole.join(advice.table, on="street", how="left")
+    return Handover(
+        *(mission, world, plan, condition, shapes, defects, unit_table(condition)),
+        streets=whole.sort("pci", "street"),
+        advice=advice,
+    )
+
+
+def _table(path: Path, columns: Mapping[str, Any]) -> pl.DataFrame:
+    """Raises:
+    PaveTwinError: the file is gone, damaged or of an earlier version.
+    """
+    try:
+        table = pl.read_csv(path, schema_overrides=dict(columns), infer_schema_length=0)
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise PaveTwinError(f"'{path}' is gone or damaged; fly the mission again.") from error
+    if gone := [name for name in columns if name not in table.columns]:
+        raise PaveTwinError(
+            f"'{path}' has no column '{gone[0]}': it is damaged or of an earlier version; fly the mission again."
+        )
+    return table.select(*columns)
+
+
+def _matched(mission: FormerMission, defects: pl.DataFrame, condition: ConditionReport) -> list[Defect]:
+    """The defects of the table's rows.
+
+    Raises:
+        PaveTwinError: the table is of other defects, or of another mission than its description and its captures.
+    """
+    placed = {defect.id: defect for defect in condition.defects}
+    found = set(defects.filter(outcome="found")["id"])
+    captured = {int(feature["id"]) for feature in mission.detections["features"]}
+    outcomes = set(defects["outcome"].to_list()) | {"found", "missed"}
+    known = {None, *map(str, MissReason)}
+    fits = (
+        set(defects["id"]) == placed.keys() == {*defects["id"]}
+        and defects.height == len(placed)
+        and found == captured
+        and len(found) == mission.totals.get("confirmed")
+        and outcomes == {"found", "missed"}
+        and set(defects["reason"].to_list()) <= known
+    )
+    if not fits:
+        raise PaveTwinError(
+            f"'{mission.path.parent / DEFECTS}' is not of the same mission as {mission.path.name} and captures.geojson "
+            "beside it, or was changed; fly the mission again."
+        )
+    return [placed[number] for number in defects["id"]]
+
+
+def _check_streets(path: Path, streets: pl.DataFrame, defects: pl.DataFrame) -> None:
+    """Raises:
+    PaveTwinError: the table counts other defects than that of defects.
+    """
+    counted = defects.group_by("street").agg(
+        pl.len().cast(pl.Int64).alias("defects"), (pl.col("outcome") == "found").sum().cast(pl.Int64).alias("found")
+    )
+    there = streets.filter(pl.col("defects") > 0).select("street", "defects", "found")
+    if set(counted.rows()) != set(there.rows()):
+        raise PaveTwinError(f"'{path}' counts other defects than {DEFECTS} beside it; fly the mission again.")

@@ -1,0 +1,107 @@
+"""The files of a handover, all or none."""
+
+from base64 import b64encode
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from pavetwin.draw import style
+from pavetwin.draw.world_map import credit
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import writing_folder
+from pavetwin.flightplan import PlanFormat, save_plan
+from pavetwin.handover.contents import Handover
+from pavetwin.handover.map import map_figure
+from pavetwin.handover.page import Page, page_of
+from pavetwin.handover.sheet import sheet_figure
+from pavetwin.handover.spreadsheet import write_workbook
+from pavetwin.mission.condition import write_units
+from pavetwin.world.layers import columns_of, write_layer
+
+PAGE: Final = "handover.html"
+SHEET: Final = "handover.pdf"
+MAP: Final = "map.png"
+GEOPACKAGE: Final = "handover.gpkg"
+WORKBOOK: Final = "handover.xlsx"
+PLANS: Final = "plan"
+
+HANDOVER_FILES: Final = (SHEET, PAGE, MAP, "defects.csv", "units.csv", "streets.csv", GEOPACKAGE, WORKBOOK)
+"""Of every handover; the plans are in a folder beside them."""
+
+
+def check_target(folder: Path, *, force: bool) -> None:
+    """Whether a handover may be written there.
+
+    Raises:
+        PaveTwinError: the folder is a file, or holds something: no handover, or one that `force` does not let replace.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise PaveTwinError(f"`output` {folder}: it is a file; name a folder.")
+    if not folder.exists() or not any(folder.iterdir()):
+        return
+    if not all((folder / name).is_file() for name in (PAGE, SHEET)):
+        raise PaveTwinError(f"`output` '{folder}' exists and holds no handover; choose another folder.")
+    if not force:
+        raise PaveTwinError(f"`output` '{folder}' holds a handover; choose another folder, or replace it (`force`).")
+
+
+def write_handover(
+    handover: Handover, folder: Path, formats: Sequence[PlanFormat], *, force: bool = False
+) -> list[str]:
+    """Write all files into a folder, or none.
+
+    Args:
+        formats: of the plans, a file for each flight and format.
+        force: replace a handover that is there.
+
+    Returns:
+        The names of the plans, in the folder `plan`.
+
+    Raises:
+        PaveTwinError: as `check_target`, a format cannot hold the plan, or the folder cannot be written.
+    """
+    check_target(folder, force=force)
+    with writing_folder(folder, replace=True) as temporary:
+        plans = save_plan(handover.plan, temporary / PLANS, formats)
+        handover.defects.write_csv(temporary / "defects.csv")
+        handover.units.write_csv(temporary / "units.csv")
+        handover.streets.write_csv(temporary / "streets.csv")
+        _write_geopackage(handover, temporary / GEOPACKAGE)
+        sheets = {"defects": handover.defects, "sample units": handover.units, "streets": handover.streets}
+        write_workbook(sheets, temporary / WORKBOOK)
+        page = page_of(handover, credit(handover.world) or "")
+        with style.styled():
+            style.save_figure(sheet_figure(page, handover), temporary / SHEET)
+            style.save_figure(map_figure(handover, page.credit), temporary / MAP)
+        picture = (temporary / MAP).read_bytes()
+        (temporary / PAGE).write_text(_html(page, picture, [path.name for path in plans]), encoding="utf-8")
+    return [path.name for path in plans]
+
+
+def _write_geopackage(handover: Handover, path: Path) -> None:
+    """The layers `defects` and `sample_units`, in the world's coordinate system."""
+    columns, masks = columns_of(handover.defects)
+    outlines = [defect.polygon for defect in handover.shapes]
+    write_layer(path, "defects", "Polygon", outlines, columns, handover.world.georeference, masks)
+    write_units(handover.condition, handover.units, path)
+
+
+def _html(page: Page, picture: bytes, plans: Sequence[str]) -> str:
+    environment = Environment(
+        loader=PackageLoader("pavetwin.handover", "."),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
+    return environment.get_template("page.html.jinja").render(
+        page=page,
+        picture=b64encode(picture).decode("ascii"),
+        plans=plans,
+        files=HANDOVER_FILES,
+        accent=style.BASE,
+        ink=style.INK,
+        soft=style.INK_SOFT,
+    )
