@@ -14,8 +14,12 @@ class PaveTwinError(Exception):
     """Something the user can fix. The command line prints the message as one line and exits with code 2.
 
     A message names a parameter of the library in backquotes (`altitude_m`), and a command with its parameters as words
-    (`pavetwin world build SOURCE output=town force`); `cli/flags.py` turns them into options.
+    (`pavetwin world build SOURCE output=town force`); `cli/flags.py` turns them into options. It is never empty: where
+    nothing is said, such as by a plugin that raises this error without words, the type of what failed is.
     """
+
+    def __str__(self) -> str:
+        return super().__str__().strip() or f"{type(self.__cause__ or self).__name__}, of which nothing more is known."
 
 
 @contextmanager

@@ -15,11 +15,12 @@ import pytest
 import yaml
 from shapely import Point, union_all
 
+from pavetwin.traffic import part_table
 from pavetwin.world.cache import cached
 from pavetwin.world.folder import read_description
 from pavetwin.world.store import load_world, save_world
 from scenes import HERE, built, damaged, drawn_detector
-from scenes.command_line import command, pavetwin, pavetwin_process, plain_refusal
+from scenes.command_line import command, pavetwin, pavetwin_process, plain_refusal, without_progress
 from scenes.folders import digests
 from scenes.processes import is_over, simulations
 
@@ -616,3 +617,24 @@ def test_an_interrupted_run_leaves_nothing_half_written(
         assert {"mission.parquet", "track.parquet", "captures.geojson", "mission.yaml"} <= set(digests(result))
     assert not [name for name in digests(tmp_path) if Path(name).name.startswith(".")]
     assert set(digests(target)) == before
+
+
+@pytest.mark.parametrize(("number", "code", "said"), [INTERRUPTED, TERMINATED])
+def test_an_interruption_while_the_kernel_has_traffic_read_is_one(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals, code: int, said: str
+) -> None:
+    def interrupted(*_: object) -> None:
+        os.kill(os.getpid(), number)
+
+    monkeypatch.setattr(part_table, "from_columns", interrupted)
+    done = pavetwin("fly", world, *SHORT, "-o", tmp_path / "m")
+    assert done.returncode == code, done.stderr
+    assert without_progress(done.stderr) == [f"Error: {said}; nothing half-written was left behind."]
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_error_without_words_tells_its_type(world: Path, tmp_path: Path) -> None:
+    plugin = tmp_path / "silent.py"
+    plugin.write_text("from pavetwin.errors import PaveTwinError\nraise PaveTwinError from TimeoutError()\n")
+    line = plain_refusal(pavetwin("fly", world, *SHORT, "--plugin", plugin, "-o", tmp_path / "m"))
+    assert line == "Error: TimeoutError, of which nothing more is known."

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pavetwin._core import Trace
 from pavetwin.errors import PaveTwinError
 from pavetwin.traffic.demand import DENSITIES, Capacity, density_named, density_of
 from pavetwin.traffic.kinds import KINDS, PEDESTRIANS, VEHICLES, sumo_types
@@ -16,7 +17,7 @@ from pavetwin.traffic.part_table import from_columns, to_columns
 from pavetwin.traffic.pose_rows import COLUMNS, PoseRows
 from pavetwin.traffic.recording import Agents, Origin, Recording
 from pavetwin.traffic.recording_file import load_recording, save_recording
-from pavetwin.traffic.trace import trace_arguments, trace_of
+from pavetwin.traffic.trace import KeyFrameColumns, trace_arguments, trace_of
 from pavetwin.traffic.track_part import TrackPart
 from pavetwin.traffic.tracks import AgentTracks
 from scenes.recordings import recording, save_first_version
@@ -299,3 +300,16 @@ def test_a_part_that_is_damaged_is_said_when_the_clock_gets_there(tmp_path: Path
     assert len(trace.agents_at(119.9)["agent"]) == 40
     with pytest.raises(PaveTwinError, match=f"The recording '{path}' is damaged; record it again"):
         trace.agents_at(120.0)
+
+
+@pytest.mark.parametrize("kind", [KeyboardInterrupt, SystemExit, TimeoutError])
+def test_what_ends_the_reading_of_a_part_passes_through_the_kernel(kind: type[BaseException]) -> None:
+    raised = kind()
+
+    def read(_: int) -> KeyFrameColumns:
+        raise raised
+
+    trace = Trace.of_parts(**{**trace_arguments(recording_of([1, 1])), "read": read})
+    with pytest.raises(kind) as caught:
+        trace.agents_at(0.0)
+    assert caught.value is raised

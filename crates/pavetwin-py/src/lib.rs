@@ -14,12 +14,19 @@ mod trace;
 use pavetwin_core::mission::Mode;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
+use std::error::Error;
 
 pyo3::import_exception!(pavetwin.errors, PaveTwinError);
 
-/// The kernel's error as the exception that the command line shows, with the same words.
-fn plain(error: impl std::fmt::Display) -> PyErr {
-    PaveTwinError::new_err(error.to_string())
+/// The kernel's error as the exception that the command line shows, with the same words. An exception of Python's that
+/// the kernel only passed on, such as the one that ends the process, is raised again as it was.
+fn plain(error: impl Into<Box<dyn Error>>) -> PyErr {
+    let error = error.into();
+    let mut causes = std::iter::successors(error.source(), |&cause| cause.source());
+    match causes.find_map(|cause| cause.downcast_ref::<PyErr>()) {
+        Some(raised) => Python::attach(|py| raised.clone_ref(py)),
+        None => PaveTwinError::new_err(error.to_string()),
+    }
 }
 
 #[pymodule]

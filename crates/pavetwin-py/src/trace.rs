@@ -3,7 +3,9 @@
 use crate::plain;
 use numpy::{PyArray1, PyReadonlyArray1, ToPyArray};
 use pavetwin_core::geometry::Vec2;
-use pavetwin_core::sensing::{self as core, AgentPose, Body, BodyClass, KeyFrames, Stretch, TraceColumns, TraceError};
+use pavetwin_core::sensing::{
+    self as core, AgentPose, Body, BodyClass, KeyFrames, ReaderError, Stretch, TraceColumns, TraceError,
+};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
@@ -129,7 +131,6 @@ fn bodies(
 
 /// What `read` gives for a part: a dictionary of the fields of `KeyFrames`.
 fn stretch(read: &Bound<'_, PyAny>, part: usize, agents: usize, step_s: f64) -> Result<Stretch, TraceError> {
-    let py = read.py();
     let made = || -> PyResult<Result<Stretch, TraceError>> {
         let fields = read.call1((part,))?;
         let step = |name: &str| fields.get_item(name)?.extract::<u32>();
@@ -152,7 +153,7 @@ fn stretch(read: &Bound<'_, PyAny>, part: usize, agents: usize, step_s: f64) -> 
         };
         Ok(Stretch::of_key_frames(&keys, agents, step_s))
     };
-    made().unwrap_or_else(|error| Err(TraceError::Unreadable { reason: error.value(py).to_string() }))
+    made().unwrap_or_else(|raised| Err(ReaderError(Arc::new(raised)).into()))
 }
 
 /// Poses as one array a column.

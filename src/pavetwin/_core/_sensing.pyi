@@ -98,7 +98,8 @@ class Trace:
         """A recording that is read part by part, when the clock gets there.
 
         Args:
-            read: gives the key frames of a part by its number, as `pavetwin.traffic.trace.KeyFrameColumns`.
+            read: gives the key frames of a part by its number, as `pavetwin.traffic.trace.KeyFrameColumns`. What it
+                raises comes out of every call that needs the part, unchanged.
             first_step: of the recording, which is time 0.
             step_count: from there on.
             starts: the first step of each part, ascending from 0.

@@ -169,9 +169,9 @@ def _reader(file: pq.ParquetFile, group: int, first: int, last: int, path: Path)
     def read() -> TrackPart:
         try:
             table = file.read_row_group(group, use_threads=False)
-        except (pa.ArrowException, OSError) as error:
+            return part_table.from_columns({name: table[name].to_numpy() for name in table.column_names}, first, last)
+        except (pa.ArrowException, OSError, KeyError, ValueError) as error:
             raise PaveTwinError(f"The recording '{path}' is damaged; record it again.") from error
-        return part_table.from_columns({name: table[name].to_numpy() for name in table.column_names}, first, last)
 
     return read
 

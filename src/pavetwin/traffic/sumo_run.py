@@ -187,7 +187,7 @@ def serve(owner: Connection) -> int:
         shutil.rmtree(job.folder, ignore_errors=True)
         return 0
     except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
-        print("Error:", " ".join(str(error).split()), file=sys.stderr)
+        print("Error:", " ".join(str(error).split()) or type(error).__name__, file=sys.stderr)
         return 1
 
 

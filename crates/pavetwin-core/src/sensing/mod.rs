@@ -26,4 +26,4 @@ pub use reach::Reach;
 pub use solids::{MIN_BASE_M2, Prism, Solid, SolidError, Solids};
 pub use stretch::{KeyFrames, Stretch, TELEPORT_MPS};
 pub use trace::{AgentPose, ReadPart, Trace, TraceParts};
-pub use trace_columns::{Body, BodyClass, TraceColumns, TraceError};
+pub use trace_columns::{Body, BodyClass, ReaderError, TraceColumns, TraceError};

@@ -1,6 +1,8 @@
 //! The columns a recording arrives in, and the check that they describe one.
 
 use super::cells::MAX_COORDINATE_M;
+use std::error::Error;
+use std::sync::Arc;
 
 /// What kind of dynamic agent a body is; it decides the shape that hides the ground.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -89,6 +91,30 @@ pub enum TraceError {
     PastEnd { t_s: f64, duration_s: f64 },
     #[error("{reason}")]
     Unreadable { reason: String },
+    #[error(transparent)]
+    Reader(#[from] ReaderError),
+}
+
+/// What a reader of parts failed with, unchanged: it is the `source` of every error that comes of it.
+#[derive(Debug, Clone)]
+pub struct ReaderError(pub Arc<dyn Error + Send + Sync>);
+
+impl PartialEq for ReaderError {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+}
+
+impl std::fmt::Display for ReaderError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl Error for ReaderError {
+    fn source(&self) -> Option<&(dyn Error + 'static)> {
+        Some(&*self.0)
+    }
 }
 
 impl TraceColumns {
