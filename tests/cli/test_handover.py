@@ -16,7 +16,7 @@ import polars as pl
 import pytest
 
 from pavetwin.world.store import save_world
-from scenes import damaged
+from scenes import built, damaged
 from scenes.command_line import command, pavetwin, plain_refusal
 
 FILES = {"handover.pdf", "handover.html", "map.png", "defects.csv", "units.csv", "streets.csv"} | {
@@ -265,3 +265,66 @@ def test_a_handover_that_is_killed_leaves_nothing_that_looks_like_one(mission: P
 
 def test_a_folder_that_is_no_mission_is_refused(mission: Path) -> None:
     assert "mission.yaml" in plain_refusal(pavetwin("handover", mission.parent / "cross"))
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("study")
+    save_world(damaged("cross", 6), folder / "cross")
+    (folder / "d.yaml").write_text(
+        "worlds: [cross]\ndensities: [low]\naltitudes_m: [10]\npolicies: [baseline, hover]\nreplicates: 2\n"
+        "presets: [paper]\n"
+    )
+    done = pavetwin("experiment", "run", "d.yaml", "-o", "s", "--jobs", "1", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return folder / "s"
+
+
+def test_a_study_hands_over_what_it_recommends(study: Path) -> None:
+    advised = pavetwin("experiment", "recommend", study).stdout
+    done = pavetwin("handover", study, cwd=study.parent)
+    assert done.returncode == 0, done.stderr
+    sentence = next(line for line in advised.splitlines() if line.startswith("Fly "))
+    assert sentence in done.stdout
+    made = study / "handover"
+    assert {path.name for path in made.iterdir()} == FILES | {"mission"}
+    policy = sentence.split()[1]
+    streets = pl.read_csv(made / "streets.csv")
+    assert set(streets["fly"]) == {f"{policy} at 10\u00a0m"}
+    flown = pl.read_parquet(made / "mission" / "mission.parquet")
+    assert set(flown["policy"]) == {policy}
+    assert set(flown["segment"]) == set(" ".join(streets["segments"]).split())
+    assert set(flown["segment"]) == set(pl.read_parquet(study / "segments.parquet")["segment"])
+    reader = Words()
+    reader.feed((made / "handover.html").read_text(encoding="utf-8"))
+    assert "Handover of s, simulated" in reader.text
+    assert sentence in reader.text
+    again = pavetwin("handover", made / "mission", "--study", study, "-o", study.parent / "again")
+    assert again.returncode == 0, again.stderr
+    for name in ("defects.csv", "units.csv", "streets.csv"):
+        assert (study.parent / "again" / name).read_bytes() == (made / name).read_bytes()
+
+
+def test_the_world_of_a_study_must_be_there(study: Path, tmp_path: Path) -> None:
+    shutil.copytree(study, tmp_path / "s", ignore=shutil.ignore_patterns("handover"))
+    text = (study / "design.yaml").read_text()
+    (tmp_path / "s" / "design.yaml").write_text(re.sub(r"(- path: ).*cross", r"\1gone", text))
+    told = plain_refusal(pavetwin("handover", tmp_path / "s", cwd=tmp_path))
+    assert told.endswith("of the study is not at 'gone' any more; put it back.")
+    save_world(built("cross", parking_rule="north_america"), tmp_path / "gone")
+    told = plain_refusal(pavetwin("handover", tmp_path / "s", cwd=tmp_path))
+    assert told.endswith("is not what the study flew over.")
+    assert {path.name for path in tmp_path.iterdir()} == {"s", "gone"}
+    assert not (tmp_path / "s" / "handover").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("--study", "gone"), "Error: --study gone: there is no study."),
+        (("--traffic", "low"), "Error: --traffic low: it is for a study; name one, or add --study."),
+        (("--choose", "best"), "Error: --choose: no objective 'best'"),
+    ],
+)
+def test_options_of_studies_are_refused_without_one(mission: Path, words: tuple[str, ...], line: str) -> None:
+    assert plain_refusal(pavetwin("handover", mission, *words)).startswith(line)

@@ -205,7 +205,7 @@ def report(
     from pavetwin.experiments.report import gather, write_report
     from pavetwin.experiments.store import Store
 
-    limits, objective = _limits(max_time, max_energy, min_coverage), _objective(choose)
+    limits, objective = limits_of(max_time, max_energy, min_coverage), objective_of(choose)
     store = Store(folder)
     said, table = store.description(), store.table()
     design = store.design()
@@ -249,7 +249,7 @@ def recommend(
     from pavetwin.experiments.advice import advise
     from pavetwin.experiments.store import Store
 
-    limits, objective = _limits(max_time, max_energy, min_coverage), _objective(choose)
+    limits, objective = limits_of(max_time, max_energy, min_coverage), objective_of(choose)
     store = Store(folder)
     table = store.table()
     for option, column, value in (("traffic", "traffic", traffic), ("world", "world", world)):
@@ -270,7 +270,7 @@ def recommend(
         raise typer.Exit(FAILED_CODE)
 
 
-def _limits(max_time_s: float | None, max_energy: float | None, min_coverage: float | None) -> "MissionLimits":
+def limits_of(max_time_s: float | None, max_energy: float | None, min_coverage: float | None) -> "MissionLimits":
     """Limits from the options, which give shares in per cent."""
     from pavetwin.experiments.statistics import MissionLimits
 
@@ -278,7 +278,7 @@ def _limits(max_time_s: float | None, max_energy: float | None, min_coverage: fl
     return MissionLimits(max_time_s=max_time_s, max_energy=energy, min_coverage=coverage)
 
 
-def _objective(name: str) -> "Objective":
+def objective_of(name: str) -> "Objective":
     from pavetwin.experiments.statistics import Objective
 
     return Objective.named(name)

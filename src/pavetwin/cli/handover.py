@@ -1,22 +1,44 @@
 """`pavetwin handover`: what an agency files and a pilot takes along."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from pavetwin.cli.console import note_fonts, out, progress
+from pavetwin.cli.experiment import Choose, MaxEnergy, MaxTime, MinCoverage, limits_of, objective_of
 from pavetwin.cli.plan import Drone, FromBuildings, Highest, NoFly, PlanFormats, TriggerName, checked, tell_plan
+from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
-    from pavetwin.handover import Handover
+    from pavetwin.flightplan import PlanFormat, PlanLimits, Trigger
+    from pavetwin.handover import Handover, StreetAdvice
+    from pavetwin.mission.inputs import MissionInputs
+    from pavetwin.mission.spec import MissionSpec
+    from pavetwin.sensing import ImageSource
+
+DESIGN = "design.yaml"
+"""In the folder of a study."""
 
 
 def handover(
-    folder: Annotated[Path, typer.Argument(metavar="MISSION", help="Folder of a mission, or its mission.yaml.")],
+    folder: Annotated[Path, typer.Argument(metavar="MISSION|STUDY", help="Folder of a mission or of a study.")],
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder for the files; handover in that one unless given.")
     ] = None,
+    study: Annotated[
+        Path | None,
+        typer.Option(metavar="STUDY", help="With a mission: a study over the same world, for what to fly by street."),
+    ] = None,
+    world: Annotated[str | None, typer.Option(help="Of a study with several worlds, the one.")] = None,
+    traffic: Annotated[str | None, typer.Option(help="Of a study in several kinds of traffic, the one.")] = None,
+    sensor: Annotated[str | None, typer.Option(help="Of a study with several sensors, the one.")] = None,
+    preset: Annotated[str | None, typer.Option(help="Of a study with several presets, the one.")] = None,
+    max_time: MaxTime = None,
+    max_energy: MaxEnergy = None,
+    min_coverage: MinCoverage = None,
+    choose: Choose = "most-found",
     format_: PlanFormats = None,
     trigger: TriggerName = "distance",
     drone: Drone = None,
@@ -27,38 +49,121 @@ def handover(
 ) -> None:
     """Make one folder that an agency can file and a pilot can take along.
 
+    Of a study, what it recommends is flown once over all of its streets.
+
     \b
     pavetwin handover missions/monday/hover
     pavetwin handover missions/monday/hover --format wpml --drone mavic3e --highest 50 -o for-the-agency
+    pavetwin handover studies/first --traffic los-C --min-coverage 20
+    pavetwin handover missions/monday/hover --study studies/first --traffic los-C
 
     It holds a page (handover.pdf and handover.html), a map, a plan for each set of batteries, the defects found and
     missed, and the condition index of sample units and streets (CSV, handover.gpkg for QGIS, handover.xlsx).
     """
-    from pavetwin.flightplan import PlanLimits, check_limits
-    from pavetwin.flightplan.save import remark_on_parts
-    from pavetwin.handover import HANDOVER_FILES, check_target, handover_of, write_handover
-    from pavetwin.mission.again import mission_file, read_mission
+    from pavetwin.flightplan import PlanLimits
+    from pavetwin.handover import advice_of, check_target
+    from pavetwin.mission.again import mission_file
 
     released_by, formats = checked(trigger, drone, format_, no_fly)
-    file = mission_file(folder)
-    target = output or file.parent / "handover"
+    objective, within = objective_of(choose), limits_of(max_time, max_energy, min_coverage)
+    levels = {"world": world, "traffic": traffic, "sensor": sensor, "preset": preset}
+    is_study = (folder / DESIGN).is_file()
+    source = _source(folder, study, levels, is_study=is_study)
+    target = output or (folder if is_study else mission_file(folder).parent) / "handover"
     check_target(target, force=force)
+    advice = None if source is None else advice_of(source, levels, within, objective)
+    limits = PlanLimits(highest, from_buildings, no_fly)
+    if is_study:
+        assert advice is not None
+        _of_study(folder, advice, target, released_by, formats, limits, force=force)
+    else:
+        _of_mission(mission_file(folder), advice, target, released_by, formats, limits, force=force)
+
+
+def _source(folder: Path, study: Path | None, levels: Mapping[str, str | None], *, is_study: bool) -> Path | None:
+    """The study that recommends; None where there is none.
+
+    Raises:
+        PaveTwinError: there is none at its place, there are two, or an option is for a study and there is none.
+    """
+    if study is not None and is_study:
+        raise PaveTwinError(f"`study` {study}: '{folder}' is a study itself; name a mission.")
+    if study is not None and not (study / DESIGN).is_file():
+        raise PaveTwinError(f"`study` {study}: there is no study.")
+    for name, level in levels.items():
+        if level is not None and not is_study and study is None:
+            raise PaveTwinError(f"`{name}` {level}: it is for a study; name one, or add `study`.")
+    return folder if is_study else study
+
+
+def _of_mission(
+    file: Path,
+    advice: "StreetAdvice | None",
+    target: Path,
+    trigger: "Trigger",
+    formats: "list[PlanFormat]",
+    limits: "PlanLimits",
+    *,
+    force: bool,
+) -> None:
+    from pavetwin.flightplan import check_limits
+    from pavetwin.handover import handover_of, write_handover
+    from pavetwin.mission.again import read_mission
+
     with progress("Reading") as tell:
-        given = handover_of(read_mission(file), trigger=released_by)
-        check_limits(given.plan, given.world, PlanLimits(highest, from_buildings, no_fly))
+        given = handover_of(read_mission(file), trigger=trigger, advice=advice)
+        check_limits(given.plan, given.world, limits)
         tell(0.4, "Writing")
         plans = write_handover(given, target, formats, force=force)
-    _tell(given)
-    if parts := remark_on_parts([target / name for name in plans]):
-        out.line(parts)
-    out.line(f"Results in {target}: {', '.join([*HANDOVER_FILES, *(f'plan/{name}' for name in plans)])}.")
-    note_fonts(given.world)
+    _tell(given, target, plans)
 
 
-def _tell(given: "Handover") -> None:
+def _of_study(
+    folder: Path,
+    advice: "StreetAdvice",
+    target: Path,
+    trigger: "Trigger",
+    formats: "list[PlanFormat]",
+    limits: "PlanLimits",
+    *,
+    force: bool,
+) -> None:
+    from pavetwin.files import staging_folder
+    from pavetwin.flightplan import check_limits
+    from pavetwin.handover import fly_recommended, handover_of, write_handover
+    from pavetwin.mission.again import MISSION, read_mission
+    from pavetwin.mission.results import save_mission
+
+    out.line(advice.overall.sentences[0])
+    with staging_folder(target.with_name(f"{target.name}-mission")) as staging, progress("Flying") as tell:
+        flown = staging / "mission"
+        save_mission(fly_recommended(folder, advice, _images, tell), flown)
+        given = handover_of(read_mission(flown / MISSION), name=advice.study, trigger=trigger, advice=advice)
+        check_limits(given.plan, given.world, limits)
+        tell(0.9, "Writing")
+        plans = write_handover(given, target, formats, force=force, with_mission=True)
+    _tell(given, target, plans)
+    out.line(f"The mission is in {target / 'mission'}.")
+
+
+def _images(inputs: "MissionInputs", spec: "MissionSpec") -> "ImageSource":
+    from pavetwin.capture.mission_images import MissionImages
+
+    environment = inputs.environment
+    return MissionImages(environment.inspected_world, inputs.replay, spec.seed, environment.parked)
+
+
+def _tell(given: "Handover", target: Path, plans: list[str]) -> None:
+    from pavetwin.flightplan.save import remark_on_parts
+    from pavetwin.handover import HANDOVER_FILES
+
     found, defects = given.found, given.defects.height
     out.line(
         f"{found} of {defects} defects found; PCI of what was found {given.pci_found:.1f}, it is "
         f"{given.condition.pci:.1f}, over {len(given.condition.true)} sample units of {given.streets.height} streets."
     )
     tell_plan(given.plan)
+    if parts := remark_on_parts([target / name for name in plans]):
+        out.line(parts)
+    out.line(f"Results in {target}: {', '.join([*HANDOVER_FILES, *(f'plan/{name}' for name in plans)])}.")
+    note_fonts(given.world)

@@ -2,5 +2,17 @@
 
 from pavetwin.handover.contents import Handover, handover_of
 from pavetwin.handover.files import HANDOVER_FILES, check_target, write_handover
+from pavetwin.handover.of_study import advice_of, fly_recommended
+from pavetwin.handover.streets import CHOSEN, StreetAdvice
 
-__all__ = ["HANDOVER_FILES", "Handover", "check_target", "handover_of", "write_handover"]
+__all__ = [
+    "CHOSEN",
+    "HANDOVER_FILES",
+    "Handover",
+    "StreetAdvice",
+    "advice_of",
+    "check_target",
+    "fly_recommended",
+    "handover_of",
+    "write_handover",
+]

@@ -39,6 +39,8 @@ _CONDITION_COLUMNS: Final = ("units", "pci", "rating", "pci_found", "rating_foun
 class Handover:
     """A mission, what it found, and what is flown for it."""
 
+    name: str
+    """Of the mission, or of the study that recommends it."""
     mission: FormerMission
     world: World
     plan: FlightPlan
@@ -53,10 +55,6 @@ class Handover:
     """A row a street, the worst first: length, defects and found ones, what was seen, condition; of a study also what
     to fly there (`StreetAdvice`)."""
     advice: StreetAdvice | None = None
-
-    @property
-    def name(self) -> str:
-        return self.mission.path.absolute().parent.name
 
     @property
     def policy(self) -> str:
@@ -104,11 +102,16 @@ class Handover:
 
 
 def handover_of(
-    mission: FormerMission, *, trigger: Trigger = Trigger.DISTANCE, advice: StreetAdvice | None = None
+    mission: FormerMission,
+    *,
+    name: str = "",
+    trigger: Trigger = Trigger.DISTANCE,
+    advice: StreetAdvice | None = None,
 ) -> Handover:
     """What a mission hands over.
 
     Args:
+        name: what it is called; as the mission's folder unless given.
         trigger: what releases the camera in the plans.
         advice: of a study over the same world.
 
@@ -131,7 +134,8 @@ def handover_of(
     if advice is not None:
         whole = whole.join(advice.table, on="street", how="left")
     return Handover(
-        *(mission, world, plan, condition, shapes, defects, unit_table(condition)),
+        *(name or mission.path.absolute().parent.name, mission, world, plan, condition, shapes, defects),
+        units=unit_table(condition),
         streets=whole.sort("pci", "street"),
         advice=advice,
     )

@@ -1,5 +1,6 @@
 """The files of a handover, all or none."""
 
+import shutil
 from base64 import b64encode
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,6 +27,7 @@ MAP: Final = "map.png"
 GEOPACKAGE: Final = "handover.gpkg"
 WORKBOOK: Final = "handover.xlsx"
 PLANS: Final = "plan"
+MISSION: Final = "mission"
 
 HANDOVER_FILES: Final = (SHEET, PAGE, MAP, "defects.csv", "units.csv", "streets.csv", GEOPACKAGE, WORKBOOK)
 """Of every handover; the plans are in a folder beside them."""
@@ -48,12 +50,18 @@ def check_target(folder: Path, *, force: bool) -> None:
 
 
 def write_handover(
-    handover: Handover, folder: Path, formats: Sequence[PlanFormat], *, force: bool = False
+    handover: Handover,
+    folder: Path,
+    formats: Sequence[PlanFormat],
+    *,
+    force: bool = False,
+    with_mission: bool = False,
 ) -> list[str]:
     """Write all files into a folder, or none.
 
     Args:
         formats: of the plans, a file for each flight and format.
+        with_mission: copy the mission's own folder into it as well.
         force: replace a handover that is there.
 
     Returns:
@@ -65,6 +73,8 @@ def write_handover(
     check_target(folder, force=force)
     with writing_folder(folder, replace=True) as temporary:
         plans = save_plan(handover.plan, temporary / PLANS, formats)
+        if with_mission:
+            shutil.copytree(handover.mission.path.parent, temporary / MISSION)
         handover.defects.write_csv(temporary / "defects.csv")
         handover.units.write_csv(temporary / "units.csv")
         handover.streets.write_csv(temporary / "streets.csv")

@@ -4,6 +4,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
+import polars as pl
+
+from pavetwin.experiments.statistics.summary import FEW
 from pavetwin.experiments.words import MISSING, counted, listed, number, percent
 from pavetwin.handover.contents import Handover
 from pavetwin.mission.environment import capture_interval_s, inspect_speed_mps
@@ -68,7 +71,7 @@ def page_of(handover: Handover, credit: str, *, most_streets: int | None = None)
     spec = mission.spec
     return Page(
         title=f"{handover.world.name}: pavement inspection by drone",
-        subtitle=f"Handover of the mission {handover.name}, simulated with PaveTwin {spec.versions['pavetwin']}",
+        subtitle=f"Handover of {handover.name}, simulated with PaveTwin {spec.versions['pavetwin']}",
         numbers=tuple(_numbers(handover)),
         paragraphs=(
             Paragraphs("When and how to fly", tuple(_flight(handover))),
@@ -221,3 +224,5 @@ def _advice(handover: Handover) -> Iterator[str]:
         if own
         else "No street's own missions show that another option is better there."
     )
+    if few := advice.table.filter(pl.col("replicates") < FEW).height:
+        yield f"{counted(few, 'street has', 'streets have')} fewer than {FEW} replicates, too few to say."
