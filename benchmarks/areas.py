@@ -149,7 +149,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.areas", description="Areas of traffic against towns.")
     parser.add_argument("worlds", type=Path, nargs="+")
     parser.add_argument("--traffic", nargs="+", default=["high", "los-C"])
-    parser.add_argument("--distances", type=float, nargs="+", default=[100.0, 200.0, 300.0])
+    parser.add_argument("--distances", type=float, nargs="+", default=[100.0, 200.0])
     parser.add_argument("--squares", type=int, default=3)
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("-o", "--output", type=Path, help="Parquet file of all missions, extended by those of this run")

@@ -1,19 +1,24 @@
-"""Areas of traffic: which streets belong to one, and that traffic stays there at the density that was asked for."""
+"""Areas of traffic: which streets belong to one, and that it has the traffic of its town."""
+
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 import shapely
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.traffic import demand_search
+from pavetwin.traffic import demand_search, inputs, town_trips
 from pavetwin.traffic.area import SQUARE_M, TrafficArea
+from pavetwin.traffic.demand import density_named
 from pavetwin.traffic.demand_search import middle_of
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder, record
 from pavetwin.traffic.recording import Recording
 from pavetwin.traffic.recording_file import load_recording
 from pavetwin.traffic.sumo_run import shares
+from pavetwin.traffic.town_trips import observe, with_area_traffic
 from pavetwin.world.build import BuildOptions, build_world
+from pavetwin.world.cache import cached
 from pavetwin.world.model import LaneKind, World
 from pavetwin.world.store import load_world, save_world
 
@@ -35,6 +40,13 @@ def corner(world: World) -> str:
 
 def far_corner(world: World) -> str:
     return max(world.segments, key=lambda segment: sum(segment.centre_line.centroid.coords[0])).id
+
+
+def middle(world: World) -> str:
+    """The segment nearest to the middle of the others."""
+    places = {each.id: np.array(each.centre_line.centroid.coords[0]) for each in world.segments}
+    mean = np.mean([*places.values()], axis=0)
+    return min(places, key=lambda name: float(np.hypot(*(places[name] - mean))))
 
 
 def area_of(world: World, *targets: str, distance_m: float = 100.0) -> TrafficArea:
@@ -79,10 +91,18 @@ def test_an_area_of_most_of_the_town_is_the_town(grid: World) -> None:
 
 def test_an_area_is_part_of_what_a_recording_is_found_by(grid: World) -> None:
     narrow, wide = area_of(grid, corner(grid)), area_of(grid, corner(grid), distance_m=200.0)
-    inputs = [Inputs.of(grid, "low", 1, area=area) for area in (None, narrow, wide)]
-    assert len({each.hash for each in inputs}) == len({each.path for each in inputs}) == 3
+    made = [Inputs.of(grid, "low", 1, area=area) for area in (None, narrow, wide)]
+    assert len({each.hash for each in made}) == len({each.path for each in made}) == 3
     kept = Inputs.of(grid, "low", 1)
     assert kept.path.name == "low-1.parquet"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def short_simulations() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(town_trips, "OBSERVED_S", 100.0)
+        patch.setattr(inputs, "WARM_UP_S", (60.0, 60.0))
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -91,23 +111,66 @@ def islands(grid: World) -> tuple[TrafficArea, Recording]:
     return area, Recorder(Inputs.of(grid, "medium", 1, area=area)).until(60.0)
 
 
-def test_traffic_keeps_its_density_on_each_island_and_stays_there(
+def per_km(recording: Recording, world: World, area: TrafficArea, *, walks: bool) -> float:
+    """Vehicles on the driving lanes of an area, or pedestrians on its sidewalks, per kilometre of these."""
+    kind = LaneKind.SIDEWALK if walks else LaneKind.DRIVING
+    lanes = shapely.STRtree([lane.centre_line for lane in world.lanes_of(kind)])
+    edges = np.array([lane.edge for lane in world.lanes_of(kind)])
+    chosen = recording.agents.is_pedestrian[recording.agent] == walks
+    nearest = lanes.nearest(shapely.points(recording.x[chosen], recording.y[chosen]))
+    return np.count_nonzero(np.isin(edges[nearest], area.edges)) / recording.frames / area.length_km(world, kind)
+
+
+def test_an_area_has_the_vehicles_that_its_town_has_there(grid: World) -> None:
+    town = record(grid, "medium", 1, 90.0)
+    found = []
+    for target in (corner(grid), middle(grid)):
+        area = area_of(grid, target)
+        here = Recorder(Inputs.of(grid, "medium", 1, area=area)).until(60.0)
+        found.append([per_km(recording, grid, area, walks=False) for recording in (town, here)])
+        assert per_km(here, grid, area, walks=True) == pytest.approx(60, rel=0.3)
+    (outer_town, outer), (inner_town, inner) = found
+    assert outer == pytest.approx(outer_town, rel=0.25)
+    assert inner == pytest.approx(inner_town, rel=0.25)
+    assert inner > 1.15 * outer
+
+
+def test_traffic_stays_on_an_area_and_the_edges_at_its_border(
     grid: World, islands: tuple[TrafficArea, Recording]
 ) -> None:
     area, recording = islands
     assert area.length_km(grid) < 0.8 * grid.length_km(LaneKind.DRIVING)
     assert recording.origin.capacity.lanes_km == pytest.approx(area.length_km(grid))
-    assert recording.vehicles_per_lane_km == pytest.approx(15, rel=0.2)
-    assert recording.pedestrians_per_sidewalk_km == pytest.approx(60, rel=0.2)
-    places = shapely.points(recording.x, recording.y)
-    assert shapely.distance(places, streets(grid, area)).max() < AT_LANES_M
     walks = recording.agents.is_pedestrian[recording.agent]
+    places = shapely.points(recording.x, recording.y)
+    here = streets(grid, area)
+    assert shapely.distance(places[walks], here).max() < AT_LANES_M
+    touching = [street.centre_line for street in grid.streets if street.centre_line.distance(here) < AT_LANES_M]
+    assert shapely.distance(places[~walks], shapely.union_all([here, *touching])).max() < AT_LANES_M
     for target in (corner(grid), far_corner(grid)):
         island = area_of(grid, target)
-        here = shapely.distance(places, streets(grid, island)) < AT_LANES_M
-        for who, kind, asked in ((~walks, LaneKind.DRIVING, 15), (walks, LaneKind.SIDEWALK, 60)):
-            per_km = np.count_nonzero(here & who) / recording.frames / island.length_km(grid, kind)
-            assert per_km == pytest.approx(asked, rel=0.3)
+        assert per_km(recording, grid, island, walks=False) > 5
+        assert per_km(recording, grid, island, walks=True) == pytest.approx(60, rel=0.3)
+
+
+def test_trips_are_observed_once_for_all_seeds_and_areas(grid: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    first, other = (
+        Inputs.of(grid, "v3-p0", seed, area=area_of(grid, at))
+        for seed, at in ((1, corner(grid)), (2, far_corner(grid)))
+    )
+    found = with_area_traffic(first).area_traffic
+    assert found is not None
+    assert found.trips
+    path = next(cached(grid, "traffic/trips-v3-p0.npz"))
+    kept = path.read_bytes()
+    with monkeypatch.context() as patch:
+        patch.setattr(town_trips, "SimulationProcess", None)
+        assert with_area_traffic(first).area_traffic == found
+        assert with_area_traffic(other).area_traffic != found
+        observe(grid, density_named("v3-p0"))
+    path.write_bytes(kept[: len(kept) // 2])
+    assert with_area_traffic(first).area_traffic == found
+    assert path.read_bytes() == kept
 
 
 def test_a_recording_of_an_area_is_repeated_extended_and_read_as_such(

@@ -106,8 +106,8 @@ def fly(
         str | None,
         typer.Option(
             metavar="METRES|all",
-            help="Simulate only the streets within this distance of the segments, 100 or more, at the density that is "
-            "asked for; all, as unless given: the whole town.",
+            help="Simulate only the streets within this distance of the segments, 100 or more, with the traffic that "
+            "the town has there; all, as unless given: the whole town.",
         ),
     ] = None,
     base: Annotated[

@@ -21,8 +21,9 @@ from pavetwin.experiments.words import counted, listed
 from pavetwin.files import working_in
 from pavetwin.mission.inputs import OnProgress
 from pavetwin.traffic.demand import density_named
-from pavetwin.traffic.demand_search import found, search_for_areas
+from pavetwin.traffic.demand_search import found
 from pavetwin.traffic.inputs import Inputs
+from pavetwin.traffic.town_trips import observe
 from pavetwin.world.model import World
 
 
@@ -127,7 +128,7 @@ def _find_demand(world: World, traffic: str, tell: OnProgress, *, of_areas: bool
 
     asked = density_named(traffic)
     with suppress(PaveTwinError):
-        if of_areas and asked.is_found:
-            search_for_areas(world, asked.mix, on_search).density(asked)
+        if of_areas:
+            observe(world, asked, on_search)
         else:
             found(Inputs.of(world, asked, 0), on_search)

@@ -71,14 +71,14 @@ class ClosedLoop:
         self._fastest_goals = fastest_goals
         self._rng = rng
         self._count = 0
-        self._anywhere = _Draw(roads.length_m)
-        self._entry = _Draw(roads.lanes[roads.entries])
-        self._exit = _Draw(roads.lanes[roads.exits])
-        self._kerb = _Draw(roads.length_m[roads.kerbsides])
-        self._sidewalk = _Draw(sidewalks.length_m)
+        self._anywhere = Draw(roads.length_m)
+        self._entry = Draw(roads.lanes[roads.entries])
+        self._exit = Draw(roads.lanes[roads.exits])
+        self._kerb = Draw(roads.length_m[roads.kerbsides])
+        self._sidewalk = Draw(sidewalks.length_m)
         self._vehicle_kinds, shares = zip(*mix_named(mix).vehicles, strict=True)
-        self._vehicle_kind = _Draw(np.array(shares))
-        self._pedestrian_kind = _Draw(np.array([kind.share for kind in PEDESTRIANS]))
+        self._vehicle_kind = Draw(np.array(shares))
+        self._pedestrian_kind = Draw(np.array([kind.share for kind in PEDESTRIANS]))
 
     def hold(self, vehicles: int) -> None:
         """From now on hold another number of vehicles."""
@@ -126,7 +126,7 @@ class ClosedLoop:
         edge = self._with_room(None, self._anywhere)
         self._start(edge, departPos="random_free", departLane="random", departSpeed="max")
 
-    def _with_room(self, edges: Any, draw: "_Draw") -> int:
+    def _with_room(self, edges: Any, draw: "Draw") -> int:
         """An edge drawn in proportion to its free lane length."""
         for _ in range(8):
             picked = draw(self._rng)
@@ -202,7 +202,7 @@ class ClosedLoop:
         return route
 
 
-class _Draw:
+class Draw:
     """Indices in proportion to fixed weights."""
 
     def __init__(self, weights: npt.ArrayLike) -> None:

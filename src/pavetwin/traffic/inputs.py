@@ -14,6 +14,7 @@ from pavetwin.files import file_sha256
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic import sumo_run
 from pavetwin.traffic.area import TrafficArea
+from pavetwin.traffic.area_traffic import AreaTraffic
 from pavetwin.traffic.closed_loop import FULL, GOALS, PATIENCE, TRIP_M, WALK_M
 from pavetwin.traffic.demand import BUSIEST, HOURLY_SHARES, HOURS, SEARCH, USER, Capacity, Density, density_named
 from pavetwin.traffic.flow import SpeedLimits
@@ -28,7 +29,7 @@ from pavetwin.world.model import LaneKind, World
 BEHAVIOUR: Final = 1
 """Version of the demand and the conversion; files of another version are recorded again."""
 
-AREAS: Final = 1
+AREAS: Final = 2
 """Version of how traffic enters and leaves an area."""
 
 WARM_UP_S: Final = (120.0, 300.0)
@@ -51,6 +52,8 @@ class Inputs:
     """That a level of service means in this world, once it is found."""
     area: TrafficArea | None = None
     """Where there is traffic; None for the whole town."""
+    area_traffic: AreaTraffic | None = None
+    """The vehicles of the area, once they are known (`town_trips`)."""
 
     @classmethod
     def of(
@@ -174,9 +177,17 @@ class Inputs:
             fastest_goals=self.prefers_fastest_goals,
             speed_ratio=self.speed_ratio,
             speed_limits=None if self.speed_ratio is None else self.speed_limits,
-            vehicles=self.capacity.vehicles(self.asked) if self.asked else 0,
+            vehicles=self._vehicles,
+            area_traffic=self.area_traffic,
             pedestrians=self.capacity.pedestrians(self.asked) if self.asked else 0,
         )
+
+    @property
+    def _vehicles(self) -> int:
+        """How many there are at a time."""
+        if self.area_traffic is not None:
+            return round(self.area_traffic.vehicles)
+        return self.capacity.vehicles(self.asked) if self.asked else 0
 
     def origin(self, part: Part) -> Origin:
         """Of a recording that `part` belongs to."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from pavetwin.arrays import Float64Array, UInt32Array
+from pavetwin.traffic.area_traffic import AreaTraffic, Trip
 from pavetwin.traffic.flow import SpeedLimits
 from pavetwin.traffic.mix import DEFAULT_MIX
 
@@ -44,6 +45,10 @@ class SimulationJob:
     """Needed for that."""
     area: frozenset[str] | None = None
     """The edges that traffic of the closed loop uses; None for all."""
+    area_traffic: AreaTraffic | None = None
+    """The vehicles of the area, where they are those of its town; None for a closed loop of its own."""
+    reads_trips: bool = False
+    """Whether the trips of vehicles are read in place of poses."""
     reads_pedestrians: bool = True
     """Whether pedestrians are among the rows; they walk in any case."""
 
@@ -85,3 +90,5 @@ class Part:
     """(step of the recording, number of vehicles that SUMO removed from gridlock)"""
     signals: Mapping[str, Sequence[tuple[int, str]]]
     """Per traffic light, (step of the recording, state of its links) at step 0 and at each change."""
+    trips: Sequence[Trip] = ()
+    """Of all vehicles so far, where the job asks for them."""

@@ -18,6 +18,7 @@ from pavetwin.traffic.job import STEP_S
 from pavetwin.traffic.recording import Recording, frames_of
 from pavetwin.traffic.recording_file import load_recording, save_recording
 from pavetwin.traffic.runner import OnRecorded, SimulationProcess, require_sumo, termination_as_exit, workplace
+from pavetwin.traffic.town_trips import with_area_traffic
 from pavetwin.world.folder import CACHE_VARIABLE
 from pavetwin.world.model import World
 
@@ -174,7 +175,7 @@ class Recorder:
         before = self._longest if self._simulation is not None else None
         try:
             if self._simulation is None:
-                self._inputs = found(self._inputs, on_search)
+                self._inputs = with_area_traffic(found(self._inputs, on_search), on_search)
             simulation = self._simulation or self._begin()
             part = simulation.record(frames - (before.frames if before is not None else 0), on_progress)
         except BaseException:

@@ -295,7 +295,7 @@ def _remarks(recording: Recording) -> list[str]:
             remarks.append(f"the routes end early: from {last:g} s on no vehicle is on the streets")
     else:
         cars, walkers = recording.vehicles_per_lane_km, recording.pedestrians_per_sidewalk_km
-        wanted = None if asked.is_found else asked.vehicles_per_lane_km
+        wanted = None if asked.is_found or recording.origin.area else asked.vehicles_per_lane_km
         remarks += _missed("vehicles", "lane", wanted, cars)
         remarks += _missed("pedestrians", "sidewalk", asked.pedestrians_per_sidewalk_km, walkers)
         level = asked.level if recording.origin.area is None else None  # an area has the town's density

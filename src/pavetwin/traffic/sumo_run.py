@@ -16,11 +16,13 @@ from typing import Any, Final
 import numpy as np
 
 from pavetwin.seeds import Stream, child
+from pavetwin.traffic.area_loop import AreaLoop
 from pavetwin.traffic.closed_loop import ClosedLoop
 from pavetwin.traffic.job import STEP_S, Part, SimulationJob
 from pavetwin.traffic.level_control import EVERY_S, LevelControl
 from pavetwin.traffic.network import close_others, islands, read_roads, read_sidewalks, signals_in
 from pavetwin.traffic.readout import Readout
+from pavetwin.traffic.trip_reader import TripReader
 
 SETTLING_S: Final = 20.0
 """The numbers of agents are judged over this long."""
@@ -52,6 +54,9 @@ CLOSED_LOOP_OPTIONS: Final[tuple[str, ...]] = (
 )
 """With our own demand only; a user's routes are driven as they are written."""
 
+AREA_OPTIONS: Final[tuple[str, ...]] = CLOSED_LOOP_OPTIONS[:2]
+"""On an area with the vehicles of its town, which keep their routes."""
+
 LEVEL_OPTIONS: Final[tuple[str, ...]] = ("--time-to-teleport=300",)
 """For traffic that is to flow at a level of service. In towns a vehicle may wait two minutes at a busy street without
 being in gridlock; after five minutes it is."""
@@ -63,6 +68,7 @@ class Simulation:
     def __init__(self, sumo: Any, job: SimulationJob, report: Callable[[float], None]) -> None:
         self._sumo, self._job, self._report = sumo, job, report
         replaced = {option.partition("=")[0] for option in job.options}
+        loop_options = CLOSED_LOOP_OPTIONS if job.area_traffic is None else AREA_OPTIONS
         sumo.start(
             [
                 "sumo",
@@ -73,7 +79,7 @@ class Simulation:
                 f"--begin={job.begin_s}",
                 *(option for option in OPTIONS if option.partition("=")[0] not in replaced),
                 *job.options,
-                *([f"--route-files={','.join(job.routes)}"] if job.routes else CLOSED_LOOP_OPTIONS),
+                *([f"--route-files={','.join(job.routes)}"] if job.routes else loop_options),
             ]
         )
         self._readout = Readout(sumo, riders=bool(job.routes), pedestrians=job.reads_pedestrians)
@@ -83,7 +89,8 @@ class Simulation:
         self._removals: list[tuple[int, int]] = []
         signals = sumo.trafficlight.getIDList() if job.area is None else signals_in(sumo, job.lanes_of, job.area)
         self._states = dict.fromkeys(signals, "")
-        self._loops = [] if job.routes else [*_loops(sumo, job)]
+        self._trips = TripReader(sumo) if job.reads_trips else None
+        self._loops: list[ClosedLoop | AreaLoop] = [] if job.routes else [*_loops(sumo, job)]
         self._control: LevelControl | None = None
         if job.speed_ratio is not None and job.speed_limits is not None:
             self._control = LevelControl(sumo, job.speed_limits, job.speed_ratio, job.vehicles)
@@ -97,7 +104,10 @@ class Simulation:
         signals: dict[str, list[tuple[int, str]]] = {name: [] for name in self._states}
         for done in range(1, frames + 1):
             self._step(self._frames, warming=False)
-            self._readout.read()
+            if self._trips is None:
+                self._readout.read()
+            elif self._frames % 2 == 0:
+                self._trips.read()
             for name, last in self._states.items():
                 state = self._sumo.trafficlight.getRedYellowGreenState(name)
                 if state != last:
@@ -111,6 +121,7 @@ class Simulation:
             sumo_version=self._sumo.getVersion()[1],
             removals=self._removals,
             signals=signals,
+            trips=[] if self._trips is None else self._trips.take(),
             **self._readout.take().columns(),
         )
 
@@ -127,14 +138,16 @@ class Simulation:
             if steps % 50 == 0:
                 self._report(steps / (longest + frames))
             missed = abs(sum(counts[-window:]) / window - self._job.vehicles)
-            if steps >= shortest and missed <= 0.05 * self._job.vehicles:
+            if steps >= shortest and (self._job.area_traffic is not None or missed <= 0.05 * self._job.vehicles):
                 break
         return steps
 
     def _step(self, step: int, *, warming: bool) -> None:
         if self._control is not None and step >= 0 and step % round(EVERY_S / STEP_S) == 0:
+            vehicles = self._control.vehicles()
             for loop in self._loops:
-                loop.hold(self._control.vehicles())
+                if isinstance(loop, ClosedLoop):
+                    loop.hold(vehicles)
         if step % 2 == 0:
             for loop in self._loops:
                 loop.fill(warming=warming)
@@ -145,7 +158,7 @@ class Simulation:
             self._removals.append((step, removed))
 
 
-def _loops(sumo: Any, job: SimulationJob) -> Iterator[ClosedLoop]:
+def _loops(sumo: Any, job: SimulationJob) -> Iterator[ClosedLoop | AreaLoop]:
     """The demand: one loop, or one for each island of an area, whose agents are in proportion to its streets."""
     if job.area is None:
         ways = read_roads(sumo, job.lanes_of), read_sidewalks(sumo, job.lanes_of)
@@ -155,8 +168,11 @@ def _loops(sumo: Any, job: SimulationJob) -> Iterator[ClosedLoop]:
     parts = islands(sumo, job.area)
     roads = [read_roads(sumo, job.lanes_of, part) for part in parts]
     sidewalks = [read_sidewalks(sumo, job.lanes_of, part) for part in parts]
-    close_others(sumo, job.lanes_of, job.area)
-    vehicles = shares(job.vehicles, [each.length_m.sum() for each in roads])
+    if job.area_traffic is None:
+        close_others(sumo, job.lanes_of, job.area)
+    else:
+        yield AreaLoop(sumo, job.lanes_of, job.area_traffic, child(job.seed, Stream.DEMAND, len(parts)))
+    vehicles = shares(job.vehicles if job.area_traffic is None else 0, [each.length_m.sum() for each in roads])
     pedestrians = shares(job.pedestrians, [each.length_m.sum() for each in sidewalks])
     for number, (road, sidewalk, cars, walkers) in enumerate(zip(roads, sidewalks, vehicles, pedestrians, strict=True)):
         rng = child(job.seed, Stream.DEMAND, number)
