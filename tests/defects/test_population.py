@@ -333,6 +333,8 @@ def test_a_mistake_in_a_file_is_one_line_with_its_place(tmp_path: Path, change: 
     [
         (b"title: t\n\tdensity: {per_segment: 3}\n", "line 2, column 1: a tab, where YAML takes spaces"),
         (b"title: t\ndensity\nclasses: {}\n", "line 3, column 1: could not find expected"),
+        (b"title: t\nmix: {pothole: 1\nclasses: {}\n", "but got ':', in the braces that open in line 2"),
+        (b"title: 't\nclasses: {}\n", "end of stream, in the quoted text that begins in line 1"),
         (b"", "is empty"),
         (b"# only a comment\n", "is empty"),
         (b"- title\n", "a list of keys with values is expected"),

@@ -15,6 +15,13 @@ _MERGE: Final = "tag:yaml.org,2002:merge"
 _CLOCK: Final = re.compile(r"^[0-9]+(:[0-5]?[0-9])+(\.[0-9]*)?$")
 """YAML 1.1 reads 10:30 as 630, a number of base 60; YAML 1.2 has no such numbers."""
 
+_BEGUN: Final = {
+    "while parsing a flow mapping": "the braces that open",
+    "while parsing a flow sequence": "the brackets that open",
+    "while scanning a quoted scalar": "the quoted text that begins",
+}
+"""What may lack its end, by the words of PyYAML: the mistake is then told where it was noticed, lines further on."""
+
 
 class _Loader(yaml.SafeLoader):
     """PyYAML takes the last of two equal keys, and tells nobody."""
@@ -91,5 +98,7 @@ def why_unread(error: OSError | UnicodeDecodeError | yaml.YAMLError | ValueError
     if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
         mark, problem = error.problem_mark, error.problem or "it is not valid YAML"
         what = "a tab, where YAML takes spaces" if "'\\t'" in problem else problem
-        return f"line {mark.line + 1}, column {mark.column + 1}: {what}"
+        begun, opened = _BEGUN.get(error.context or ""), error.context_mark
+        where = f", in {begun} in line {opened.line + 1}" if begun and opened and opened.line < mark.line else ""
+        return f"line {mark.line + 1}, column {mark.column + 1}: {what}{where}"
     return " ".join(str(error).split())
