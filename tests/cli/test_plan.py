@@ -7,6 +7,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 import shapely
+import yaml
 
 from flightplan.readers import READERS
 from pavetwin.world.georeference import from_wgs84
@@ -88,5 +89,24 @@ def test_a_world_that_has_changed_is_refused(mission: Path, tmp_path: Path) -> N
     assert not (tmp_path / "m" / "plan").exists()
 
 
-def test_a_folder_that_is_no_mission_is_refused(mission: Path) -> None:
-    assert "mission.yaml" in plain_refusal(pavetwin("plan", "export", mission.parent / "cross"))
+def test_a_folder_that_is_neither_mission_nor_world_is_refused(tmp_path: Path) -> None:
+    assert "mission.yaml" in plain_refusal(pavetwin("plan", "export", tmp_path))
+
+
+def test_a_selection_of_segments_has_the_plan_of_a_mission_that_never_reacts(mission: Path, tmp_path: Path) -> None:
+    """Two ways to the same plan: with traffic, flown; without, from the world alone."""
+    names = yaml.safe_load((mission / "mission.yaml").read_text())["targets"]
+    segments = [word for name in names for word in ("--segment", name)]
+    formats = ("--format", "csv", "--format", "qgc")
+    world = mission.parent / "cross"
+    done = pavetwin("plan", "export", world, *segments, "--order", "random", *formats, "-o", tmp_path / "chosen")
+    assert done.returncode == 0, done.stderr
+    assert "The pilot is responsible" in done.stdout
+    assert pavetwin("plan", "export", mission, *formats, "-o", tmp_path / "flown").returncode == 0
+    for name in ("flight-1.csv", "flight-1.plan"):
+        assert (tmp_path / "chosen" / name).read_bytes() == (tmp_path / "flown" / name).read_bytes()
+
+
+def test_options_of_a_world_are_refused_with_a_mission(mission: Path) -> None:
+    told = plain_refusal(pavetwin("plan", "export", mission, "--altitude", "12"))
+    assert told == f"Error: --altitude is for a world; '{mission}' is a mission, which says it."

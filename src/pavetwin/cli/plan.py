@@ -1,7 +1,7 @@
 """`pavetwin plan …`: plans that a real drone flies."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -10,7 +10,10 @@ from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
     from pavetwin.flightplan import FlightPlan, PlanFormat, Trigger
+    from pavetwin.world.model import World
 
 app = typer.Typer(help="Take a mission to a real drone.", no_args_is_help=True)
 
@@ -43,45 +46,118 @@ NoFly = Annotated[
 
 @app.command(cls=NamingCommand)
 def export(
-    mission: Annotated[Path, typer.Argument(metavar="MISSION", help="Folder of a mission, or its mission.yaml.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="MISSION|WORLD", help="Folder of a mission, or its mission.yaml; or of a world.")
+    ],
     format_: PlanFormats = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder for the files; plan in the mission's unless given.")
+        Path | None, typer.Option("--output", "-o", help="Folder for the files; plan in that one unless given.")
     ] = None,
     trigger: TriggerName = "distance",
     drone: Drone = None,
     highest: Highest = None,
     from_buildings: FromBuildings = 0.0,
     no_fly: NoFly = None,
+    segment: Annotated[
+        list[str] | None,
+        typer.Option(help="Of a world, a segment's id or a street's name; may be repeated. All unless given."),
+    ] = None,
+    order: Annotated[str | None, typer.Option(metavar="near|random", help="Of a world: near unless given.")] = None,
+    altitude: Annotated[float | None, typer.Option(help="Of a world: metres above ground; 10 unless given.")] = None,
+    aircraft: Annotated[
+        str | None, typer.Option(metavar="NAME|FILE.yaml", help="Of a world: {aircraft}, or your own.")
+    ] = None,
+    base: Annotated[
+        str | None, typer.Option(metavar="LAT,LON|x,y", help="Of a world: where to take off; as in fly unless given.")
+    ] = None,
+    preset: Annotated[str | None, typer.Option(help="Of a world: default or paper.")] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Of a world: override a setting.")
+    ] = None,
 ) -> None:
-    """Write a mission as a plan for QGroundControl, DJI Pilot 2 or Litchi, a file for each set of batteries.
+    """Write a plan for QGroundControl, DJI Pilot 2 or Litchi, a file for each set of batteries.
+
+    Of a mission that was flown; or of segments of a world, which need no mission: the plan of the policy baseline.
 
     \b
     pavetwin plan export missions/monday/baseline --format qgc
     pavetwin plan export missions/monday/baseline --format wpml --drone mavic3e --highest 50 --from-buildings 5
     pavetwin plan export missions/monday/baseline --format litchi --format csv --no-fly zones.geojson -o plans
+    pavetwin plan export worlds/berlin --segment Sonnenallee --altitude 15 --format wpml -o sonnenallee
 
     Heights are above the take-off point. The pilot is responsible for the flight: check every plan before you fly it.
     """
-    from pavetwin.flightplan import PlanLimits, check_limits, plan_of, save_plan
+    from pavetwin.flightplan import PlanLimits, check_limits, save_plan
     from pavetwin.flightplan.save import check_folder, remark_on_parts
-    from pavetwin.mission.again import mission_file, read_mission
-    from pavetwin.mission.inputs import check_unchanged, world_of
+    from pavetwin.mission.again import mission_file
+    from pavetwin.world.folder import DESCRIPTION
 
     released_by, formats = checked(trigger, drone, format_, no_fly)
     if output is not None:
         check_folder(output)
-    with progress("Planning"):
-        former = read_mission(mission_file(mission), other_policy=True)
-        world = world_of(former.spec.world)
-        check_unchanged(former.spec.with_policy("baseline"), world)  # the track needs no file of its policy
-        plan = plan_of(former, world, trigger=released_by)
+    chosen: dict[str, Any] = {
+        **{"segment": segment, "order": order, "altitude": altitude, "aircraft": aircraft},
+        **{"base": base, "preset": preset, "set": set_},
+    }
+    with progress("Planning") as tell:
+        if (folder / DESCRIPTION).is_file():
+            plan, world = _of_selection(folder, chosen, released_by, tell)
+            target = output or folder / "plan"
+        else:
+            plan, world = _of_mission(folder, chosen, released_by)
+            target = output or mission_file(folder).parent / "plan"
         check_limits(plan, world, PlanLimits(highest, from_buildings, no_fly))
-        files = save_plan(plan, output or former.path.parent / "plan", formats)
+        files = save_plan(plan, target, formats)
     tell_plan(plan)
     if parts := remark_on_parts(files):
         out.line(parts)
     out.line(f"Written: {', '.join(map(str, files))}.")
+
+
+def _of_mission(folder: Path, chosen: "Mapping[str, Any]", trigger: "Trigger") -> "tuple[FlightPlan, World]":
+    """Raises:
+    PaveTwinError: an option is for a world, or the mission cannot be read or has changed.
+    """
+    from pavetwin.flightplan import plan_of
+    from pavetwin.mission.again import mission_file, read_mission
+    from pavetwin.mission.inputs import check_unchanged, world_of
+
+    former = read_mission(mission_file(folder), other_policy=True)
+    if given := [name for name, value in chosen.items() if value is not None]:
+        raise PaveTwinError(f"--{given[0]} is for a world; '{folder}' is a mission, which says it.")
+    world = world_of(former.spec.world)
+    check_unchanged(former.spec.with_policy("baseline"), world)  # the track needs no file of its policy
+    return plan_of(former, world, trigger=trigger), world
+
+
+def _of_selection(
+    folder: Path, chosen: "Mapping[str, Any]", trigger: "Trigger", tell: "Callable[[float], None]"
+) -> "tuple[FlightPlan, World]":
+    from pavetwin.config import load_settings
+    from pavetwin.config.altitude import check_altitude
+    from pavetwin.flightplan import plan_of_selection
+    from pavetwin.mission.plan import base_point
+    from pavetwin.world.store import load_world
+
+    given = {"altitude_m": chosen["altitude"], "aircraft": chosen["aircraft"]}
+    if chosen["altitude"] is not None:
+        check_altitude(chosen["altitude"])
+    settings = load_settings(
+        chosen["preset"] or "default",
+        chosen["set"] or (),
+        **{name: value for name, value in given.items() if value is not None},
+    )
+    world = load_world(folder)
+    plan = plan_of_selection(
+        world,
+        settings,
+        segments=chosen["segment"] or (),
+        order=chosen["order"] or "near",
+        base=base_point(chosen["base"], world),
+        trigger=trigger,
+        on_progress=tell,
+    )
+    return plan, world
 
 
 def checked(

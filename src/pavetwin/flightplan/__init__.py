@@ -4,6 +4,7 @@ from pavetwin.flightplan.formats import PLAN_FORMATS, PlanFormat, plan_format
 from pavetwin.flightplan.limits import PlanLimits, check_limits
 from pavetwin.flightplan.model import FlightPlan, PlannedFlight, Trigger, Waypoint
 from pavetwin.flightplan.of_mission import plan_of
+from pavetwin.flightplan.of_selection import plan_of_selection
 from pavetwin.flightplan.save import save_plan
 
 __all__ = [
@@ -17,5 +18,6 @@ __all__ = [
     "check_limits",
     "plan_format",
     "plan_of",
+    "plan_of_selection",
     "save_plan",
 ]

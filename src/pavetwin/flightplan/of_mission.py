@@ -10,6 +10,7 @@ from typing import Any, Final
 import polars as pl
 import shapely
 
+from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.flightplan.model import FlightPlan, PlannedFlight, Trigger, Waypoint
 from pavetwin.mission.again import FormerMission
@@ -19,6 +20,9 @@ from pavetwin.world.georeference import DEFAULT_ANCHOR_DEG, GeoReference, anchor
 from pavetwin.world.model import World
 
 TRACK: Final = "track.parquet"
+
+COLUMNS: Final = ("x_m", "y_m", "altitude_m", "mode", "segment")
+"""Of a track, as far as a plan needs it."""
 
 TOLERANCE_M: Final = 0.05
 """Of the path to the track, where samples in between are left out."""
@@ -62,16 +66,30 @@ def plan_of(mission: FormerMission, world: World, *, trigger: Trigger = Trigger.
     """
     check_place(world)
     rows = _read_track(mission.path.parent / TRACK)
-    settings = mission.spec.settings
+    name = mission.path.absolute().parent.name
+    plan = plan_of_track(rows, mission.spec.settings, world, name=name, trigger=trigger)
+    if not plan.flights:
+        raise PaveTwinError(f"'{mission.path.parent / TRACK}' holds no flight.")
+    return plan
+
+
+def plan_of_track(
+    rows: Sequence[Mapping[str, Any]], settings: MissionSettings, world: World, *, name: str, trigger: Trigger
+) -> FlightPlan:
+    """The plan of a track.
+
+    Args:
+        rows: `x_m`, `y_m`, `altitude_m`, `mode` and `segment` of each sample, in order.
+        settings: that it was flown with.
+        name: of the plan.
+    """
     inspect_mps = inspect_speed_mps(settings)
     speeds = {True: inspect_mps, False: settings.uav.transit_speed_mps}
     made = [_flight(each, speeds, world.georeference) for each in _flights(rows)]
     flights = tuple(each for each in made if each.distance_m >= LEAST_LEG_M)
-    if not flights:
-        raise PaveTwinError(f"'{mission.path.parent / TRACK}' holds no flight.")
     interval_s = capture_interval_s(settings)
     return FlightPlan(
-        name=mission.path.absolute().parent.name,
+        name=name,
         aircraft=settings.aircraft,
         flights=flights,
         interval_s=interval_s,
@@ -93,9 +111,8 @@ def check_place(world: World) -> None:
 
 
 def _read_track(path: Path) -> Sequence[Mapping[str, Any]]:
-    columns = ["x_m", "y_m", "altitude_m", "mode", "segment"]
     try:
-        return pl.read_parquet(path, columns=columns).cast({"mode": pl.String}).to_dicts()
+        return pl.read_parquet(path, columns=[*COLUMNS]).cast({"mode": pl.String}).to_dicts()
     except (OSError, pl.exceptions.PolarsError) as error:
         raise PaveTwinError(f"Cannot read '{path}', the track of the mission; fly it again: {error}") from error
 
