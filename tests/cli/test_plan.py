@@ -10,6 +10,9 @@ import shapely
 import yaml
 
 from flightplan.readers import READERS
+from pavetwin.config import load_settings
+from pavetwin.flightplan import PLAN_FORMATS
+from pavetwin.navigation.navmesh import navmesh, polygons
 from pavetwin.world.georeference import from_wgs84
 from pavetwin.world.store import load_world, save_world
 from scenes import damaged
@@ -110,3 +113,24 @@ def test_a_selection_of_segments_has_the_plan_of_a_mission_that_never_reacts(mis
 def test_options_of_a_world_are_refused_with_a_mission(mission: Path) -> None:
     told = plain_refusal(pavetwin("plan", "export", mission, "--altitude", "12"))
     assert told == f"Error: --altitude is for a world; '{mission}' is a mission, which says it."
+
+
+def test_parts_of_a_long_flight_leave_from_the_base_and_return_within_the_flight_domain(
+    mission: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(PLAN_FORMATS.get("litchi"), "most_waypoints", 25)
+    done = pavetwin("plan", "export", mission.parent / "cross", "--format", "litchi", "-o", tmp_path)
+    assert done.returncode == 0, done.stderr
+    world = load_world(mission.parent / "cross")
+    domain = shapely.union_all(polygons(navmesh(world, 10.0, load_settings().uav.radius_m))).buffer(0.5)
+    files = sorted(tmp_path.glob("flight-1-part-*-litchi.csv"))
+    assert len(files) > 1
+    assert f"{len(files)} files are parts of a flight. Each takes off and lands at the base" in done.stdout
+    bases = set()
+    for file in files:
+        points = READERS["litchi"](file.read_bytes())
+        assert len(points) <= 25
+        xy = from_wgs84(world.georeference, [(each.longitude, each.latitude) for each in points])
+        bases |= {tuple(xy[end].round(1).tolist()) for end in (0, -1)}
+        assert domain.covers(shapely.LineString(xy[1:-1]))
+    assert len(bases) == 1

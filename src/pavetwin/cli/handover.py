@@ -112,7 +112,7 @@ def _of_mission(
 
     with progress("Reading") as tell:
         given = handover_of(read_mission(file), trigger=trigger, advice=advice)
-        check_limits(given.plan, given.world, limits)
+        check_limits(given.plan, given.world, limits, [each.most_waypoints for each in formats])
         tell(0.4, "Writing")
         plans = write_handover(given, target, formats, force=force)
     _tell(given, target, plans)
@@ -139,7 +139,7 @@ def _of_study(
         flown = staging / "mission"
         save_mission(fly_recommended(folder, advice, _images, tell), flown)
         given = handover_of(read_mission(flown / MISSION), name=advice.study, trigger=trigger, advice=advice)
-        check_limits(given.plan, given.world, limits)
+        check_limits(given.plan, given.world, limits, [each.most_waypoints for each in formats])
         tell(0.9, "Writing")
         plans = write_handover(given, target, formats, force=force, with_mission=True)
     _tell(given, target, plans)

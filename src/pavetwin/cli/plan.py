@@ -106,7 +106,8 @@ def export(
         else:
             plan, world = _of_mission(folder, chosen, released_by)
             target = output or mission_file(folder).parent / "plan"
-        check_limits(plan, world, PlanLimits(highest, from_buildings, no_fly))
+        limits = PlanLimits(highest, from_buildings, no_fly)
+        check_limits(plan, world, limits, [each.most_waypoints for each in formats])
         files = save_plan(plan, target, formats)
     tell_plan(plan)
     if parts := remark_on_parts(files):

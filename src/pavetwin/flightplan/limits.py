@@ -1,6 +1,6 @@
 """Limits that a user states, and whether a plan keeps them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from math import hypot
 from pathlib import Path
@@ -12,6 +12,7 @@ from shapely import LineString, Point, STRtree
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.flightplan.model import FlightPlan, PlannedFlight
+from pavetwin.flightplan.parts import parts_of
 from pavetwin.world.georeference import WGS84, GeoReference, from_wgs84
 from pavetwin.world.model import World
 
@@ -28,12 +29,17 @@ class PlanLimits:
     """Polygons, in a format that GDAL reads."""
 
 
-def check_limits(plan: FlightPlan, world: World, limits: PlanLimits) -> None:
-    """Raises:
-    PaveTwinError: the plan breaks a limit, or the file of the zones cannot be read; the message names the place.
+def check_limits(plan: FlightPlan, world: World, limits: PlanLimits, most: Collection[int | None] = ()) -> None:
+    """Whether a plan keeps its limits.
+
+    Args:
+        most: waypoints that the files may hold which will be written: parts of flights keep the limits too.
+
+    Raises:
+        PaveTwinError: the plan breaks a limit, or the file of the zones cannot be read; the message names the place.
     """
     zones = [] if limits.no_fly is None else read_zones(limits.no_fly, world.georeference)
-    for number, flight in enumerate(plan.flights, 1):
+    for number, flight in _flown(plan, most):
         _check_height(number, flight, limits.highest_m)
         legs = list(_legs(flight, world.georeference))
         _check_buildings(number, [*legs, *_columns(flight, world.georeference)], world, limits.from_buildings_m)
@@ -44,7 +50,16 @@ def check_limits(plan: FlightPlan, world: World, limits: PlanLimits) -> None:
                 raise PaveTwinError(f"`no_fly` {limits.no_fly}: flight {number} enters {name} at {where}.")
 
 
-def _check_height(number: int, flight: PlannedFlight, highest_m: float | None) -> None:
+def _flown(plan: FlightPlan, most: Collection[int | None]) -> Iterator[tuple[str, PlannedFlight]]:
+    """Flights and parts of flights, each with its number: `2`, `2, part 1`."""
+    for number, flight in enumerate(plan.flights, 1):
+        yield f"{number}", flight
+        for limit in sorted({each for each in most if each is not None and len(flight.waypoints) > each}):
+            for part, piece in enumerate(parts_of(plan, flight, limit), 1):
+                yield f"{number}, part {part},", piece
+
+
+def _check_height(number: str, flight: PlannedFlight, highest_m: float | None) -> None:
     flown_m = max(each.height_m for each in flight.waypoints)
     if highest_m is not None and flown_m > highest_m:
         raise PaveTwinError(
@@ -53,7 +68,7 @@ def _check_height(number: int, flight: PlannedFlight, highest_m: float | None) -
 
 
 def _check_buildings(
-    number: int, legs: Sequence[tuple[LineString | Point, float]], world: World, least_m: float
+    number: str, legs: Sequence[tuple[LineString | Point, float]], world: World, least_m: float
 ) -> None:
     tree = STRtree([each.polygon for each in world.buildings])
     for leg, height_m in legs:

@@ -1,6 +1,6 @@
 """A flight plan: waypoints in WGS 84, a flight for each set of batteries."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -13,6 +13,10 @@ from pavetwin.world.georeference import ELLIPSOID
 
 STRAIGHT_DOWN_DEG: Final = -90.0
 """Pitch of the gimbal: missions look straight down."""
+
+
+LEAST_LEG_M: Final = 0.5
+"""Shorter legs are left out: flight controllers refuse or skip waypoints that are closer together."""
 
 
 class Trigger(StrEnum):
@@ -85,6 +89,11 @@ class PlannedFlight:
         return float(sum(m / each.speed_mps for m, each in zip(self.lengths_m, self.waypoints[:-1], strict=True)))
 
 
+WayHome = Callable[[Waypoint, Waypoint], Sequence[tuple[float, float]]]
+"""Corners (longitude, latitude) of the way from the first waypoint to the second, above the take-off point, at the
+height of both; with or without the ends."""
+
+
 @dataclass(frozen=True, slots=True)
 class FlightPlan:
     """All flights of a mission."""
@@ -100,3 +109,5 @@ class FlightPlan:
     trigger: Trigger = Trigger.DISTANCE
     remarks: Sequence[str] = ()
     """What of the mission is not in the plan, as sentences."""
+    way_home: WayHome | None = None
+    """For parts of a flight; straight ways where it is None."""

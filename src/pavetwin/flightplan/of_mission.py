@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import groupby, pairwise
 from math import atan2, degrees, hypot
 from pathlib import Path
@@ -10,14 +11,17 @@ from typing import Any, Final
 import polars as pl
 import shapely
 
+from pavetwin._core import NavMesh
 from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError
-from pavetwin.flightplan.model import FlightPlan, PlannedFlight, Trigger, Waypoint
+from pavetwin.flightplan.model import LEAST_LEG_M, FlightPlan, PlannedFlight, Trigger, WayHome, Waypoint
 from pavetwin.mission.again import FormerMission
 from pavetwin.mission.environment import capture_interval_s, inspect_speed_mps
+from pavetwin.navigation.navmesh import navmesh
 from pavetwin.twin import Mode
-from pavetwin.world.georeference import DEFAULT_ANCHOR_DEG, GeoReference, anchored
+from pavetwin.world.georeference import DEFAULT_ANCHOR_DEG, GeoReference, anchored, from_wgs84
 from pavetwin.world.model import World
+from pavetwin.world.solids import solids
 
 TRACK: Final = "track.parquet"
 
@@ -26,9 +30,6 @@ COLUMNS: Final = ("x_m", "y_m", "altitude_m", "mode", "segment")
 
 TOLERANCE_M: Final = 0.05
 """Of the path to the track, where samples in between are left out."""
-
-LEAST_LEG_M: Final = 0.5
-"""Shorter legs are left out: flight controllers refuse or skip waypoints that are closer together."""
 
 PASSED_DEG: Final = 45.0
 """Waypoints with a sharper turn are stopped at; others are flown past."""
@@ -96,7 +97,24 @@ def plan_of_track(
         spacing_m=inspect_mps * interval_s,
         trigger=trigger,
         remarks=tuple(_remarks(rows)),
+        way_home=_way_home(world, settings),
     )
+
+
+def _way_home(world: World, settings: MissionSettings) -> WayHome:
+    """Shortest ways within the flight domain of the mission, which is read when the first is asked for."""
+
+    @cache
+    def mesh() -> NavMesh:
+        return navmesh(world, settings.altitude_m, settings.uav.radius_m, solids(world))
+
+    def way(here: Waypoint, home: Waypoint) -> Sequence[tuple[float, float]]:
+        places = [(here.longitude, here.latitude), (home.longitude, home.latitude)]
+        start, goal = (mesh().nearest(*xy) for xy in from_wgs84(world.georeference, places).tolist())
+        corners = world.georeference.to_wgs84(mesh().path(start, goal))
+        return [(round(longitude, 8), round(latitude, 8)) for longitude, latitude in corners.tolist()]
+
+    return way
 
 
 def check_place(world: World) -> None:

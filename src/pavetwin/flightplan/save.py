@@ -8,6 +8,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import unwritable, writing
 from pavetwin.flightplan.formats import PLAN_FORMATS, PlanFormat
 from pavetwin.flightplan.model import FlightPlan
+from pavetwin.flightplan.parts import parts_of
 
 
 def save_plan(plan: FlightPlan, folder: Path, formats: Sequence[PlanFormat]) -> list[Path]:
@@ -26,7 +27,7 @@ def save_plan(plan: FlightPlan, folder: Path, formats: Sequence[PlanFormat]) -> 
     contents: dict[str, bytes] = {}
     for each in formats:
         for number, flight in enumerate(plan.flights, 1):
-            parts = each.parts(flight)
+            parts = parts_of(plan, flight, each.most_waypoints)
             for part, piece in enumerate(parts, 1):
                 ending = f"-part-{part}" if len(parts) > 1 else ""
                 contents[f"flight-{number}{ending}{each.suffix}"] = each.write(plan, piece)
@@ -43,8 +44,8 @@ def remark_on_parts(files: Sequence[Path]) -> str | None:
     if not count:
         return None
     return (
-        f"{count} files are parts of a flight that begin and end in mid-route, not at take-off: the ways there and "
-        "back are not in the plan and not checked against any limit. Fly them by hand, or choose another format."
+        f"{count} files are parts of a flight. Each takes off and lands at the base, on the shortest ways there and "
+        "back among buildings, and is no longer than the flight: land, charge or change batteries, and fly the next."
     )
 
 

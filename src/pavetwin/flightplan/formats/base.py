@@ -1,7 +1,6 @@
 """What a format of flight plans is, and where formats are registered."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from typing import ClassVar
 
 from pavetwin.flightplan.model import FlightPlan, PlannedFlight, Waypoint
@@ -14,7 +13,7 @@ class PlanFormat(ABC):
     suffix: ClassVar[str]
     """The end of the file's name, its dot included."""
     most_waypoints: ClassVar[int | None] = None
-    """That a file may hold."""
+    """That a file may hold; a flight with more is written in parts."""
 
     def __init__(self, drone: str | None = None) -> None:
         """Args:
@@ -25,13 +24,6 @@ class PlanFormat(ABC):
     @abstractmethod
     def write(self, plan: FlightPlan, flight: PlannedFlight) -> bytes:
         """The file of one flight, which has no more waypoints than it may hold."""
-
-    def parts(self, flight: PlannedFlight) -> Sequence[PlannedFlight]:
-        """The flight in pieces that a file can hold; each begins at the waypoint with which the one before it ends."""
-        most, waypoints = self.most_waypoints, flight.waypoints
-        if most is None or len(waypoints) <= most:
-            return [flight]
-        return [PlannedFlight(waypoints[first : first + most]) for first in range(0, len(waypoints) - 1, most - 1)]
 
 
 PLAN_FORMATS: Registry[type[PlanFormat]] = Registry(
