@@ -41,12 +41,13 @@ study: setup  ## The paper's study over a town without parking: 720 missions in 
 	@.venv/bin/pavetwin experiment run out/study.yaml -o out/study
 	@.venv/bin/pavetwin experiment report out/study --figures
 
-pictures: demo study  ## The pictures of the documentation, made again from the demo
+pictures: demo study  ## The pictures of the documentation, made again (MISSION=FOLDER: those of plans, from it)
 	@mkdir -p docs/images
 	@cp out/demo/missions/comparison.png docs/images/comparison.png
 	@cp out/demo/missions/hover/map.png docs/images/mission.png
 	@cp out/study/figures/figure-1.svg docs/images/study.svg
 	@.venv/bin/python -m gallery.aircraft
+	@$(if $(MISSION),.venv/bin/python -m gallery.flight_plan $(MISSION),:)
 
 gallery: setup  ## The pictures of docs/gallery, rendered again (PHOTOGRAPHS, MAPS=FOLDER: with these)
 	@.venv/bin/python -m gallery $(if $(MAPS),--maps $(MAPS))

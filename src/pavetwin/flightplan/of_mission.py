@@ -233,7 +233,7 @@ def _remarks(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     left_out = {Mode.WAIT: "waiting", Mode.DISPLACE: "displacements", Mode.AVOID: "giving way to aircraft"}
     words = [name for mode, name in left_out.items() if mode in modes]
     if words:
-        yield f"Left out, as reactions to the simulated traffic: {', '.join(words)}."
+        yield f"Not in the plan, as reactions to the simulated traffic: {', '.join(words)}."
     if Mode.REVISIT in modes:
         yield (
             "The ways to places that were visited again are kept, without stops and photographs, as other places are "

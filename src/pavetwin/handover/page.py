@@ -119,7 +119,7 @@ def _flight(handover: Handover) -> Iterator[str]:
         f"{each}with a full battery: simulated {totals['time_s'] / 60:.1f} min with "
         f"{number(100 * totals['energy'], 0)} % of a battery, {totals['wait_s']:.0f} s of waiting included."
     )
-    yield from (f"The plan: {remark[0].lower()}{remark[1:]}" for remark in plan.remarks)
+    yield from plan.remarks
 
 
 def _sky(clouds: float) -> str:
