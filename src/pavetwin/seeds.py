@@ -25,6 +25,7 @@ class Stream(IntEnum):
     COMPOSITE = 14
     TRAINING = 15
     PHOTOGRAPHS = 16
+    FALSE_ALARMS = 17
 
 
 def child(seed: int, stream: Stream, *keys: int) -> np.random.Generator:

@@ -10,7 +10,7 @@ import pytest
 from PIL import ExifTags, Image
 from shapely import Point
 
-from pavetwin.capture.daylight import LEAST_ELEVATION_DEG, Daylight, centre_lonlat, draw_conditions
+from pavetwin.capture.daylight import LEAST_ELEVATION_DEG, Daylight, draw_conditions
 from pavetwin.capture.mission_frames import save_frames
 from pavetwin.capture.mission_images import MissionImages
 from pavetwin.capture.record import read_records
@@ -19,6 +19,7 @@ from pavetwin.config import Conditions
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.replay import Replay
 from pavetwin.mission.results import save_mission
+from pavetwin.scene.sun import centre_lonlat
 from pavetwin.scene.view import View
 from scenes.recordings import recording
 from scenes.tiny import Scene, straight

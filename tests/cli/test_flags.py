@@ -74,6 +74,7 @@ USUAL: dict[str, tuple[str, ...]] = {
     "data import": ("uav-cars", "town", "-o", "new"),
     "data pack": ("roads", "-o", "new"),
     "detect": ("town", "-o", "new"),
+    "sensor fit": ("town", "-o", "new.json"),
     "serve": ("--port", "0"),
     "train": ("roads", "-o", "new"),
     "experiment init": ("new.yaml",),

@@ -8,6 +8,7 @@ import pytest
 from shapely import Point
 
 from pavetwin.config.mission import SensingSettings
+from pavetwin.config.options import OptionValue
 from pavetwin.errors import PaveTwinError
 from pavetwin.seeds import Stream, child
 from pavetwin.sensing import (
@@ -22,7 +23,7 @@ from pavetwin.sensing import (
     sensor_names,
 )
 from pavetwin.sensing.conformance import trial_defect, trial_frames, trial_sighting
-from scenes import drawn_detector
+from scenes import drawn_detector, fitted
 
 
 def frame(*sightings: tuple[int, int]) -> Frame:
@@ -50,7 +51,10 @@ def found(seed: int, *sightings: tuple[int, int], recall: float = 0.84) -> set[t
     return {sighting for sighting in sightings if sighting[0] in confirmed}
 
 
-OPTIONS = {"detector": {"model": str(drawn_detector.FILE), "image_px": 64}}
+OPTIONS: dict[str, dict[str, OptionValue]] = {
+    "detector": {"model": str(drawn_detector.FILE), "image_px": 64},
+    "calibrated": {"fitted": str(fitted.FILE)},
+}
 """What a sensor cannot do without."""
 
 

@@ -5,12 +5,11 @@ from datetime import UTC, datetime, timedelta
 from typing import Any, Final, Self
 
 import numpy as np
-import shapely
 
 from pavetwin.config import Conditions
 from pavetwin.config.conditions import solar_offset
 from pavetwin.scene.light import Light
-from pavetwin.scene.sun import sun_position
+from pavetwin.scene.sun import centre_lonlat, sun_position
 from pavetwin.world.model import World
 
 LEAST_ELEVATION_DEG: Final = 12.0
@@ -63,16 +62,6 @@ class Daylight:
             "turbidity": self.light.turbidity,
             "exposure_compensation_ev": self.compensation_ev,
         }
-
-
-def centre_lonlat(world: World) -> tuple[float, float]:
-    """Longitude and latitude of the middle of a world's segments in degrees, east and north positive.
-
-    Not of its base, which missions choose: two missions at one time have the same light.
-    """
-    west, south, east, north = shapely.total_bounds([segment.polygon for segment in world.segments])
-    longitude, latitude = world.georeference.to_wgs84(((west + east) / 2, (south + north) / 2))
-    return float(longitude), float(latitude)
 
 
 def draw_conditions(rng: np.random.Generator, longitude_deg: float, latitude_deg: float) -> Conditions:

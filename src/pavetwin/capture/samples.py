@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import Final
 
-from pavetwin.capture.daylight import Daylight, centre_lonlat, draw_compensation_ev, draw_conditions
+from pavetwin.capture.daylight import Daylight, draw_compensation_ev, draw_conditions
 from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.capture.parked_bodies import ParkedBodies
 from pavetwin.capture.plan import SAMPLE, aims_of, platform_key
@@ -11,6 +11,7 @@ from pavetwin.capture.platforms import Platform, Pose
 from pavetwin.capture.resolution import drawn_gsd_mm
 from pavetwin.config import Conditions
 from pavetwin.errors import PaveTwinError
+from pavetwin.scene.sun import centre_lonlat
 from pavetwin.seeds import Stream, child
 
 PROPOSALS: Final = 300

@@ -11,9 +11,9 @@ from pavetwin.cli.arguments import CacheFolder, Hour, Los, Mix, OptionalWorldFol
 from pavetwin.cli.conditions import OPTIONS as CONDITIONS
 from pavetwin.cli.conditions import Clouds, Date, Time, Wind, conditions_of
 from pavetwin.cli.console import out, progress
-from pavetwin.cli.detect import named
 from pavetwin.cli.parking import Parking, parking_of
 from pavetwin.cli.published import note_difference
+from pavetwin.cli.sensor_option import check_has_model, model_option
 from pavetwin.errors import PaveTwinError, about, naming
 
 if TYPE_CHECKING:
@@ -58,7 +58,11 @@ def fly(
         str | None, typer.Option(help="{sensors}, or your own, file.py:ClassName. recall unless set otherwise.")
     ] = None,
     model: Annotated[
-        Path | None, typer.Option(metavar="FILE.onnx", help="Of --sensor detector: file of `pavetwin export`.")
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Of --sensor detector: file of `pavetwin export`. Of --sensor calibrated: of `pavetwin sensor fit`.",
+        ),
     ] = None,
     aircraft: Annotated[
         str | None,
@@ -151,6 +155,7 @@ def fly(
     pavetwin fly worlds/town --aircraft phantom4pro --wind 6@270
     pavetwin fly worlds/town --date 2026-06-21 --time 09:30 --clouds 0.4 --wind 5@270 --save-frames hits
     pavetwin fly worlds/town --sensor detector --model model.onnx --segments 1 --save-frames hits
+    pavetwin fly worlds/town --sensor calibrated --model sensor.json
     pavetwin fly worlds/town --routes rush.rou.xml --take-off 600
     pavetwin fly worlds/town --parking 0.9
     pavetwin fly worlds/city --segments 3 --traffic-area 200
@@ -211,7 +216,7 @@ def fly(
     options = {"sensing.sensor:": ("`sensor`:", sensor), "conditions.wind_mps:": ("`wind`:", wind)}
     with naming({key: option for key, (option, given) in options.items() if given is not None}):
         if model is not None:
-            _check_has_model(chosen)
+            check_has_model(chosen)
         check_names(chosen, names, seed)
     if settings:
         out.print(report.settings_text(chosen), markup=False)
@@ -303,18 +308,6 @@ def looks_at_images(settings: "MissionSettings") -> bool:
     return settings.sensing.sensor == "detector"
 
 
-def _check_has_model(settings: "MissionSettings") -> None:
-    """Whether --model says something of the mission's sensor.
-
-    Raises:
-        PaveTwinError: the sensor takes no model.
-    """
-    from pavetwin.sensing.registered import sensor_class
-
-    if "model" not in sensor_class(settings.sensing.sensor).default_options:
-        raise PaveTwinError(f"--model: the sensor '{settings.sensing.sensor}' takes none; add --sensor detector.")
-
-
 def _former(context: typer.Context, again: Path | None, *, other_policy: bool) -> "FormerMission | None":
     """The mission to fly again.
 
@@ -392,7 +385,7 @@ def _settings(
     if sensor is not None:
         given["sensing"] = {"sensor": sensor}
     if model is not None:
-        given.setdefault("sensing", {})["options"] = {"model": str(named(model))}
+        given.setdefault("sensing", {})["options"] = model_option(model)
     if aircraft is not None:
         given["aircraft"] = aircraft
     if plugins:

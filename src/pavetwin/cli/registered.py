@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from pavetwin.cli.console import out
+from pavetwin.cli.sensor_fit import fit
 from pavetwin.errors import PaveTwinError, naming
 from pavetwin.registry import BrokenRulesError
 
@@ -59,3 +60,4 @@ def _sensor(module: Any, name: str) -> Any:
 
 policy = _group("policy", "policies", "pavetwin.policies", "my_policy.py:Careful", _policy)
 sensor = _group("sensor", "sensors", "pavetwin.sensing", "my_sensor.py:Sharp", _sensor)
+sensor.command("fit")(fit)

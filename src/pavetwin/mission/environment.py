@@ -1,5 +1,6 @@
 """From a world and settings to what the kernel flies over."""
 
+import datetime as dt
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -14,6 +15,7 @@ from pavetwin._core import Battery, Flight, FlightSettings, Ground, Limits, Nadi
 from pavetwin.arrays import Float64Array
 from pavetwin.config import MissionSettings
 from pavetwin.config.altitude import VERTICAL_CLEARANCE_M
+from pavetwin.config.conditions import Conditions
 from pavetwin.config.mission import CameraSettings, PatternSettings, UavSettings
 from pavetwin.defects import sample_points
 from pavetwin.mission.parked import ParkingInput, parked_agents, parked_solids, permanently_hidden
@@ -21,6 +23,7 @@ from pavetwin.navigation.base import check_base, roadside
 from pavetwin.navigation.navmesh import navmesh, segments_in_reach
 from pavetwin.navigation.patterns import passes
 from pavetwin.pci import Survey, sample_units
+from pavetwin.scene.sun import sun_elevation_deg
 from pavetwin.sensing.frame import Sighting
 from pavetwin.sensing.resolution import orientations_of, smallest_extent_m
 from pavetwin.traffic.mix import DEFAULT_MIX
@@ -59,6 +62,7 @@ class MissionEnvironment:
     _sightings: dict[int, Sighting] = field(default_factory=dict, init=False, repr=False, compare=False)
     """Whole, by the defect's id: what of them does not depend on the capture."""
     _surveys: dict[str, Survey] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _suns_deg: dict[tuple[dt.date, dt.time], float] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
     def parked_agents(self) -> tuple[Agent, ...]:
@@ -82,6 +86,13 @@ class MissionEnvironment:
             here = [self.defects[number] for number in self.defects_by_segment.get(segment.id, ())]
             self._surveys[segment.id] = Survey(sample_units([segment]), here)
         return self._surveys[segment.id]
+
+    def sun_elevation_deg(self, conditions: Conditions) -> float:
+        """Of the sun over the world when a mission begins."""
+        moment = conditions.date, conditions.time
+        if moment not in self._suns_deg:
+            self._suns_deg[moment] = sun_elevation_deg(conditions, self.world)
+        return self._suns_deg[moment]
 
     @property
     def inspected_world(self) -> World:

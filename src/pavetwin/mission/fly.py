@@ -69,6 +69,10 @@ class MissionResult:
     captures: "CaptureColumns"
     swept: frozenset[int]
     """Defects, by their id, whose centre the inspection window passed over."""
+    sighted: tuple[tuple[int, int, float], ...]
+    """Of the frames that the sensor was shown: capture, id of a defect that it sees, visible fraction of that."""
+    looked_px: int | None
+    """See `Sensor.looked_px`."""
     trace: Trace
     """The recorded traffic that it was flown against, from take-off on."""
     duration_s: float
@@ -182,6 +186,8 @@ def fly(
             other_classes=looking.other_classes,
             image_source=images,
             every_capture=looking.every_capture,
+            sees_confirmed=looking.sees_confirmed,
+            looked_px=looking.looked_px,
             observer=observer,
         )
 
@@ -232,6 +238,8 @@ def result_of(mission: Mission, spec: MissionSpec | None = None) -> MissionResul
         track=flight.track(),
         captures=flight.captures(),
         swept=frozenset(np.flatnonzero(flight.swept()).tolist()),
+        sighted=tuple(mission.sighted),
+        looked_px=mission.looked_px,
         trace=mission.traffic.trace(),
         duration_s=mission.duration_s,
         energy=mission.energy,

@@ -156,6 +156,7 @@ def captured_frame(result: MissionResult, capture: int) -> Frame:
         conditions=settings.conditions,
         velocity_mps=seen_velocity_mps(settings, _velocity_mps(result, capture), time_s),
         exposure_s=shutter_s(settings),
+        sun_elevation_deg=result.environment.sun_elevation_deg(settings.conditions),
     )
 
 

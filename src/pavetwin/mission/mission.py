@@ -93,6 +93,10 @@ class Mission:
     """Takes the images of frames, for sensors that look at them."""
     every_capture: bool = False
     """Whether captures that see no defect are events as well."""
+    sees_confirmed: bool = False
+    """Whether frames show defects that are confirmed already as well."""
+    looked_px: int | None = None
+    """See `Sensor.looked_px`."""
     observer: MissionObserver = lambda _: None
     """Told everything that happens."""
     memory: InspectionMemory = field(default_factory=InspectionMemory)
@@ -110,6 +114,9 @@ class Mission:
         self.detections = DetectionLog(self.environment, sensor=self.sensor, other_classes=self.other_classes)
         self._meter = SegmentMeter(self.environment)
         self._camera = camera_of(self.settings)
+        self._sun_elevation_deg = self.environment.sun_elevation_deg(self.settings.conditions)
+        self.sighted: list[tuple[int, int, float]] = []
+        """Of all frames that were asked for: capture, id of a defect that it sees, visible fraction of that."""
         self._frame: Frame | None = None
         self._attempts: dict[int, int] = {}
         self._tried: set[int] = set()
@@ -195,6 +202,7 @@ class Mission:
             attempt = self._attempts.get(defect, 0)
             self._attempts[defect] = attempt + 1
             sightings.append(self.environment.sighting(defect, fraction, attempt))
+            self.sighted.append((event.number, defect, fraction))
             if self.settings.sensing.attempts == "first_capture":
                 self.flight.set_wanted(defect, False)
                 self._tried.add(defect)
@@ -208,6 +216,7 @@ class Mission:
             conditions=self.settings.conditions,
             velocity_mps=seen_velocity_mps(self.settings, event.velocity_mps, event.time_s),
             exposure_s=shutter_s(self.settings),
+            sun_elevation_deg=self._sun_elevation_deg,
             sightings=tuple(sightings),
             source=self.image_source,
         )
@@ -229,8 +238,9 @@ class Mission:
         )
         if confirmed:
             self.memory = self.memory.confirm(confirmed, Confirmation(self.flight.time_s, self._on_revisit))
-            for defect in confirmed:
-                self.flight.set_wanted(defect, False)
+            if not self.sees_confirmed:
+                for defect in confirmed:
+                    self.flight.set_wanted(defect, False)
             self._tell(DefectsConfirmed(self.flight.time_s, confirmed, self._on_revisit))
         return judged
 

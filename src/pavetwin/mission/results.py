@@ -16,6 +16,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing, writing_folder
 from pavetwin.mission.defect_files import write_captures, write_defects
 from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.look_table import LOOKS, look_table
 from pavetwin.mission.mission import Mission
 from pavetwin.mission.street_table import STREETS, street_table
 from pavetwin.mission.track import MODES
@@ -248,6 +249,8 @@ def _write(result: MissionResult, folder: Path) -> None:
     _write_table(segment_table(result), folder / "mission.parquet")
     _write_table(track_table(result), folder / "track.parquet")
     _write_table(detections_table(result), folder / "detections.parquet")
+    if result.looked_px is not None:
+        _write_table(look_table(result), folder / LOOKS)
     write_captures(result, folder / "captures.geojson")
     write_defects(result, folder)
     reasons = pl.read_csv(folder / "defects.csv", columns=["segment", "reason"], schema_overrides=_TEXTS)

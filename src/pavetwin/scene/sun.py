@@ -3,7 +3,11 @@
 import math
 from datetime import UTC, datetime
 
+import shapely
+
+from pavetwin.config.conditions import Conditions
 from pavetwin.errors import PaveTwinError
+from pavetwin.world.model import World
 
 
 def sun_position(when: datetime, *, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
@@ -44,3 +48,19 @@ def sun_position(when: datetime, *, latitude_deg: float, longitude_deg: float) -
         math.cos(latitude) * math.sin(declination) - math.sin(latitude) * math.cos(declination) * math.cos(hour),
     )
     return math.degrees(elevation), math.degrees(azimuth) % 360
+
+
+def centre_lonlat(world: World) -> tuple[float, float]:
+    """Longitude and latitude of the middle of a world's segments in degrees, east and north positive.
+
+    Not of its base, which missions choose: two missions at one time have the same light.
+    """
+    west, south, east, north = shapely.total_bounds([segment.polygon for segment in world.segments])
+    longitude, latitude = world.georeference.to_wgs84(((west + east) / 2, (south + north) / 2))
+    return float(longitude), float(latitude)
+
+
+def sun_elevation_deg(conditions: Conditions, world: World) -> float:
+    """Of the sun over the middle of a world when a mission begins; negative below the horizon."""
+    longitude, latitude = centre_lonlat(world)
+    return sun_position(conditions.utc(longitude), latitude_deg=latitude, longitude_deg=longitude)[0]

@@ -18,6 +18,9 @@ class Sensor(ABC):
     every_capture: ClassVar[bool] = False
     """Whether it is shown every capture; else only those that see a defect which is not confirmed yet."""
 
+    sees_confirmed: ClassVar[bool] = False
+    """Whether it is also shown defects that are confirmed already, as one is that works on images."""
+
     judges_size: ClassVar[bool] = False
     """Whether it misses what covers too few pixels, by `sensing.least_px`."""
 
@@ -57,6 +60,15 @@ class Sensor(ABC):
             on_progress: told the share done, 0 … 1.
         """
         on_progress(1.0)
+
+    @property
+    def looked_px(self) -> int | None:
+        """Longer side of the images that it looks at, unless the camera's is shorter; None for one without images.
+
+        With one, each capture that it is shown is an attempt at all that it sees, and missions write down which of
+        these it found.
+        """
+        return None
 
     @abstractmethod
     def detect(self, frame: Frame) -> Sequence[Detection]:

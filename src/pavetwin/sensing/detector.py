@@ -18,6 +18,7 @@ from pavetwin.labels.boxes import PixelBox, ends_at_border
 from pavetwin.sensing.base import Sensor
 from pavetwin.sensing.detection import Detection, MeasuredSizes
 from pavetwin.sensing.frame import Frame
+from pavetwin.sensing.looks import seen_camera
 from pavetwin.sensing.registered import sensor
 from pavetwin.uav.cameras import Camera
 
@@ -49,6 +50,11 @@ class ImageDetector(Protocol):
         ...
 
 
+def default_image_px(detector: ImageDetector) -> int:
+    """Longer side of the images that a detector looks at in missions, unless set, or the camera's is shorter."""
+    return LARGEST_PX if detector.tiled else detector.image_px
+
+
 @sensor("detector")
 class DetectorSensor(Sensor):
     """Reports what a model file of `pavetwin export` finds in the rendered image of each capture.
@@ -61,6 +67,7 @@ class DetectorSensor(Sensor):
     """
 
     every_capture = True
+    sees_confirmed = True
     default_options: ClassVar[Mapping[str, OptionValue]] = MappingProxyType(
         {"model": "", "confidence": 0.25, "image_px": 0, "aboard": False}
     )
@@ -85,13 +92,13 @@ class DetectorSensor(Sensor):
 
         return Detector(Path(model), confidence=float(self.options["confidence"]))
 
+    @property
+    def looked_px(self) -> int:
+        return int(self.options["image_px"]) or default_image_px(self._detector)
+
     def seen_camera(self, camera: Camera) -> Camera:
         """A camera with the pixels of the images that the detector looks at; the field of view stays."""
-        longer = max(camera.image_px)
-        longest = int(self.options["image_px"]) or (LARGEST_PX if self._detector.tiled else self._detector.image_px)
-        scale = min(1.0, longest / longer)
-        width, height = (max(1, round(side * scale)) for side in camera.image_px)
-        return camera.model_copy(update={"image_px": (width, height)})
+        return seen_camera(camera, self.looked_px)
 
     def look_at(self, frames: Sequence[Frame], on_progress: Callable[[float], None] = lambda _: None) -> None:
         """Render captures and search their images; `detect` then answers from what was found.

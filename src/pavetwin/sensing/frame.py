@@ -64,6 +64,8 @@ class Frame:
     gusts add to it."""
     exposure_s: float = 0.001
     """Shutter time."""
+    sun_elevation_deg: float | None = None
+    """Of the sun above the horizon when the mission begins; None where nobody says. Light stays as it is then."""
     sightings: Sequence[Sighting] = ()
     source: ImageSource | None = field(default=None, repr=False, compare=False)
 

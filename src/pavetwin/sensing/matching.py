@@ -7,8 +7,9 @@ apart. In the order of falling
 confidence each detection takes the defect with the greatest IoU that no other has taken.
 """
 
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Final, NamedTuple
 
 import numpy as np
 import shapely
@@ -28,6 +29,16 @@ ASIDE_M: Final = 0.1
 """A detection further from a crack than this means another one."""
 
 
+class Shape(NamedTuple):
+    """Something in an image: a detection, or a defect that is there."""
+
+    kind: str
+    box_px: Callable[[], Box]
+    ground: Callable[[], Polygon]
+    """On the ground, in metres."""
+    confidence: float = 1.0
+
+
 def match(frame: Frame, detections: Sequence[Detection], defects: Sequence[Defect]) -> list[tuple[int | None, bool]]:
     """For each detection the index of its defect in `defects` (None for none), and whether it is the first that means
     it in this frame.
@@ -35,15 +46,34 @@ def match(frame: Frame, detections: Sequence[Detection], defects: Sequence[Defec
     Args:
         defects: those that the frame can show, whole or in part.
     """
-    found: list[tuple[int | None, bool]] = [(None, False)] * len(detections)
     outlines = {(id(defect.polygon), defect.kind): index for index, defect in enumerate(defects)}
+    reported = [
+        Shape(each.kind, partial(each.box, frame), partial(each.ground, frame), each.confidence) for each in detections
+    ]
+    there = [Shape(each.kind, partial(frame.box_of, each.polygon), partial(_outline, each)) for each in defects]
+    meant = [outlines.get((id(each.footprint), each.kind)) for each in detections]  # of sensors without images
+    return match_shapes(reported, there, meant)
+
+
+def _outline(defect: Defect) -> Polygon:
+    return defect.polygon
+
+
+def match_shapes(
+    reported: Sequence[Shape], there: Sequence[Shape], meant: Sequence[int | None] | None = None
+) -> list[tuple[int | None, bool]]:
+    """The same, for shapes in one image, whatever their places are measured in.
+
+    Args:
+        meant: for each that is reported, the index in `there` where it is known.
+    """
+    found: list[tuple[int | None, bool]] = [(None, False)] * len(reported)
     taken: set[int] = set()
-    order = sorted(range(len(detections)), key=lambda index: -detections[index].confidence)
+    order = sorted(range(len(reported)), key=lambda index: -reported[index].confidence)
     for index in order:
-        detection = detections[index]
-        best = outlines.get((id(detection.footprint), detection.kind))  # what sensors without images report
+        best = meant[index] if meant else None
         if best is None:
-            scored = _scores(frame, detection, defects)
+            scored = _scores(reported[index], there)
             free = {defect: score for defect, score in scored.items() if defect not in taken}
             best = _best(free or scored)
         if best is not None:
@@ -52,16 +82,16 @@ def match(frame: Frame, detections: Sequence[Detection], defects: Sequence[Defec
     return found
 
 
-def _scores(frame: Frame, detection: Detection, defects: Sequence[Defect]) -> dict[int, float]:
+def _scores(detection: Shape, defects: Sequence[Shape]) -> dict[int, float]:
     """IoU of every defect that the detection may mean, by its index."""
     scores: dict[int, float] = {}
     thin = is_thin(detection.kind)
     for index, defect in enumerate(defects):
         if defect.kind != detection.kind:
             continue
-        score = iou(detection.box(frame), frame.box_of(defect.polygon))
+        score = iou(detection.box_px(), defect.box_px())
         if score >= (LEAST_IOU_THIN if thin else LEAST_IOU) or (
-            thin and shared_extent(detection.ground(frame), defect.polygon) >= LEAST_EXTENT_THIN
+            thin and shared_extent(detection.ground(), defect.ground()) >= LEAST_EXTENT_THIN
         ):
             scores[index] = score
     return scores

@@ -1,0 +1,158 @@
+"""What a captured dataset tells of a detector: each visible defect of each image is a look at it."""
+
+from collections.abc import Callable
+from functools import partial
+from math import hypot, sqrt
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+import yaml
+from shapely import Polygon, box
+
+from pavetwin.capture.record import Record, read_record, record_paths
+from pavetwin.capture.truth import LabelledObject
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import file_sha256
+from pavetwin.labels.outlines import hull
+from pavetwin.labels.rle import decode
+from pavetwin.perception.inference import Detections, Detector
+from pavetwin.sensing.detector import default_image_px
+from pavetwin.sensing.fitting import ALARM_SCHEMA, GROUP, LookSource
+from pavetwin.sensing.looks import LOOK_COLUMNS, Look
+from pavetwin.sensing.matching import Shape, match_shapes
+from pavetwin.sensing.sensor_model import FittedDetector
+
+LEAST_VISIBLE: Final = 0.35
+"""As missions have it unless set otherwise (`sensing.min_visible_fraction`): what shows less of a defect is no look."""
+
+LEVEL_DEG: Final = 5.0
+"""Images that look further from straight down are left out: missions take none."""
+
+
+def is_capture(folder: Path) -> bool:
+    """Whether a folder is a dataset of `pavetwin capture`."""
+    return (folder / "capture.yaml").is_file()
+
+
+def looks_of(folder: Path, model: Path, confidence: float, tell: Callable[[float], None]) -> LookSource:
+    """Search a dataset's images, and say what was found of what they show.
+
+    Args:
+        model: file of the detector.
+        confidence: least confidence of what counts.
+        tell: told the share done.
+
+    Raises:
+        PaveTwinError: the dataset or the model is damaged, or no image looks straight down.
+    """
+    detector = Detector(model, confidence=confidence)
+    place, paths = _place(folder), record_paths(folder)
+    looks: list[tuple[Any, ...]] = []
+    images: list[tuple[float, float]] = []
+    alarms: list[tuple[int, str, float]] = []
+    for number, path in enumerate(paths):
+        record = read_record(path)
+        if abs(90.0 + float(record.camera["pitch_deg"])) <= LEVEL_DEG:
+            (found,) = detector.detect([folder / record.image])
+            mine, wrong = _judged(record, found)
+            looks += [(f"{place} {name.removeprefix('defect ')}", *rest) for name, *rest in mine]
+            alarms += [(len(images), kind, size_px) for kind, size_px in wrong]
+            images.append((_area_m2(record), float(record.camera["gsd_mm"])))
+        tell((number + 1) / len(paths))
+    if not images:
+        raise PaveTwinError(f"'{folder}' has no image that looks straight down, as missions take them.")
+    schema = {GROUP: pl.String, "found": pl.Boolean, **LOOK_COLUMNS}
+    return LookSource(
+        name=folder.name,
+        detector=FittedDetector(sha256=file_sha256(model), confidence=confidence, image_px=default_image_px(detector)),
+        looks=pl.DataFrame(looks, schema=schema, orient="row"),
+        images=pl.DataFrame(images, schema={"area_m2": pl.Float64, "pixel_mm": pl.Float64}, orient="row"),
+        alarms=pl.DataFrame(alarms, schema=ALARM_SCHEMA, orient="row"),
+    )
+
+
+def _place(folder: Path) -> str:
+    """What names the world and its defects."""
+    try:
+        world = yaml.safe_load((folder / "capture.yaml").read_text(encoding="utf-8"))["world"]
+        return f"{world['content_hash']} {world['defects_hash']}"
+    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
+        raise PaveTwinError(f"'{folder / 'capture.yaml'}' is damaged; capture into another folder.") from error
+
+
+def _area_m2(record: Record) -> float:
+    width, height = record.size_px
+    return width * height * (float(record.camera["gsd_mm"]) / 1000.0) ** 2
+
+
+def _judged(record: Record, found: Detections) -> tuple[list[tuple[Any, ...]], list[tuple[str, float]]]:
+    """Of each look the defect, whether it was found, and the look; of each false alarm its class and size in pixels."""
+    pixel_m = float(record.camera["gsd_mm"]) / 1000.0
+    objects = [each for each in record.objects if each.id.startswith("defect ")]
+    there = [
+        Shape(each.details["class"], lambda each=each: each.box, lambda each=each: _outline(each, record, pixel_m))  # type: ignore[misc]
+        for each in objects
+    ]
+    reported = [
+        Shape(
+            found.names[at].lower().replace(" ", "_"),
+            partial(found.box, at),
+            partial(_footprint, found, at, pixel_m),
+            float(found.confidence[at]),
+        )
+        for at in map(int, np.flatnonzero(found.is_defect))
+    ]
+    matched = match_shapes(reported, there)
+    hit = {index for index, _ in matched if index is not None}
+    looks = []
+    for index, each in enumerate(objects):
+        off_centre = _off_centre(record, each)
+        if each.visible_fraction >= LEAST_VISIBLE and off_centre is not None:
+            looks.append((each.id, index in hit, *_look(record, each, pixel_m, off_centre)))
+    wrong = [
+        (shape.kind, sqrt(shape.ground().area) / pixel_m)
+        for shape, (index, _) in zip(reported, matched, strict=True)
+        if index is None
+    ]
+    return looks, wrong
+
+
+def _outline(thing: LabelledObject, record: Record, pixel_m: float) -> Polygon:
+    width, height = record.size_px
+    return Polygon(hull(decode(thing.mask, (height, width))) * pixel_m)
+
+
+def _footprint(found: Detections, at: int, pixel_m: float) -> Polygon:
+    """The hull of a mask, or else the box, in metres from the image's corner."""
+    mask = found.mask(at)
+    corners = np.asarray(box(*found.box(at)).exterior.coords)
+    if mask is not None and mask[1].any():
+        corners = hull(mask[1]) + mask[0][:2]
+    return Polygon(corners * pixel_m)
+
+
+def _off_centre(record: Record, thing: LabelledObject) -> float | None:
+    """The way of its centre to the image's centre as a share of that to a corner; None for one outside."""
+    camera, size = record.camera, np.array(record.size_px)
+    ahead = np.asarray(camera["rotation"]) @ (np.asarray(thing.position_m) - camera["position_m"])
+    middle = np.array(camera["frame_px"]) / 2 - camera["corner_px"]
+    place = ahead[:2] / ahead[2] * camera["focal_px"] + middle - size / 2
+    return None if (np.abs(place) > size / 2).any() else float(np.hypot(*place) / np.hypot(*size) * 2)
+
+
+def _look(record: Record, thing: LabelledObject, pixel_m: float, off_centre: float) -> Look:
+    details, camera, light = thing.details, record.camera, record.light
+    return Look(
+        kind=str(details["class"]),
+        severity=str(details["severity"]),
+        width_px=float(details["width_m"]) / pixel_m,
+        size_px=sqrt(float(details["area_m2"])) / pixel_m,
+        visible_fraction=thing.visible_fraction,
+        inside_fraction=1.0 if thing.inside_fraction is None else thing.inside_fraction,
+        off_centre=off_centre,
+        blur_px=hypot(*camera["velocity_mps"][:2]) * float(camera["exposure_s"]) / pixel_m,
+        sun_elevation_deg=float(light["sun_elevation_deg"]),
+        clouds=float(light["cloud_cover"]),
+    )

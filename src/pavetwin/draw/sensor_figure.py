@@ -1,0 +1,87 @@
+"""A fitted sensor beside what was found: a reliability diagram, and how often repeated looks find one defect."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import polars as pl
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator, PercentFormatter
+
+from pavetwin.draw import style
+from pavetwin.sensing.fitting import LookSource, reliability, repeated_looks
+from pavetwin.sensing.sensor_model import SensorModel
+
+LOOKS: Final = 3
+"""Repeated looks that are shown: missions give most defects as many."""
+
+_PERCENT: Final = PercentFormatter(1.0, decimals=0, symbol=" %")
+
+
+def save_sensor_figure(model: SensorModel, sources: Sequence[LookSource], path: Path, *, are_others: bool) -> None:
+    """Draw and write the figure.
+
+    Args:
+        sources: what to compare with.
+        are_others: whether the model was not fitted to them.
+
+    Raises:
+        PaveTwinError: the file cannot be written.
+    """
+    looks = pl.concat([each.looks for each in sources])
+    with style.styled():
+        figure = style.new_figure(6.6, 3.3)
+        figure.set_layout_engine("constrained")
+        left, right = figure.subplots(1, 2)
+        _chances(left, model, looks)
+        _repeats(right, model, looks)
+        what = "looks that it was not fitted to" if are_others else "the looks that it was fitted to"
+        figure.suptitle(f"Fitted sensor and {len(looks)} {what}", fontsize=9)
+    style.save_figure(figure, path)
+
+
+def _chances(axes: Axes, model: SensorModel, looks: pl.DataFrame) -> None:
+    """Each dot a tenth of the looks; bars are two standard errors."""
+    seen = reliability(model, looks)
+    axes.plot([0, 1], [0, 1], color=style.INK_FAINT, linewidth=1)
+    axes.errorbar(
+        seen.predicted,
+        seen.observed,
+        yerr=2 * seen.standard_error,
+        fmt="o",
+        markersize=4,
+        color=style.POLICY_COLOURS["hover"],
+        elinewidth=1,
+    )
+    axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="chance that the model gives", ylabel="looks that found their defect")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(_PERCENT)
+    axes.set_title("Single looks, in tenths", fontsize=8.5)
+
+
+def _repeats(axes: Axes, model: SensorModel, looks: pl.DataFrame) -> None:
+    seen = repeated_looks(model, looks, LOOKS)
+    total = seen.observed.sum()
+    if not total:
+        axes.text(0.5, 0.5, f"no defect has {LOOKS} looks", ha="center", va="center", transform=axes.transAxes)
+        axes.set_axis_off()
+        return
+    places = np.arange(LOOKS + 1)
+    axes.bar(places, seen.observed / total, width=0.6, color=style.BUILDING, label="observed")
+    axes.plot(
+        places, seen.fitted / total, "o-", markersize=5, color=style.POLICY_COLOURS["hover"], label="fitted model"
+    )
+    axes.plot(
+        places,
+        seen.independent / total,
+        "^--",
+        markersize=5,
+        color=style.POLICY_COLOURS["micro"],
+        label="each look by itself",
+    )
+    axes.set(xlabel=f"looks of {LOOKS} that found it", ylabel=f"share of {total:.0f} defects", ylim=(0, None))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.yaxis.set_major_formatter(_PERCENT)
+    axes.legend(loc="upper left", fontsize=7.5)
+    axes.set_title("Repeated looks at one defect", fontsize=8.5)

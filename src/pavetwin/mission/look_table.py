@@ -1,0 +1,128 @@
+"""`looks.parquet`: what every capture showed of the defects, and what a sensor that looks at images found of it."""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+import shapely
+import yaml
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.inspected_defects import captured_frame
+from pavetwin.sensing import Outcome
+from pavetwin.sensing.detector import DetectorSensor
+from pavetwin.sensing.fitting import ALARM_SCHEMA, GROUP, LookSource
+from pavetwin.sensing.looks import LOOK_COLUMNS, LOOK_SCHEMA, LookMeter
+from pavetwin.sensing.sensor_model import FittedDetector
+from pavetwin.world.georeference import anchored, from_wgs84
+
+LOOKS: Final = "looks.parquet"
+
+
+def look_table(result: MissionResult) -> pl.DataFrame:
+    """One row for each defect that a capture saw, and one with `defect` null for a capture that saw none, in the order
+    of captures; the columns of `LOOK_SCHEMA`.
+
+    Defects count that the mission counts: enough of them is visible, and their centre is in the inspection window.
+
+    Raises:
+        ValueError: the mission's sensor looks at no images.
+    """
+    if result.looked_px is None:
+        raise ValueError("what a sensor without images finds are no looks")
+    meter, environment = LookMeter(result.looked_px), result.environment
+    right = (Outcome.CONFIRMED, Outcome.DUPLICATE)
+    found = {(each.capture, each.defect) for each in result.detections if each.outcome in right}
+    seen: dict[int, list[tuple[int, float]]] = {}
+    for capture, defect, fraction in result.sighted:
+        seen.setdefault(capture, []).append((defect, fraction))
+    rows: list[tuple[object, ...]] = []
+    for capture in range(len(result.captures["t_s"])):
+        frame = captured_frame(result, capture)
+        sizes = (
+            min(result.looked_px, max(frame.camera.image_px)),
+            1000.0 * meter.pixel_m(frame),
+            float(frame.footprint.area),
+        )
+        for defect, fraction in seen.get(capture, ()):
+            look = meter.look(frame, environment.sighting(defect, fraction, 0))
+            rows.append((capture, *sizes, defect, (capture, defect) in found, *look))
+        if capture not in seen:
+            rows.append((capture, *sizes, *(None,) * (len(LOOK_SCHEMA) - 1 - len(sizes))))
+    return pl.DataFrame(rows, schema=LOOK_SCHEMA, orient="row")
+
+
+def read_looks(folder: Path) -> LookSource:
+    """What a mission's folder tells of its detector.
+
+    Raises:
+        PaveTwinError: the mission was flown with another sensor, is damaged, or of an earlier version.
+    """
+    said, table, detections = (
+        _yaml(folder / "mission.yaml"),
+        _table(folder / LOOKS),
+        _table(folder / "detections.parquet"),
+    )
+    try:
+        sensing = said["settings"]["sensing"]
+        model = str(Path(sensing["options"]["model"]))
+        sha256 = next(each["sha256"] for each in said["plugins"] if each["path"] == model)
+        detector = FittedDetector(
+            sha256=sha256,
+            confidence=sensing["options"].get("confidence", DetectorSensor.default_options["confidence"]),
+            image_px=int(table["image_px"].max()),  # type: ignore[arg-type]
+        )
+        place = f"{said['world']['content_hash']} {said['defects']['content_hash']}"
+        table = table.select(pl.col(name).cast(kind) for name, kind in LOOK_SCHEMA.items())
+        images = table.unique("capture", keep="first", maintain_order=True)
+        number = {capture: row for row, capture in enumerate(images["capture"])}
+        alarms = detections.filter(pl.col("outcome") == Outcome.FALSE_ALARM.value)
+        alarms = alarms.select(
+            pl.col("capture").replace_strict(number).alias("image"),
+            pl.col("class").alias("kind"),
+            (1000.0 * pl.Series(_sides_m(alarms["footprint"].to_list())) / pl.col("pixel_mm")).alias("size_px"),
+        )
+    except (KeyError, TypeError, StopIteration, ValueError, pl.exceptions.PolarsError) as error:
+        raise PaveTwinError(
+            f"'{folder}' is no mission of the sensor 'detector', or it is damaged ({type(error).__name__}: {error}); "
+            "fly it again."
+        ) from error
+    looks = table.drop_nulls("defect").with_columns(
+        (pl.lit(f"{place} ") + pl.col("defect").cast(pl.String)).alias(GROUP)
+    )
+    return LookSource(
+        name=folder.name,
+        detector=detector,
+        looks=looks.select(GROUP, "found", *LOOK_COLUMNS),
+        images=images.select("area_m2", "pixel_mm"),
+        alarms=alarms.select(pl.col(name).cast(kind) for name, kind in ALARM_SCHEMA.items()),
+    )
+
+
+def _sides_m(outlines: Sequence[bytes]) -> list[float]:
+    """Roots of the areas of footprints in degrees."""
+    shapes = shapely.from_wkb(outlines)
+    if not len(shapes):
+        return []
+    frame = anchored(shapes[0].centroid.y, shapes[0].centroid.x)
+    return [float(side) for side in np.sqrt(shapely.area(shapely.transform(shapes, partial(from_wgs84, frame))))]
+
+
+def _yaml(path: Path) -> Any:
+    try:
+        return yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise PaveTwinError(f"'{path}' cannot be read ({type(error).__name__}); fly the mission again.") from error
+
+
+def _table(path: Path) -> pl.DataFrame:
+    try:
+        return pl.read_parquet(path)
+    except (OSError, pl.exceptions.PolarsError) as error:
+        words = "is damaged" if path.is_file() else "is not there"
+        hint = "; only missions of the sensor 'detector' have it" if path.name == LOOKS else ""
+        raise PaveTwinError(f"'{path}' {words}{hint}; fly the mission again.") from error

@@ -1,0 +1,266 @@
+"""From looks at rendered captures to a fitted sensor."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import log, sqrt
+from typing import Final
+
+import numpy as np
+import polars as pl
+from scipy.optimize import minimize
+from scipy.special import ndtr, ndtri
+
+from pavetwin.arrays import Float64Array
+from pavetwin.errors import PaveTwinError
+from pavetwin.sensing.looks import LOOK_COLUMNS, Look
+from pavetwin.sensing.mixed_probit import fit_mixed_probit
+from pavetwin.sensing.sensor_model import (
+    OF_ALL,
+    OF_CLASS,
+    FalseAlarms,
+    FittedDetector,
+    FittedNumber,
+    FittedTo,
+    SensorModel,
+    Variable,
+    term_names,
+    values_of,
+)
+
+SD_OF_LEVEL, SD_OF_EFFECT = 2.5, 1.0
+"""Standard deviations of the priors: of a class's level, and of an effect of a variable divided by its spread. A class
+that was always found, or a variable that hardly varies, so gets a finite estimate with a wide error."""
+
+FEWEST: Final = 20
+"""Fewer looks tell nothing of twenty parameters."""
+
+FEWEST_ALARMS: Final = 10
+"""Of fewer false alarms nothing is said about how they depend on the ground resolution."""
+
+GROUP: Final = "group"
+"""Column of a table of looks: what names the defect among all sources."""
+
+
+ALARM_SCHEMA: Final = {"image": pl.Int64, "kind": pl.String, "size_px": pl.Float64}
+"""A table of false alarms: the row of its image, its class, and the root of its area."""
+
+
+@dataclass(frozen=True)
+class LookSource:
+    """What one folder tells of a detector."""
+
+    name: str
+    detector: FittedDetector
+    looks: pl.DataFrame
+    """A row a look: `GROUP`, `found`, and `LOOK_COLUMNS`."""
+    images: pl.DataFrame
+    """A row an image: `area_m2` of its ground, `pixel_mm`."""
+    alarms: pl.DataFrame
+    """A row a false alarm, see `ALARM_SCHEMA`."""
+
+
+def fit_sensor(sources: Sequence[LookSource]) -> SensorModel:
+    """Fit a sensor to what one detector found.
+
+    Raises:
+        PaveTwinError: the sources are of several detectors, or tell too little.
+    """
+    detector = _one_detector(sources)
+    looks = pl.concat([each.looks for each in sources])
+    images = pl.concat([each.images for each in sources])
+    found = looks["found"].to_numpy()
+    if len(looks) < FEWEST or found.all() or not found.any():
+        raise PaveTwinError(
+            f"{len(looks)} looks, of which {int(found.sum())} found their defect, are too few to fit a sensor; give "
+            "more missions or images."
+        )
+    variables, x, terms = _design(looks)
+    sd = np.array([SD_OF_LEVEL if name in looks["kind"].unique() else SD_OF_EFFECT for name in terms])
+    groups, group = np.unique(looks[GROUP].to_list(), return_inverse=True)
+    made = fit_mixed_probit(x, found, group, sd)
+    errors = np.sqrt(np.diag(made.covariance))
+    return SensorModel(
+        detector=detector,
+        fitted_to=FittedTo(
+            looks=len(looks),
+            found=int(found.sum()),
+            defects=len(groups),
+            repeated=int((np.bincount(group) > 1).sum()),
+            images=len(images),
+            area_m2=float(images["area_m2"].sum()),
+            pixel_mm=(_smallest(images["pixel_mm"]), float(images["pixel_mm"].max())),  # type: ignore[arg-type]
+            sources=tuple(each.name for each in sources),
+        ),
+        variables=variables,
+        terms={name: _estimate(*pair) for name, *pair in zip(terms, made.beta, errors[:-1], strict=True)},
+        log_spread=_estimate(made.log_spread, errors[-1]),
+        covariance=tuple(tuple(float(f"{value:.4g}") for value in row) for row in made.covariance),
+        false_alarms=_false_alarms(sources, images),
+    )
+
+
+def _one_detector(sources: Sequence[LookSource]) -> FittedDetector:
+    if not sources:
+        raise PaveTwinError("Nothing to fit a sensor to; give folders of missions or of captures.")
+    first, *others = sources
+    for other in others:
+        if other.detector.sha256 != first.detector.sha256 or other.detector.confidence != first.detector.confidence:
+            raise PaveTwinError(
+                f"'{first.name}' and '{other.name}' were searched by different detectors, or at a different "
+                "confidence; a sensor is fitted to one."
+            )
+    return first.detector.model_copy(update={"image_px": max(each.detector.image_px for each in sources)})
+
+
+def _smallest(values: pl.Series) -> float:
+    return float(values.min())  # type: ignore[arg-type]
+
+
+def _estimate(value: float, error: float) -> FittedNumber:
+    return FittedNumber(estimate=float(f"{value:.6g}"), standard_error=float(f"{error:.4g}"))
+
+
+def _design(looks: pl.DataFrame) -> tuple[dict[str, Variable], Float64Array, list[str]]:
+    """The variables' centres and scales, x (looks, terms), and the terms' names."""
+    rows = [values_of(Look(*row)) for row in looks.select(*LOOK_COLUMNS).iter_rows()]
+    names = (*OF_CLASS, *OF_ALL)
+    values = np.array([[row[name] for name in names] for row in rows], dtype=np.float64)
+    centre, scale = np.nanmean(values, axis=0), np.nanstd(values, axis=0)
+    scale = np.where(scale > 1e-6, scale, 1.0)
+    scaled = np.nan_to_num((values - centre) / scale)
+    kinds = sorted(looks["kind"].unique().to_list())
+    columns = []
+    for kind in kinds:
+        here = (looks["kind"] == kind).to_numpy().astype(np.float64)
+        columns += [here, *(here * scaled[:, at] for at in range(len(OF_CLASS)))]
+    columns += [scaled[:, at] for at in range(len(OF_CLASS), len(names))]
+    variables = {
+        name: Variable(centre=float(f"{middle:.6g}"), scale=float(f"{width:.6g}"))
+        for name, middle, width in zip(names, centre, scale, strict=True)
+    }
+    return variables, np.column_stack(columns), term_names(kinds)
+
+
+def _false_alarms(sources: Sequence[LookSource], images: pl.DataFrame) -> dict[str, FalseAlarms]:
+    """By class: a Poisson regression of the images' counts on the logarithm of their ground resolution."""
+    found: dict[str, tuple[list[int], list[float]]] = {}
+    before = 0
+    for source in sources:
+        for image, kind, size_px in source.alarms.select("image", "kind", "size_px").iter_rows():
+            at, sizes = found.setdefault(kind, ([], []))
+            at.append(before + image)
+            sizes.append(size_px)
+        before += len(source.images)
+    area_m2, steps = images["area_m2"].to_numpy(), np.log2(images["pixel_mm"].to_numpy())
+    made = {}
+    for kind, (at, sizes) in sorted(found.items()):
+        counts = np.bincount(at, minlength=len(images)).astype(np.float64)
+        level, slope = _rate(counts, area_m2, steps)
+        made[kind] = FalseAlarms(level=level, slope=slope, size_px=float(np.median(sizes)))
+    return made
+
+
+def _rate(counts: Float64Array, area_m2: Float64Array, steps: Float64Array) -> tuple[FittedNumber, FittedNumber]:
+    """Level and slope. Errors are those of a quasi-Poisson model: one thing that is no defect is in many images."""
+    varies = bool(np.ptp(steps) > 0.1 and counts.sum() >= FEWEST_ALARMS)
+    if not varies:
+        spread = sqrt(max(1.0, _dispersion(counts, area_m2 * counts.sum() / area_m2.sum(), 1)))
+        return _estimate(log(counts.sum() / area_m2.sum()), spread / sqrt(counts.sum())), _estimate(0.0, 0.0)
+    middle = float(steps.mean())
+    x = np.column_stack([np.ones(len(steps)), steps - middle])
+
+    def loss(at: Float64Array) -> tuple[float, Float64Array]:
+        expected = area_m2 * np.exp(x @ at)
+        return float(expected.sum() - counts @ (x @ at)), x.T @ (expected - counts)
+
+    start = np.array([log(counts.sum() / area_m2.sum()), 0.0])
+    found = minimize(loss, start, jac=True, method="BFGS").x
+    expected = area_m2 * np.exp(x @ found)
+    covariance = max(1.0, _dispersion(counts, expected, 2)) * np.linalg.inv(x.T @ (expected[:, np.newaxis] * x))
+    errors = np.sqrt(np.diag(covariance))
+    return _estimate(found[0] - found[1] * middle, errors[0]), _estimate(found[1], errors[1])
+
+
+def _dispersion(counts: Float64Array, expected: Float64Array, parameters: int) -> float:
+    """Pearson's χ² over the degrees of freedom."""
+    return float(((counts - expected) ** 2 / expected).sum() / max(1, len(counts) - parameters))
+
+
+@dataclass(frozen=True)
+class ChanceBins:
+    """Looks by the chance that a model gave them, in bins of as many looks each."""
+
+    predicted: Float64Array
+    """(bins,) mean chance."""
+    observed: Float64Array
+    """(bins,) share that found its defect."""
+    standard_error: Float64Array
+    """(bins,) of that share, looks at one defect together."""
+    looks: int
+
+
+def chances_of(model: SensorModel, looks: pl.DataFrame) -> Float64Array:
+    """(looks,) the chance of each."""
+    return np.array([model.chance(Look(*row)) for row in looks.select(*LOOK_COLUMNS).iter_rows()])
+
+
+def reliability(model: SensorModel, looks: pl.DataFrame, bins: int = 10) -> ChanceBins:
+    """How often looks found their defect beside the chance that the model gave them."""
+    chance, found = chances_of(model, looks), looks["found"].to_numpy().astype(np.float64)
+    groups = np.unique(looks[GROUP].to_list(), return_inverse=True)[1]
+    parts = [part for part in np.array_split(np.argsort(chance, kind="stable"), bins) if len(part)]
+    errors = []
+    for part in parts:
+        rest = found[part] - chance[part]
+        together = np.bincount(groups[part], weights=rest)
+        errors.append(sqrt(float((together**2).sum())) / len(part))
+    return ChanceBins(
+        predicted=np.array([chance[part].mean() for part in parts]),
+        observed=np.array([found[part].mean() for part in parts]),
+        standard_error=np.array(errors),
+        looks=len(looks),
+    )
+
+
+@dataclass(frozen=True)
+class RepeatedLooks:
+    """Defects by how many of their looks found them, of those with one number of looks."""
+
+    looks: int
+    observed: Float64Array
+    """(looks + 1,) defects found by 0, 1, … looks."""
+    fitted: Float64Array
+    """(looks + 1,) expected by the model."""
+    independent: Float64Array
+    """(looks + 1,) expected with the same chances, if each look were drawn by itself."""
+
+
+def repeated_looks(model: SensorModel, looks: pl.DataFrame, count: int) -> RepeatedLooks:
+    """Of the defects that were looked at at least so often: how many of their first `count` looks found them."""
+    chance, found = chances_of(model, looks), looks["found"].to_numpy()
+    rows: dict[str, list[int]] = {}
+    for row, name in enumerate(looks[GROUP].to_list()):
+        rows.setdefault(name, []).append(row)
+    chosen = np.array([mine[:count] for mine in rows.values() if len(mine) >= count], dtype=np.intp).reshape(-1, count)
+    counts = found[chosen].sum(axis=1)
+    nodes, weights = np.polynomial.hermite_e.hermegauss(41)
+    level = ndtri(np.clip(chance[chosen], 1e-9, 1 - 1e-9)) * sqrt(1 + model.spread**2)
+    given = ndtr(level[:, :, np.newaxis] + model.spread * nodes)
+    shares = _counts_of(given).sum(axis=1) @ (weights / weights.sum())
+    return RepeatedLooks(
+        looks=count,
+        observed=np.bincount(counts, minlength=count + 1).astype(np.float64),
+        fitted=shares,
+        independent=_counts_of(chance[chosen][:, :, np.newaxis]).sum(axis=(1, 2)),
+    )
+
+
+def _counts_of(chance: Float64Array) -> Float64Array:
+    """(looks + 1, …) the probability of each number of hits, of (defects, looks, …) independent chances."""
+    found = np.zeros((chance.shape[1] + 1, chance.shape[0], *chance.shape[2:]))
+    found[0] = 1.0
+    for look in range(chance.shape[1]):
+        p = chance[:, look]
+        found[1:] = found[1:] * (1 - p) + found[:-1] * p
+        found[0] *= 1 - p
+    return found

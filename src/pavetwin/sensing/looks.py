@@ -1,0 +1,129 @@
+"""What one look shows of a defect, as far as it is known without an image: what a fitted sensor predicts from."""
+
+from math import hypot, sqrt
+from typing import Final, NamedTuple
+
+import numpy as np
+import polars as pl
+import shapely
+from shapely import Polygon
+
+from pavetwin.sensing.frame import Frame, Sighting
+from pavetwin.uav.cameras import Camera
+
+
+class Look(NamedTuple):
+    """A defect in an image. Pixels are those of the image that a detector looks at, not of the camera."""
+
+    kind: str
+    severity: str
+    width_px: float
+    """Widest opening of a crack, also of one in a network; mean diameter of a pothole."""
+    size_px: float
+    """Root of its whole area."""
+    visible_fraction: float
+    """Of its area, that nothing hides, 0 … 1."""
+    inside_fraction: float
+    """Of its area, that lies within the image, 0 … 1."""
+    off_centre: float
+    """Of its centre: the way to the image's centre as a share of that to a corner, 0 … 1."""
+    blur_px: float
+    """Length of the motion blur."""
+    sun_elevation_deg: float | None
+    """None where it is not known."""
+    clouds: float
+    """Cloud cover, 0 … 1."""
+
+
+LOOK_COLUMNS: Final = {
+    **dict.fromkeys(("kind", "severity"), pl.String),
+    **dict.fromkeys(("width_px", "size_px", "visible_fraction", "inside_fraction", "off_centre"), pl.Float64),
+    **dict.fromkeys(("blur_px", "sun_elevation_deg", "clouds"), pl.Float64),
+}
+"""Those of `Look`, in its order."""
+
+LOOK_SCHEMA: Final = {
+    "capture": pl.Int64,
+    "image_px": pl.Int64,
+    "pixel_mm": pl.Float64,
+    "area_m2": pl.Float64,
+    "defect": pl.Int64,
+    "found": pl.Boolean,
+    **LOOK_COLUMNS,
+}
+"""A table of looks: the capture's index; of the image that was looked at the longer side, what a pixel covers, and the
+ground in it; the defect's id, whether it was found, and the look. A capture that sees no defect is a row too, whose
+defect is null."""
+
+
+def seen_camera(camera: Camera, longest_px: int) -> Camera:
+    """A camera with the pixels of the images that a detector looks at; the field of view stays.
+
+    Args:
+        longest_px: longer side of the images, unless the camera's own is shorter.
+    """
+    scale = min(1.0, longest_px / max(camera.image_px))
+    width, height = (max(1, round(scale * side)) for side in camera.image_px)
+    return camera.model_copy(update={"image_px": (width, height)})
+
+
+class _Shape(NamedTuple):
+    x: float
+    y: float
+    size_m: float
+    """Root of the area."""
+    reach_m: float
+    """From the centre to the farthest point."""
+
+
+class LookMeter:
+    """Says what captures show of defects. What it measured of a defect's outline it keeps for the next capture."""
+
+    def __init__(self, longest_px: int | None = None) -> None:
+        """Args:
+        longest_px: longer side of the images that are looked at; the camera's own unless given.
+        """
+        self._longest_px = longest_px
+        self._shapes: dict[int, tuple[Polygon, _Shape]] = {}
+
+    def pixel_m(self, frame: Frame) -> float:
+        """Side of a pixel on the ground, in the image that is looked at."""
+        longer = max(frame.camera.image_px)
+        return frame.ground_resolution_m * max(1.0, longer / (self._longest_px or longer))
+
+    def look(self, frame: Frame, sighting: Sighting) -> Look:
+        """What a capture shows of a defect."""
+        defect, own_m = sighting.defect, frame.ground_resolution_m
+        pixel_m = self.pixel_m(frame)
+        shape = self._shape(defect.polygon)
+        away_m = hypot(shape.x - frame.position[0], shape.y - frame.position[1])
+        return Look(
+            kind=defect.kind,
+            severity=str(defect.severity),
+            width_px=defect.width_m / pixel_m,
+            size_px=shape.size_m / pixel_m,
+            visible_fraction=sighting.visible_fraction,
+            inside_fraction=_inside(frame, defect.polygon, shape, away_m),
+            off_centre=min(1.0, away_m / (own_m * hypot(*frame.camera.image_px) / 2)),
+            blur_px=frame.blur_px * own_m / pixel_m,
+            sun_elevation_deg=frame.sun_elevation_deg,
+            clouds=frame.conditions.clouds,
+        )
+
+    def _shape(self, polygon: Polygon) -> _Shape:
+        known = self._shapes.get(id(polygon))
+        if known is None or known[0] is not polygon:
+            known = self._shapes[id(polygon)] = polygon, _shape_of(polygon)
+        return known[1]
+
+
+def _shape_of(polygon: Polygon) -> _Shape:
+    centre = polygon.centroid
+    reach_m = np.hypot(*(shapely.get_coordinates(polygon) - (centre.x, centre.y)).T).max()
+    return _Shape(centre.x, centre.y, sqrt(polygon.area), float(reach_m))
+
+
+def _inside(frame: Frame, polygon: Polygon, shape: _Shape, away_m: float) -> float:
+    if away_m + shape.reach_m <= frame.ground_resolution_m * min(frame.camera.image_px) / 2:
+        return 1.0
+    return min(1.0, float(polygon.intersection(frame.footprint).area / polygon.area))

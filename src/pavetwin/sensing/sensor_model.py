@@ -1,0 +1,248 @@
+"""A fitted sensor: the chance that a detector finds a defect, its false alarms, and how sure both are. One JSON file.
+
+A probit model with a random effect u per defect: a look finds the defect where
+
+    x · β + σ u + e > 0,   u and e standard normal,
+
+u the same for all looks at a defect and e anew for each. So a single look finds it with the chance
+Φ(x · β / √(1 + σ²)), and looks at one defect have the correlation σ² / (1 + σ²), as those of the sensor `recall` have
+(`pavetwin.sensing.draws`).
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from math import exp, log2, radians, sin, sqrt
+from pathlib import Path
+from statistics import NormalDist
+from typing import Annotated, Any, Final, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from pavetwin.arrays import Float64Array
+from pavetwin.config.base import Settings
+from pavetwin.config.numbers import NonNegative, Positive, Share
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import file_sha256, writing
+from pavetwin.sensing.looks import Look
+
+SEVERITIES: Final[Mapping[str, float]] = {"low": -1.0, "medium": 0.0, "high": 1.0}
+
+OF_CLASS: Final = ("width", "size", "inside", "severity")
+"""Variables whose effect each class has for itself."""
+
+OF_ALL: Final = ("visible", "off_centre", "blur", "sun", "clouds")
+"""Variables whose effect is the same for all classes."""
+
+_LEAST: Final = 0.02
+"""Shares and pixels below this count as this much: their logarithms stay finite."""
+
+_NORMAL: Final = NormalDist()
+
+
+def values_of(look: Look) -> dict[str, float | None]:
+    """The variables of a look, by the names of `OF_CLASS` and `OF_ALL`; None where one is not known."""
+    sun_deg = look.sun_elevation_deg
+    return {
+        "width": log2(max(look.width_px, _LEAST)),
+        "size": log2(max(look.size_px, _LEAST)),
+        "inside": log2(max(look.inside_fraction, _LEAST)),
+        "severity": SEVERITIES.get(look.severity, 0.0),
+        "visible": log2(max(look.visible_fraction, _LEAST)),
+        "off_centre": look.off_centre**2,
+        "blur": look.blur_px,
+        "sun": None if sun_deg is None else sin(radians(sun_deg)),
+        "clouds": look.clouds,
+    }
+
+
+class FittedNumber(Settings):
+    """A number that was fitted, with its standard error."""
+
+    estimate: float
+    standard_error: NonNegative
+
+
+class Variable(Settings):
+    """What is subtracted from a variable and what the rest is divided by: its mean and its spread in the looks."""
+
+    centre: float
+    scale: Positive
+
+
+class FittedDetector(Settings):
+    """The detector that a sensor stands for, as it was used."""
+
+    sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+    """Of the model file."""
+    confidence: Share
+    """Least confidence of what is reported."""
+    image_px: Annotated[int, Field(ge=1)]
+    """Longer side of the images that it looks at in missions, unless the camera's is shorter."""
+
+
+class FittedTo(Settings):
+    """What a sensor was fitted to."""
+
+    looks: Annotated[int, Field(ge=1)]
+    found: Annotated[int, Field(ge=0)]
+    defects: Annotated[int, Field(ge=1)]
+    repeated: Annotated[int, Field(ge=0)]
+    """Defects with more than one look, from which the random effect follows."""
+    images: Annotated[int, Field(ge=1)]
+    area_m2: Positive
+    """Of the ground in all images."""
+    pixel_mm: tuple[Positive, Positive]
+    """The finest and the coarsest ground resolution."""
+    sources: tuple[str, ...]
+    """Names of the folders."""
+
+
+class FalseAlarms(Settings):
+    """How often a class is reported where none is: exp(level + slope · log₂ of the millimetres a pixel covers) for each
+    square metre of ground in an image."""
+
+    level: FittedNumber
+    slope: FittedNumber
+    size_px: Positive
+    """Median root of the area of their boxes."""
+
+    def per_m2(self, pixel_m: float) -> float:
+        """Expected in each square metre of an image."""
+        return exp(self.level.estimate + self.slope.estimate * log2(1000.0 * pixel_m))
+
+
+class SensorModel(Settings):
+    """The content of a file of `pavetwin sensor fit`."""
+
+    pavetwin_sensor: Literal[1] = 1
+    """Version of the format."""
+    detector: FittedDetector
+    fitted_to: FittedTo
+    variables: Mapping[str, Variable]
+    """Those of `OF_CLASS` and `OF_ALL`."""
+    terms: Mapping[str, FittedNumber]
+    """β: for each class its name, `class:variable` of `OF_CLASS`; and the variables of `OF_ALL`."""
+    log_spread: FittedNumber
+    """Natural logarithm of σ."""
+    covariance: tuple[tuple[float, ...], ...]
+    """Of the terms in their order, and `log_spread` last."""
+    false_alarms: Mapping[str, FalseAlarms]
+    """By class."""
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        names = (*OF_CLASS, *OF_ALL)
+        if set(self.variables) != set(names):
+            raise ValueError(f"`variables` are {', '.join(names)}, each once")
+        wanted = term_names(self.classes)
+        if not self.classes or set(self.terms) != set(wanted):
+            lacking = next(iter(set(wanted) ^ set(self.terms)), "any class")
+            raise ValueError(f"`terms` do not fit together: see '{lacking}'")
+        rows = np.array([len(row) for row in self.covariance])
+        if len(rows) != len(self.terms) + 1 or (rows != len(rows)).any():
+            raise ValueError(f"`covariance` has {len(self.terms) + 1} rows of as many numbers, as there are terms")
+        matrix = np.array(self.covariance)
+        if not np.allclose(matrix, matrix.T, atol=1e-6) or np.linalg.eigvalsh(matrix).min() < -1e-6:
+            raise ValueError("`covariance` is no covariance matrix")
+        return self
+
+    @cached_property
+    def classes(self) -> tuple[str, ...]:
+        """Those that it was fitted to; any other is never found."""
+        return tuple(name for name in self.terms if ":" not in name and name not in OF_ALL)
+
+    @cached_property
+    def spread(self) -> float:
+        """σ"""
+        return exp(self.log_spread.estimate)
+
+    @cached_property
+    def correlation(self) -> float:
+        """Between looks at one defect."""
+        return self.spread**2 / (1 + self.spread**2)
+
+    def row(self, look: Look) -> dict[str, float]:
+        """x: the terms of a look that are not 0."""
+        values = values_of(look)
+        scaled = {
+            name: 0.0 if values[name] is None else (values[name] - it.centre) / it.scale  # type: ignore[operator]
+            for name, it in self.variables.items()
+        }
+        own = {f"{look.kind}:{name}": scaled[name] for name in OF_CLASS}
+        return {look.kind: 1.0, **own, **{name: scaled[name] for name in OF_ALL}}
+
+    def chance(self, look: Look) -> float:
+        """The probability that a single look finds its defect; 0 for a class that it was not fitted to."""
+        if look.kind not in self._estimates:
+            return 0.0
+        score = sum(self._estimates[name] * value for name, value in self.row(look).items())
+        return _NORMAL.cdf(score / sqrt(1 + self.spread**2))
+
+    @cached_property
+    def _estimates(self) -> dict[str, float]:
+        return {name: term.estimate for name, term in self.terms.items()}
+
+    def parameter_draws(self, count: int, seed: int = 0) -> Float64Array:
+        """(count, terms + 1) draws of β and log σ from the normal distribution of their uncertainty."""
+        mean = np.array([*self._estimates.values(), self.log_spread.estimate])
+        values, vectors = np.linalg.eigh(np.array(self.covariance))
+        normal = np.random.default_rng(seed).standard_normal((count, len(mean)))
+        return np.asarray(mean + (normal * np.sqrt(np.maximum(values, 0.0))) @ vectors.T)
+
+    def save(self, path: Path) -> None:
+        """Write it as JSON.
+
+        Raises:
+            PaveTwinError: the folder cannot be written.
+        """
+        content = self.model_dump(mode="json")
+        rows = ",\n  ".join(json.dumps(row) for row in content.pop("covariance"))
+        text = json.dumps(content, indent=1)[:-2] + f',\n "covariance": [\n  {rows}\n ]\n}}\n'
+        with writing(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+
+    @classmethod
+    def read(cls, path: Path, detector: Path | None = None) -> Self:
+        """A file of `pavetwin sensor fit`.
+
+        Args:
+            detector: the model file that it must have been fitted for; not checked unless given.
+
+        Raises:
+            PaveTwinError: it cannot be read, is damaged or of another version, or was fitted for another detector.
+        """
+        model = cls._parsed(path)
+        if detector is not None and file_sha256(detector) != model.detector.sha256:
+            raise PaveTwinError(
+                f"'{path}' was fitted for another detector than '{detector}': one with the SHA-256 "
+                f"{model.detector.sha256[:12]}…; fit it again: pavetwin sensor fit MISSIONS model={detector}."
+            )
+        return model
+
+    @classmethod
+    def _parsed(cls, path: Path) -> Self:
+        again = "write it again with `pavetwin sensor fit`"
+        try:
+            content: Any = json.loads(path.read_bytes())
+        except OSError as error:
+            raise PaveTwinError(f"Cannot read '{path}': {error.strerror or error}.") from error
+        except ValueError as error:
+            raise PaveTwinError(f"'{path}' is no fitted sensor: it is not JSON ({error}); {again}.") from error
+        if not isinstance(content, dict) or "pavetwin_sensor" not in content:
+            raise PaveTwinError(f"'{path}' is no fitted sensor: it has no `pavetwin_sensor`; {again}.")
+        if content["pavetwin_sensor"] != 1:
+            raise PaveTwinError(
+                f"'{path}' is a fitted sensor of format {content['pavetwin_sensor']!r}; this version reads 1; {again}."
+            )
+        try:
+            return cls.parse(content, where=f"'{path}'")
+        except PaveTwinError as error:
+            raise PaveTwinError(f"{str(error).removesuffix('.')}; {again}.") from error
+
+
+def term_names(classes: Sequence[str]) -> list[str]:
+    """The terms of a model over these classes, in order."""
+    own = [term for kind in classes for term in (kind, *(f"{kind}:{name}" for name in OF_CLASS))]
+    return [*own, *OF_ALL]

@@ -1,0 +1,83 @@
+"""`pavetwin sensor fit` as typed, and missions with what it writes."""
+
+from pathlib import Path
+
+import polars as pl
+import pytest
+import yaml
+
+from pavetwin.mission.look_table import LOOKS
+from pavetwin.sensing.fitting import GROUP
+from pavetwin.sensing.looks import LOOK_SCHEMA
+from pavetwin.sensing.sensor_model import SensorModel
+from scenes.command_line import pavetwin, plain_refusal
+from scenes.fitted import drawn_looks, stated
+
+
+def mission(folder: Path, seed: int, sha256: str = stated().detector.sha256) -> Path:
+    """A folder of `pavetwin fly --sensor detector`, as far as a fit reads it; each defect is looked at thrice."""
+    looks = drawn_looks(stated(spread=1.5, alarms_per_m2=0), 80, 3, seed).looks
+    count = looks.height
+    table = looks.with_columns(
+        pl.int_range(count).alias("capture"),
+        pl.lit(1280).alias("image_px"),
+        pl.lit(7.0).alias("pixel_mm"),
+        pl.lit(100.0).alias("area_m2"),
+        pl.col(GROUP).str.split(" ").list.last().cast(pl.Int64).alias("defect"),
+    ).select(*LOOK_SCHEMA)
+    folder.mkdir(parents=True)
+    table.write_parquet(folder / LOOKS)
+    detections = {"outcome": pl.String, "capture": pl.Int64, "class": pl.String, "footprint": pl.Binary}
+    pl.DataFrame(schema={**detections, "pixel_mm": pl.Float64}).write_parquet(folder / "detections.parquet")
+    content = {
+        "world": {"content_hash": "w"},
+        "defects": {"content_hash": f"d{seed}"},
+        "plugins": [{"path": "/models/model.onnx", "sha256": sha256}],
+        "settings": {"sensing": {"sensor": "detector", "options": {"model": "/models/model.onnx"}}},
+    }
+    (folder / "mission.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    return folder
+
+
+def test_a_sensor_is_fitted_to_missions_and_compared_with_others(tmp_path: Path) -> None:
+    mission(tmp_path / "missions" / "a" / "hover", 1)
+    mission(tmp_path / "missions" / "b" / "hover", 2)
+    other = mission(tmp_path / "other", 3)
+    file = tmp_path / "sensor.json"
+    done = pavetwin("sensor", "fit", tmp_path / "missions", "--check", other, "-o", file)
+    assert done.returncode == 0, done.stderr
+    assert "Fitted to 480 looks at 160 defects, 160 of them with several looks, in 480 images" in done.stdout
+    assert "in looks that it was not fitted to" in done.stdout
+    model = SensorModel.read(file)
+    assert 0.3 < model.correlation < 0.9
+    assert model.detector.image_px == 1280
+    assert file.with_suffix(".png").stat().st_size > 5000
+    assert "exists; choose another name, or add --force" in plain_refusal(pavetwin("sensor", "fit", other, "-o", file))
+
+
+def test_what_cannot_be_fitted_is_one_plain_line(tmp_path: Path) -> None:
+    one = mission(tmp_path / "one", 1)
+    another = mission(tmp_path / "another", 2, sha256="f" * 64)
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "set").mkdir()
+    (tmp_path / "set" / "capture.yaml").write_text("world: {}", encoding="utf-8")
+    out = ("-o", tmp_path / "s.json")
+    told = {
+        ("sensor", "fit", one): "Say where the file goes with -o",
+        ("sensor", "fit", one, "-o", tmp_path / "s.txt"): "the file is JSON; give a name such as s.json",
+        ("sensor", "fit", tmp_path / "none", *out): "There is no folder",
+        ("sensor", "fit", tmp_path / "empty", *out): "holds no mission.yaml and no capture.yaml",
+        ("sensor", "fit", tmp_path / "set", *out): "Say which model with --model",
+        ("sensor", "fit", one, another, *out): "were searched by different detectors",
+        ("sensor", "fit", one, "--check", another, *out): "'another' was searched by another detector",
+    }
+    for typed, words in told.items():
+        assert words in plain_refusal(pavetwin(*typed))
+    assert not (tmp_path / "s.json").exists()
+
+
+@pytest.mark.parametrize("name", ["none.json", "none.onnx"])
+def test_a_file_that_is_not_there_is_told_before_flying(name: str) -> None:
+    line = plain_refusal(pavetwin("fly", "--sensor", "calibrated", "--model", name, "--settings"))
+    assert f"there is no file '{name}'" in line
+    assert ("pavetwin sensor fit" in line) == name.endswith("json")

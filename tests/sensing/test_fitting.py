@@ -1,0 +1,184 @@
+"""Fitting a sensor: stated parameters are recovered, repeated looks follow the model, and damaged files are told."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from math import log
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+import statsmodels.api as sm
+from scipy.special import ndtr
+from scipy.stats import chi2
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.sensing.fitting import chances_of, fit_sensor, reliability, repeated_looks
+from pavetwin.sensing.mixed_probit import fit_mixed_probit
+from pavetwin.sensing.sensor_model import SensorModel
+from scenes import drawn_detector
+from scenes.fitted import FILE, drawn_looks, stated
+
+
+@pytest.mark.parametrize("spread", [0.5, 1.5])
+def test_the_random_effect_and_the_effects_are_recovered(spread: float) -> None:
+    rng, defects, looks = np.random.default_rng(1), 500, 4
+    beta = np.array([0.5, 0.8, -0.4])
+    group = np.repeat(np.arange(defects), looks)
+    x = np.column_stack(
+        [np.ones(len(group)), rng.standard_normal(len(group)), np.repeat(rng.standard_normal(defects), looks)]
+    )
+    y = x @ beta + spread * np.repeat(rng.standard_normal(defects), looks) + rng.standard_normal(len(group)) > 0
+    made = fit_mixed_probit(x, y, group, np.full(3, 2.5))
+    wrong = np.append(made.beta, made.log_spread) - np.append(beta, log(spread))
+    assert wrong @ np.linalg.solve(made.covariance, wrong) < chi2.ppf(0.99, 4)
+    assert made.covariance[-1, -1] ** 0.5 < 0.25
+    shuffled = rng.permutation(len(group))
+    again = fit_mixed_probit(x[shuffled], y[shuffled], group[shuffled], np.full(3, 2.5))
+    assert again.beta == pytest.approx(made.beta, abs=1e-3)
+    assert again.log_spread == pytest.approx(made.log_spread, abs=3e-3)
+
+
+def test_without_a_random_effect_it_is_the_usual_probit_regression() -> None:
+    rng = np.random.default_rng(2)
+    x = np.column_stack([np.ones(1500), rng.standard_normal(1500)])
+    y = x @ np.array([0.3, 0.9]) + rng.standard_normal(1500) > 0
+    made = fit_mixed_probit(x, y, np.repeat(np.arange(500), 3), np.full(2, 100.0))
+    usual = sm.Probit(y.astype(float), x).fit(disp=0)
+    assert np.exp(made.log_spread) < 0.35
+    shrunk = made.beta / np.sqrt(1 + np.exp(2 * made.log_spread))
+    assert shrunk == pytest.approx(usual.params, abs=0.02)
+
+
+def test_a_sensor_is_recovered_from_what_it_found() -> None:
+    true = stated(spread=1.2)
+    fitted = fit_sensor([drawn_looks(true, 400, 4)])
+    assert fitted.correlation == pytest.approx(true.correlation, abs=0.1)
+    new = drawn_looks(true, 400, 1, seed=9).looks
+    wrong = chances_of(fitted, new) - chances_of(true, new)
+    assert abs(wrong.mean()) < 0.02
+    assert np.abs(wrong).mean() < 0.05
+    seen = reliability(fitted, new)
+    assert (np.abs(seen.predicted - seen.observed) < 4 * seen.standard_error).all()
+    alarms = fitted.false_alarms["pothole"]
+    assert alarms.per_m2(0.007) == pytest.approx(0.01, rel=4 * alarms.level.standard_error)
+    assert abs(alarms.slope.estimate) < 4 * alarms.slope.standard_error
+    assert fitted.fitted_to.looks == 1600
+    assert fitted.fitted_to.repeated == 400
+
+
+def test_repeated_looks_follow_the_model_and_not_independence() -> None:
+    true = stated(spread=1.5)
+    looks = drawn_looks(true, 900, 3, seed=3).looks
+    seen = repeated_looks(true, looks, 3)
+    assert [each.sum() for each in (seen.observed, seen.fitted, seen.independent)] == pytest.approx([900] * 3)
+
+    def off(expected: np.ndarray) -> float:
+        return float(((seen.observed - expected) ** 2 / expected).sum())
+
+    assert off(seen.fitted) < chi2.ppf(0.999, 3) < 100 < off(seen.independent)
+
+
+def test_false_alarms_are_those_of_a_poisson_regression() -> None:
+    source = drawn_looks(stated(alarms_per_m2=0.02), 300, 1)
+    made = fit_sensor([source]).false_alarms["pothole"]
+    counts = np.bincount(source.alarms["image"], minlength=300)
+    x = sm.add_constant(np.log2(source.images["pixel_mm"].to_numpy()))
+    usual = sm.GLM(counts, x, family=sm.families.Poisson(), exposure=source.images["area_m2"].to_numpy()).fit()
+    assert (made.level.estimate, made.slope.estimate) == pytest.approx(usual.params, abs=1e-3)
+    assert made.slope.standard_error == pytest.approx(usual.bse[1] * max(1, usual.pearson_chi2 / 298) ** 0.5, rel=0.01)
+
+
+def test_a_class_that_was_always_found_has_a_wide_error_and_no_infinite_estimate() -> None:
+    source = drawn_looks(stated(), 120, 2)
+    always = source.looks.with_columns(found=pl.col("found") | (pl.col("kind") == "pothole"))
+    fitted = fit_sensor([replace(source, looks=always)])
+    assert 1 < fitted.terms["pothole"].estimate < 8
+    assert fitted.terms["pothole"].standard_error > 2 * fitted.terms["single_crack"].standard_error
+
+
+def test_draws_of_the_parameters_have_their_means_and_covariance() -> None:
+    model = stated(error=0.2)
+    draws = model.parameter_draws(4000)
+    assert draws.shape == (4000, len(model.terms) + 1)
+    assert draws.mean(axis=0) == pytest.approx([*(t.estimate for t in model.terms.values()), 0.0], abs=0.02)
+    assert np.cov(draws.T) == pytest.approx(np.array(model.covariance), abs=0.006)
+    assert (draws == model.parameter_draws(4000)).all()
+
+
+def test_a_file_is_read_back_as_it_was(tmp_path: Path) -> None:
+    model = fit_sensor([drawn_looks(stated(), 60, 2)])
+    model.save(tmp_path / "sensor.json")
+    assert SensorModel.read(tmp_path / "sensor.json") == model
+    assert max(map(len, (tmp_path / "sensor.json").read_text().splitlines())) < 400
+
+
+def test_too_little_and_two_detectors_are_told() -> None:
+    with pytest.raises(PaveTwinError, match=r"^9 looks, of which \d found their defect, are too few to fit a sensor"):
+        fit_sensor([drawn_looks(stated(), 3, 3)])
+    one, other = drawn_looks(stated(), 30, 1), drawn_looks(stated(), 30, 1, name="other")
+    other = replace(other, detector=other.detector.model_copy(update={"sha256": "0" * 64}))
+    with pytest.raises(PaveTwinError, match="'drawn' and 'other' were searched by different detectors"):
+        fit_sensor([one, other])
+
+
+def changed(change: Callable[[dict[str, Any]], object]) -> str:
+    content = json.loads(FILE.read_text(encoding="utf-8"))
+    change(content)
+    return json.dumps(content)
+
+
+DAMAGED = {
+    "cut": (FILE.read_text(encoding="utf-8")[:900], "it is not JSON"),
+    "empty": ("", "it is not JSON"),
+    "other": ("[1, 2]", "it has no `pavetwin_sensor`"),
+    "later": (changed(lambda c: c.update(pavetwin_sensor=2)), "of format 2; this version reads 1"),
+    "no terms": (changed(lambda c: c.pop("terms")), "terms"),
+    "lost term": (changed(lambda c: c["terms"].pop("pothole:size")), "see 'pothole:size'"),
+    "lost class": (changed(lambda c: c["terms"].pop("pothole")), "`terms` do not fit together"),
+    "text": (changed(lambda c: c["terms"]["clouds"].update(estimate="much")), "terms.clouds.estimate"),
+    "not finite": (changed(lambda c: c["terms"]["clouds"].update(estimate=float("nan"))), "terms.clouds.estimate"),
+    "negative error": (changed(lambda c: c["log_spread"].update(standard_error=-1)), "log_spread.standard_error"),
+    "flat variable": (changed(lambda c: c["variables"]["blur"].update(scale=0)), "variables.blur.scale"),
+    "lost variable": (changed(lambda c: c["variables"].pop("blur")), "`variables` are width"),
+    "short covariance": (changed(lambda c: c["covariance"].pop()), "`covariance` has 21 rows"),
+    "skew covariance": (changed(lambda c: c["covariance"][0].__setitem__(1, 0.5)), "no covariance matrix"),
+    "negative covariance": (changed(lambda c: c["covariance"][0].__setitem__(0, -1)), "no covariance matrix"),
+    "fingerprint": (changed(lambda c: c["detector"].update(sha256="abc")), "detector.sha256"),
+    "unknown key": (changed(lambda c: c.update(colour="red")), "unknown key 'colour'"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGED)
+def test_a_damaged_file_is_one_plain_line(damage: str, tmp_path: Path) -> None:
+    text, told = DAMAGED[damage]
+    path = tmp_path / "sensor.json"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(PaveTwinError) as error:
+        SensorModel.read(path)
+    line = str(error.value)
+    assert told in line
+    assert str(path) in line
+    assert line.endswith("write it again with `pavetwin sensor fit`.")
+    assert "\n" not in line
+
+
+def test_a_file_for_another_detector_is_told(tmp_path: Path) -> None:
+    assert SensorModel.read(FILE, drawn_detector.FILE) == stated()
+    other = tmp_path / "other.onnx"
+    other.write_bytes(b"other")
+    with pytest.raises(PaveTwinError, match=r"was fitted for another detector than '.*other.onnx'.*fit it again"):
+        SensorModel.read(FILE, other)
+    with pytest.raises(PaveTwinError, match=r"Cannot read '.*none.json'"):
+        SensorModel.read(tmp_path / "none.json")
+
+
+def test_the_correlation_is_that_of_the_copula() -> None:
+    model = stated(spread=2.0)
+    assert model.correlation == pytest.approx(0.8)
+    rng = np.random.default_rng(0)
+    score = 0.7
+    hits = score + 2.0 * rng.standard_normal((200_000, 1)) + rng.standard_normal((200_000, 2)) > 0
+    assert hits.mean() == pytest.approx(ndtr(score / 5**0.5), abs=0.005)
