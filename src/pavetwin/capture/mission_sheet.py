@@ -6,21 +6,19 @@ what the sensor reported are dashed.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
 from PIL import Image, ImageDraw
 from shapely import Polygon
 
 from pavetwin.capture.mission_images import MissionImages
-from pavetwin.draw.contact_sheet import CELL_PX, assembled, captioned, draw_box, evenly_chosen
+from pavetwin.draw.contact_sheet import CELL_PX, assembled, captioned, cut_around, draw_box, evenly_chosen
 from pavetwin.files import writing
 from pavetwin.labels.classes import category_colours, label_name
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.inspected_defects import captured_frame
-from pavetwin.sensing import Frame, Outcome, Sensor
+from pavetwin.sensing import Outcome, Sensor
 from pavetwin.sensing.detector import DetectorSensor
 
 if TYPE_CHECKING:
@@ -126,22 +124,9 @@ def _drawn(cell: _Cell, result: MissionResult, images: MissionImages, sensor: Se
     frame = captured_frame(result, cell.capture)
     if isinstance(sensor, DetectorSensor):
         frame = replace(frame, camera=sensor.seen_camera(frame.camera))
-    picture = Image.fromarray(images(frame))
-    x, y, side = _window(cell, frame)
-    scale = CELL_PX / side
-    window = picture.transform(
-        (CELL_PX, CELL_PX), Image.Transform.AFFINE, (1 / scale, 0, x, 0, 1 / scale, y), Image.Resampling.BICUBIC
+    least_px = _LEAST_M / frame.ground_resolution_m
+    window, box = cut_around(
+        Image.fromarray(images(frame)), frame.box_of(cell.shape), margin=_MARGIN, least_px=least_px, size_px=CELL_PX
     )
-    pen = ImageDraw.Draw(window)
-    low_x, low_y, high_x, high_y = frame.box_of(cell.shape)
-    box = ((low_x - x) * scale, (low_y - y) * scale, (high_x - x) * scale, (high_y - y) * scale)
-    draw_box(pen, box, None if cell.reported else category_colours()[label_name(cell.kind)])
+    draw_box(ImageDraw.Draw(window), box, None if cell.reported else category_colours()[label_name(cell.kind)])
     return captioned(window, cell.heading, cell.text, f"capture {cell.capture}")
-
-
-def _window(cell: _Cell, frame: Frame) -> tuple[float, float, float]:
-    """Left, top and side of what a cell shows, in pixels of the frame."""
-    left, top, right, bottom = frame.box_of(cell.shape)
-    least = _LEAST_M / frame.ground_resolution_m
-    side = ceil(max(least, _MARGIN * max(right - left, bottom - top)))
-    return float(np.mean((left, right))) - side / 2, float(np.mean((top, bottom))) - side / 2, float(side)

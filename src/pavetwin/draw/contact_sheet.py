@@ -11,6 +11,7 @@ from PIL import Image, ImageDraw
 from pavetwin.draw.mission_style import font, write
 from pavetwin.draw.style import INK, INK_SOFT, PAPER
 from pavetwin.errors import PaveTwinError
+from pavetwin.labels.boxes import FloatBox
 
 CELL_PX: Final = 420
 """Width of one image on the sheet."""
@@ -120,7 +121,26 @@ def _header(
         pen.text((x + 26, y), words, INK, font(16))
 
 
-def draw_box(pen: ImageDraw.ImageDraw, box: tuple[float, float, float, float], colour: str | None) -> None:
+def cut_around(
+    picture: Image.Image, box: FloatBox, *, margin: float, least_px: float, size_px: int | None = None
+) -> tuple[Image.Image, FloatBox]:
+    """The square part of a picture around a box, black beyond the picture; and the box in pixels of the part.
+
+    Args:
+        margin: side of the part over the longer side of the box.
+        least_px: that side in the picture, at least.
+        size_px: side of the result; as in the picture, but at least `CELL_PX`, unless given.
+    """
+    left, top, right, bottom = box
+    side = ceil(max(least_px, margin * max(right - left, bottom - top)))
+    x, y = round((left + right - side) / 2), round((top + bottom - side) / 2)
+    size = size_px or max(side, CELL_PX)
+    part = picture.crop((x, y, x + side, y + side)).resize((size, size), Image.Resampling.BICUBIC)
+    scale = size / side
+    return part, ((left - x) * scale, (top - y) * scale, (right - x) * scale, (bottom - y) * scale)
+
+
+def draw_box(pen: ImageDraw.ImageDraw, box: FloatBox, colour: str | None) -> None:
     """A box in pixels of what is drawn on; dashed where it has no colour, since it is ignored."""
     left, top, right, bottom = box
     if colour is None:
@@ -130,7 +150,7 @@ def draw_box(pen: ImageDraw.ImageDraw, box: tuple[float, float, float, float], c
     pen.rectangle((left - 1, top - 1, right, bottom), outline=colour, width=2)
 
 
-def _dashed(pen: ImageDraw.ImageDraw, box: tuple[float, float, float, float], colour: str) -> None:
+def _dashed(pen: ImageDraw.ImageDraw, box: FloatBox, colour: str) -> None:
     left, top, right, bottom = box
     for start, end, is_flat in ((left, right, True), (top, bottom, False)):
         for at in np.arange(start, max(end, start + 1), 2 * _DASH_PX).tolist():

@@ -1,7 +1,6 @@
 """Pictures of the entries: the part of an image around the best detection, and pages of them."""
 
 from collections.abc import Sequence
-from math import ceil
 from pathlib import Path
 from typing import Final
 
@@ -9,7 +8,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from pavetwin.arrays import UInt8Array
-from pavetwin.draw.contact_sheet import CELL_PX, assembled, captioned, draw_box
+from pavetwin.draw.contact_sheet import CELL_PX, assembled, captioned, cut_around, draw_box
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.inventory.entry import Entry
@@ -30,16 +29,9 @@ _QUALITY: Final = 88
 def around(pixels: UInt8Array, box: FloatBox) -> UInt8Array:
     """(side, side, 3) The square part of a picture (height, width, 3) around a box, which is drawn in it; black beyond
     the picture."""
-    left, top, right, bottom = box
-    side = ceil(max(_LEAST_PX, _MARGIN * max(right - left, bottom - top)))
-    x, y = round((left + right - side) / 2), round((top + bottom - side) / 2)
-    cut = Image.fromarray(pixels).crop((x, y, x + side, y + side))
-    size = max(side, CELL_PX)
-    cut = cut.resize((size, size), Image.Resampling.BICUBIC)
-    scale = size / side
-    edges = ((left - x) * scale, (top - y) * scale, (right - x) * scale, (bottom - y) * scale)
-    draw_box(ImageDraw.Draw(cut), edges, "#FFFFFF")
-    return np.asarray(cut)
+    part, edges = cut_around(Image.fromarray(pixels), box, margin=_MARGIN, least_px=_LEAST_PX)
+    draw_box(ImageDraw.Draw(part), edges, "#FFFFFF")
+    return np.asarray(part)
 
 
 def write_crops(entries: Sequence[Entry], folder: Path) -> dict[int, str]:
