@@ -267,6 +267,22 @@ def test_a_folder_that_is_no_mission_is_refused(mission: Path) -> None:
     assert "mission.yaml" in plain_refusal(pavetwin("handover", mission.parent / "cross"))
 
 
+def test_what_a_sensor_measured_is_listed_as_an_inventory_lists_it(mission: Path, tmp_path: Path) -> None:
+    """Sizes as the sensor `detector` states them, in a mission of one that states none."""
+    shutil.copytree(mission, tmp_path / "m", ignore=shutil.ignore_patterns("handover"))
+    table = pl.read_parquet(mission / "detections.parquet")
+    measured = {"area_m2": pl.lit(0.25), "pixel_mm": pl.lit(4.0), "is_cut": pl.lit(False)}
+    table.with_columns(**measured).write_parquet(tmp_path / "m" / "detections.parquet")
+    done = pavetwin("handover", tmp_path / "m")
+    assert done.returncode == 0, done.stderr
+    assert " inventory/, " in done.stdout
+    assert pavetwin("inventory", tmp_path / "m", "-o", tmp_path / "alone").returncode == 0
+    inside = tmp_path / "m" / "handover" / "inventory"
+    for name in ("inventory.csv", "inventory.geojson"):
+        assert (inside / name).read_bytes() == (tmp_path / "alone" / name).read_bytes()
+    assert pl.read_csv(inside / "inventory.csv").height > 0
+
+
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("study")

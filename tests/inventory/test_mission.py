@@ -9,9 +9,8 @@ import pytest
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.inventory.entry import Entry, entry_of
-from pavetwin.inventory.merging import merged
+from pavetwin.inventory.listing import entries_of
 from pavetwin.inventory.of_mission import NO_CROPS, flown
-from pavetwin.inventory.reading import Reading
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.results import save_mission
 from pavetwin.world.georeference import from_wgs84
@@ -39,11 +38,6 @@ def mission(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, MissionResu
         lines.append(f"{frame.number},images/{frame.number}.png")
     (folder / "frames" / "captures.csv").write_text("\n".join(lines) + "\n")
     return folder, result
-
-
-def entries_of(reading: Reading) -> list[Entry]:
-    groups = merged(reading.observations)
-    return [entry_of(at, [reading.observations[index] for index in group]) for at, group in enumerate(groups, 1)]
 
 
 def test_each_defect_and_each_false_alarm_is_one_entry_at_its_place(mission: tuple[Path, MissionResult]) -> None:

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.inventory.entry import Entry, entry_of
-from pavetwin.inventory.merging import merged
+from pavetwin.inventory.entry import Entry
+from pavetwin.inventory.listing import entries_of
 from pavetwin.inventory.of_photographs import photographed
 from pavetwin.inventory.reading import Reading
 from pavetwin.perception.results.photograph import PhotographPose, pose_of
@@ -20,11 +20,6 @@ from scenes.spots import SpotDetector
 from scenes.survey import ALTITUDE_M, PLACE, SPOTS, captures, photograph, photographs
 
 DEFECTS = [(name, shape) for name, shape in SPOTS if name != "Car"]
-
-
-def entries_of(reading: Reading) -> list[Entry]:
-    groups = merged(reading.observations)
-    return [entry_of(at, [reading.observations[index] for index in group]) for at, group in enumerate(groups, 1)]
 
 
 def world_xy(entry: Entry, reading: Reading) -> np.ndarray:

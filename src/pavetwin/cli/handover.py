@@ -156,6 +156,7 @@ def _images(inputs: "MissionInputs", spec: "MissionSpec") -> "ImageSource":
 def _tell(given: "Handover", target: Path, plans: list[str]) -> None:
     from pavetwin.flightplan.save import remark_on_parts
     from pavetwin.handover import HANDOVER_FILES
+    from pavetwin.handover.files import INVENTORY
 
     found, defects = given.found, given.defects.height
     out.line(
@@ -165,5 +166,6 @@ def _tell(given: "Handover", target: Path, plans: list[str]) -> None:
     tell_plan(given.plan)
     if parts := remark_on_parts([target / name for name in plans]):
         out.line(parts)
-    out.line(f"Results in {target}: {', '.join([*HANDOVER_FILES, *(f'plan/{name}' for name in plans)])}.")
+    listed = ["inventory/"] if (target / INVENTORY).is_dir() else []
+    out.line(f"Results in {target}: {', '.join([*HANDOVER_FILES, *listed, *(f'plan/{name}' for name in plans)])}.")
     note_fonts(given.world)

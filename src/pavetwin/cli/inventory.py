@@ -51,9 +51,8 @@ def inventory(
 
     Writes inventory.gpkg (for QGIS, with its style), inventory.geojson, inventory.csv, and crops with pages of them.
     """
-    from pavetwin.inventory.entry import entry_of
     from pavetwin.inventory.files import write_inventory
-    from pavetwin.inventory.merging import merged
+    from pavetwin.inventory.listing import entries_of
 
     if not source.is_dir():
         raise PaveTwinError(f"There is no folder '{source}'; name that of a mission or of photographs.")
@@ -73,11 +72,9 @@ def inventory(
                 raise PaveTwinError(f"'{source}' holds a mission for each policy; name one: {names}.")
             reading = _photographs(source, model, confidence, tiled, gsd_mm, height_m, position_error_m, tell)
         tell(1.0, "Writing")
-        kept = reading.confident(confidence)
-        groups = merged(kept)
-        entries = [entry_of(number, [kept[at] for at in group]) for number, group in enumerate(groups, 1)]
+        entries = entries_of(reading, confidence)
         files = write_inventory(entries, reading.frame, target)
-    _tell(reading, len(kept), [entry.kind for entry in entries])
+    _tell(reading, len(reading.confident(confidence)), [entry.kind for entry in entries])
     has_crops = any((target / "crops").glob("*.jpg"))
     names = ", ".join([*(file.name for file in files), *(("crops/", "crops-01.jpg, …") if has_crops else ())])
     out.line(f"Results: {target} ({names})")

@@ -18,6 +18,10 @@ from pavetwin.handover.map import map_figure
 from pavetwin.handover.page import Page, page_of
 from pavetwin.handover.sheet import sheet_figure
 from pavetwin.handover.spreadsheet import write_workbook
+from pavetwin.inventory.files import write_inventory
+from pavetwin.inventory.listing import entries_of
+from pavetwin.inventory.of_mission import flown
+from pavetwin.inventory.reading import Reading
 from pavetwin.mission.condition import write_units
 from pavetwin.world.layers import columns_of, write_layer
 
@@ -28,6 +32,7 @@ GEOPACKAGE: Final = "handover.gpkg"
 WORKBOOK: Final = "handover.xlsx"
 PLANS: Final = "plan"
 MISSION: Final = "mission"
+INVENTORY: Final = "inventory"
 
 HANDOVER_FILES: Final = (SHEET, PAGE, MAP, "defects.csv", "units.csv", "streets.csv", GEOPACKAGE, WORKBOOK)
 """Of every handover; the plans are in a folder beside them."""
@@ -68,13 +73,16 @@ def write_handover(
         The names of the plans, in the folder `plan`.
 
     Raises:
-        PaveTwinError: as `check_target`, a format cannot hold the plan, or the folder cannot be written.
+        PaveTwinError: as `check_target`, the mission's table of detections is damaged, a format cannot hold the plan,
+            or the folder cannot be written.
     """
     check_target(folder, force=force)
     with writing_folder(folder, replace=True) as temporary:
         plans = save_plan(handover.plan, temporary / PLANS, formats)
         if with_mission:
             shutil.copytree(handover.mission.path.parent, temporary / MISSION)
+        if (reading := _measured(handover)) is not None:
+            write_inventory(entries_of(reading), reading.frame, temporary / INVENTORY)
         handover.defects.write_csv(temporary / "defects.csv")
         handover.units.write_csv(temporary / "units.csv")
         handover.streets.write_csv(temporary / "streets.csv")
@@ -86,8 +94,16 @@ def write_handover(
             style.save_figure(sheet_figure(page, handover), temporary / SHEET)
             style.save_figure(map_figure(handover, page.credit), temporary / MAP)
         picture = (temporary / MAP).read_bytes()
-        (temporary / PAGE).write_text(_html(page, picture, [path.name for path in plans]), encoding="utf-8")
+        others = [f"{name}/" for name in (INVENTORY, MISSION) if (temporary / name).is_dir()]
+        html = _html(page, picture, [path.name for path in plans], others)
+        (temporary / PAGE).write_text(html, encoding="utf-8")
     return [path.name for path in plans]
+
+
+def _measured(handover: Handover) -> Reading | None:
+    """What the mission's sensor reported, where it measured it: what the agency would get of the real flight."""
+    reading = flown(handover.mission.path.parent)
+    return reading if any(each.sizes for each in reading.observations) else None
 
 
 def _write_geopackage(handover: Handover, path: Path) -> None:
@@ -98,7 +114,7 @@ def _write_geopackage(handover: Handover, path: Path) -> None:
     write_units(handover.condition, handover.units, path)
 
 
-def _html(page: Page, picture: bytes, plans: Sequence[str]) -> str:
+def _html(page: Page, picture: bytes, plans: Sequence[str], folders: Sequence[str]) -> str:
     environment = Environment(
         loader=PackageLoader("pavetwin.handover", "."),
         autoescape=True,
@@ -110,7 +126,7 @@ def _html(page: Page, picture: bytes, plans: Sequence[str]) -> str:
         page=page,
         picture=b64encode(picture).decode("ascii"),
         plans=plans,
-        files=HANDOVER_FILES,
+        files=[*HANDOVER_FILES, *folders],
         accent=style.BASE,
         ink=style.INK,
         soft=style.INK_SOFT,
