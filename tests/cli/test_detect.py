@@ -95,7 +95,7 @@ def test_a_video_is_looked_at_every_second(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("in.png", "-o", "new"), "Say which model with --model"),
+        (("in.png", "-o", "new", "--model", "none-1"), "--model: There is no model 'none-1': name one that ships"),
         (("in.png", "--model", FILE), "Say where the results go"),
         (("gone", "--model", FILE, "-o", "new"), "There is no picture, video or folder 'gone'"),
         (("empty", "--model", FILE, "-o", "new"), "There is no picture in 'empty'"),

@@ -148,7 +148,7 @@ def test_what_is_wrong_is_said_plainly_and_leaves_nothing(tmp_path: Path) -> Non
     STREET.save(tmp_path / "in" / "a.png")
     for arguments, words in (
         ((tmp_path / "none", "-o", tmp_path / "o"), "There is no folder"),
-        ((tmp_path / "in", "-o", tmp_path / "o"), "Say which model with --model"),
+        ((tmp_path / "in", "-o", tmp_path / "o", "--model", "none-1"), "--model: There is no model 'none-1': name one"),
         ((tmp_path / "in", "-o", tmp_path / "o", "--model", FILE, "--gsd-mm", 0), "--gsd-mm 0: it is above 0."),
         ((tmp_path / "in", "-o", tmp_path / "o", "--model", FILE, "--height-m", -3), "--height-m -3: it is above 0."),
         (

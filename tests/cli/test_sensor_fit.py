@@ -67,7 +67,7 @@ def test_what_cannot_be_fitted_is_one_plain_line(tmp_path: Path) -> None:
         ("sensor", "fit", one, "-o", tmp_path / "s.txt"): "the file is JSON; give a name such as s.json",
         ("sensor", "fit", tmp_path / "none", *out): "There is no folder",
         ("sensor", "fit", tmp_path / "empty", *out): "holds no mission.yaml and no capture.yaml",
-        ("sensor", "fit", tmp_path / "set", *out): "Say which model with --model",
+        ("sensor", "fit", tmp_path / "set", *out, "--model", "none-1"): "--model: There is no model 'none-1'",
         ("sensor", "fit", one, another, *out): "were searched by different detectors",
         ("sensor", "fit", one, "--check", another, *out): "'another' was searched by another detector",
     }
@@ -76,8 +76,8 @@ def test_what_cannot_be_fitted_is_one_plain_line(tmp_path: Path) -> None:
     assert not (tmp_path / "s.json").exists()
 
 
-@pytest.mark.parametrize("name", ["none.json", "none.onnx"])
+@pytest.mark.parametrize("name", ["none.json", "none.onnx", "none-1"])
 def test_a_file_that_is_not_there_is_told_before_flying(name: str) -> None:
     line = plain_refusal(pavetwin("fly", "--sensor", "calibrated", "--model", name, "--settings"))
-    assert f"there is no file '{name}'" in line
+    assert f"here is no {'file' if name.endswith('json') else 'model'} '{name}'" in line
     assert ("pavetwin sensor fit" in line) == name.endswith("json")

@@ -19,6 +19,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.mission.again import read_mission
 from pavetwin.mission.fly import fly_over
 from pavetwin.mission.results import detections_table, save_mission
+from pavetwin.perception.shipped import shipped_models
 from pavetwin.policies import Action, GoOn, Policy, Wait
 from pavetwin.sensing import Frame, Outcome
 from pavetwin.sensing.conformance import trial_frames
@@ -211,9 +212,10 @@ def test_what_was_measured_is_in_the_table_of_detections() -> None:
     assert people["area_m2"].null_count() == len(people) > 0
 
 
-def test_without_a_model_it_says_how_to_name_one() -> None:
-    with pytest.raises(PaveTwinError, match=r"The sensor 'detector' needs a model: name its file by `model`"):
-        DetectorSensor(sensing(), 0)
+def test_unless_a_model_is_named_one_that_ships_is_used() -> None:
+    assert DetectorSensor(sensing(), 0).options["model"] in shipped_models()
+    with pytest.raises(PaveTwinError, match=r"There is no model 'none-1': name one that ships \(.*synthetic-1.*\), or"):
+        DetectorSensor(sensing(model="none-1"), 0)
 
 
 def test_an_exported_model_is_opened_and_finds_what_is_drawn() -> None:

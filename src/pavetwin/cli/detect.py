@@ -11,20 +11,28 @@ from pavetwin.errors import PaveTwinError
 if TYPE_CHECKING:
     from pavetwin.perception.results.detect_folder import DetectOutcome
 
-Model = Annotated[Path | None, typer.Option("--model", help="ONNX file of `pavetwin export`.")]
+Model = Annotated[
+    str | None,
+    typer.Option(
+        "--model",
+        metavar="NAME|FILE.onnx",
+        help="A detector that ships, or a file of `pavetwin export`. synthetic-1 unless given.",
+    ),
+]
 
 
-def named(model: Path | None) -> Path:
-    """The file of a model, which must be there.
+def named(model: str | None) -> Path:
+    """The file of a model: the default one where none is named.
 
     Raises:
-        PaveTwinError: it is not given, or there is none.
+        PaveTwinError: there is none.
     """
-    if model is None:
-        raise PaveTwinError("Say which model with --model, for example --model model.onnx.")
-    if not model.is_file():
-        raise PaveTwinError(f"`model`: there is no file '{model}'; `pavetwin export RUN output={model}` writes one.")
-    return model
+    from pavetwin.perception.shipped import DEFAULT, model_path
+
+    try:
+        return model_path(model or DEFAULT)
+    except PaveTwinError as error:
+        raise PaveTwinError(f"`model`: {error}") from error
 
 
 def detect(
@@ -53,7 +61,7 @@ def detect(
     """Find defects, persons and cars in pictures: annotated pictures, and files for other programs.
 
     \b
-    pavetwin detect photographs --model model.onnx -o found
+    pavetwin detect photographs -o found
     pavetwin detect flight.mp4 --model model.onnx -o found --every 0.5
     pavetwin detect street.jpg --model model.onnx -o found --tiled --gsd-mm 2.7
 

@@ -13,7 +13,7 @@ from pavetwin.cli.conditions import Clouds, Date, Time, Wind, conditions_of
 from pavetwin.cli.console import out, progress
 from pavetwin.cli.parking import Parking, parking_of
 from pavetwin.cli.published import note_difference
-from pavetwin.cli.sensor_option import check_has_model, model_option
+from pavetwin.cli.sensor_option import SensorModel, check_has_model, model_option
 from pavetwin.errors import PaveTwinError, about, naming
 
 if TYPE_CHECKING:
@@ -57,13 +57,7 @@ def fly(
     sensor: Annotated[
         str | None, typer.Option(help="{sensors}, or your own, file.py:ClassName. recall unless set otherwise.")
     ] = None,
-    model: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Of --sensor detector: file of `pavetwin export`. Of --sensor calibrated: of `pavetwin sensor fit`.",
-        ),
-    ] = None,
+    model: SensorModel = None,
     aircraft: Annotated[
         str | None,
         typer.Option(
@@ -154,7 +148,7 @@ def fly(
     pavetwin fly worlds/published --policy all --preset paper --density medium --altitude 6
     pavetwin fly worlds/town --aircraft phantom4pro --wind 6@270
     pavetwin fly worlds/town --date 2026-06-21 --time 09:30 --clouds 0.4 --wind 5@270 --save-frames hits
-    pavetwin fly worlds/town --sensor detector --model model.onnx --segments 1 --save-frames hits
+    pavetwin fly worlds/town --sensor detector --segments 1 --save-frames hits
     pavetwin fly worlds/town --sensor calibrated --model sensor.json
     pavetwin fly worlds/town --routes rush.rou.xml --take-off 600
     pavetwin fly worlds/town --parking 0.9
@@ -367,7 +361,7 @@ def _settings(
     preset: str,
     altitude: float | None,
     sensor: str | None,
-    model: Path | None,
+    model: str | None,
     aircraft: str | None,
     overrides: Sequence[str] | None,
     plugins: Sequence[str],

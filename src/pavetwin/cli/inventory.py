@@ -45,7 +45,7 @@ def inventory(
 
     \b
     pavetwin inventory missions/monday/hover
-    pavetwin inventory photographs --model model.onnx -o inventory
+    pavetwin inventory photographs -o inventory
     pavetwin inventory photographs --model model.onnx -o inventory --gsd-mm 2.7
     pavetwin inventory photographs --model model.onnx -o inventory --height-m 12 --position-error-m 0.5
 
@@ -82,7 +82,7 @@ def inventory(
 
 def _photographs(
     source: Path,
-    model: Path | None,
+    model: str | None,
     confidence: float,
     tiled: bool | None,
     gsd_mm: float | None,

@@ -29,7 +29,11 @@ def fit(
     ],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="The file, such as sensor.json.")] = None,
     model: Annotated[
-        Path | None, typer.Option(metavar="FILE.onnx", help="The detector; only for datasets, which it then searches.")
+        str | None,
+        typer.Option(
+            metavar="NAME|FILE.onnx",
+            help="The detector that searches datasets: one that ships, or a file; synthetic-1 unless given.",
+        ),
     ] = None,
     check: Annotated[
         list[Path] | None,
@@ -44,9 +48,9 @@ def fit(
     """Fit the sensor calibrated: the chance that a detector finds a defect, without rendering.
 
     \b
-    pavetwin fly worlds/town --sensor detector --model model.onnx --altitude 10 -o missions/a
+    pavetwin fly worlds/town --sensor detector --altitude 10 -o missions/a
     pavetwin sensor fit missions -o sensor.json
-    pavetwin sensor fit missions captures/town --model model.onnx --check missions-elsewhere -o sensor.json
+    pavetwin sensor fit missions captures/town --check missions-elsewhere -o sensor.json
     pavetwin fly worlds/town --sensor calibrated --model sensor.json
 
     What defects keep from look to look shows in missions alone, where many captures show one defect. Beside the file, a
@@ -81,7 +85,7 @@ def fit(
 
 
 def _read(
-    sources: Sequence[Path], model: Path | None, confidence: float, tell: Callable[[float, str], None]
+    sources: Sequence[Path], model: str | None, confidence: float, tell: Callable[[float, str], None]
 ) -> list["LookSource"]:
     from pavetwin.capture.looks import is_capture, looks_of
     from pavetwin.mission.look_table import read_looks

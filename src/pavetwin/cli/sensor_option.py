@@ -1,7 +1,9 @@
 """What --model gives to the sensor of a mission."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from pavetwin.cli.detect import named
 from pavetwin.errors import PaveTwinError
@@ -10,19 +12,35 @@ if TYPE_CHECKING:
     from pavetwin.config import MissionSettings
 
 
-def model_option(file: Path) -> dict[str, str]:
+SensorModel = Annotated[
+    str | None,
+    typer.Option(
+        "--model",
+        metavar="NAME|FILE",
+        help="Of --sensor detector: one that ships, or a file of `pavetwin export`; synthetic-1 unless given. "
+        "Of --sensor calibrated: a file of `pavetwin sensor fit`.",
+    ),
+]
+
+
+def model_option(model: str) -> dict[str, str]:
     """The option of a sensor that --model sets, by the kind of its file.
 
+    A detector that ships keeps its name, which holds on any machine.
+
     Raises:
-        PaveTwinError: there is no such file.
+        PaveTwinError: there is no such file, and none that ships has this name.
     """
-    if file.suffix != ".json":
-        return {"model": str(named(file))}
-    if not file.is_file():
+    from pavetwin.perception.shipped import FOLDER
+
+    if not model.endswith(".json"):
+        file = named(model)
+        return {"model": file.stem if file.parent == FOLDER else str(file)}
+    if not Path(model).is_file():
         raise PaveTwinError(
-            f"`model`: there is no file '{file}'; `pavetwin sensor fit MISSIONS output={file}` writes one."
+            f"`model`: there is no file '{model}'; `pavetwin sensor fit MISSIONS output={model}` writes one."
         )
-    return {"fitted": str(file)}
+    return {"fitted": model}
 
 
 def check_has_model(settings: "MissionSettings") -> None:

@@ -24,7 +24,7 @@ def serve(
     """Answer requests with detections: POST /predict and /predict/batch, GET /health, a page about them at /.
 
     \b
-    pavetwin serve --model model.onnx
+    pavetwin serve
     curl -F file=@street.jpg http://127.0.0.1:5000/predict
 
     Only this machine is answered unless --host says otherwise; there is no password and no encryption.

@@ -11,8 +11,10 @@ import shapely
 import yaml
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.files import file_sha256
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.inspected_defects import captured_frame
+from pavetwin.perception.shipped import model_path
 from pavetwin.sensing import Outcome
 from pavetwin.sensing.detector import DetectorSensor
 from pavetwin.sensing.fitting import ALARM_SCHEMA, GROUP, LookSource
@@ -69,11 +71,13 @@ def read_looks(folder: Path) -> LookSource:
     )
     try:
         sensing = said["settings"]["sensing"]
-        model = str(Path(sensing["options"]["model"]))
-        sha256 = next(each["sha256"] for each in said["plugins"] if each["path"] == model)
+        if sensing["sensor"] != "detector":
+            raise ValueError(f"the sensor is {sensing['sensor']}")
+        options = {**DetectorSensor.default_options, **sensing["options"]}
+        own = {each["path"]: each["sha256"] for each in said["plugins"]}
         detector = FittedDetector(
-            sha256=sha256,
-            confidence=sensing["options"].get("confidence", DetectorSensor.default_options["confidence"]),
+            sha256=own.get(options["model"]) or file_sha256(model_path(options["model"])),
+            confidence=options["confidence"],
             image_px=int(table["image_px"].max()),  # type: ignore[arg-type]
         )
         place = f"{said['world']['content_hash']} {said['defects']['content_hash']}"

@@ -14,6 +14,7 @@ from pavetwin.config.mission import SensingSettings
 from pavetwin.config.options import OptionValue
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256
+from pavetwin.perception.shipped import model_path
 from pavetwin.seeds import Stream, child
 from pavetwin.sensing.base import Sensor
 from pavetwin.sensing.detection import Detection
@@ -120,4 +121,4 @@ def _block(seed: int, number: int) -> Float64Array:
 @lru_cache(maxsize=16)
 def _read(fitted: str, content: str, detector: str) -> SensorModel:  # noqa: ARG001 - it is of the cache's key
     """A fitted sensor, read again only when its content has changed."""
-    return SensorModel.read(Path(fitted), Path(detector) if detector else None)
+    return SensorModel.read(Path(fitted), model_path(detector) if detector else None)

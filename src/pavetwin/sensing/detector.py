@@ -4,7 +4,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
-from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar, Final, Protocol
 
@@ -13,8 +12,8 @@ from shapely import Polygon
 from pavetwin.arrays import BoolArray, UInt8Array
 from pavetwin.config.mission import SensingSettings
 from pavetwin.config.options import OptionValue
-from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import PixelBox, ends_at_border
+from pavetwin.perception.shipped import DEFAULT
 from pavetwin.sensing.base import Sensor
 from pavetwin.sensing.detection import Detection, MeasuredSizes
 from pavetwin.sensing.frame import Frame
@@ -69,7 +68,7 @@ class DetectorSensor(Sensor):
     every_capture = True
     sees_confirmed = True
     default_options: ClassVar[Mapping[str, OptionValue]] = MappingProxyType(
-        {"model": "", "confidence": 0.25, "image_px": 0, "aboard": False}
+        {"model": DEFAULT, "confidence": 0.25, "image_px": 0, "aboard": False}
     )
 
     def __init__(self, settings: SensingSettings, seed: int, detector: ImageDetector | None = None) -> None:
@@ -77,7 +76,7 @@ class DetectorSensor(Sensor):
             detector: in place of the one that the option `model` names.
 
         Raises:
-            PaveTwinError: no model is named, or its file is damaged, or an option does not fit.
+            PaveTwinError: there is no such model, or its file is damaged, or an option does not fit.
         """
         super().__init__(settings, seed)
         self.after_landing = not self.options["aboard"]
@@ -85,12 +84,9 @@ class DetectorSensor(Sensor):
         self._found: dict[int, tuple[Frame, list[Detection]]] = {}
 
     def _opened(self) -> ImageDetector:
-        model = str(self.options["model"])
-        if not model:
-            raise PaveTwinError("The sensor 'detector' needs a model: name its file by `model`, as in model.onnx.")
         from pavetwin.perception.inference import Detector
 
-        return Detector(Path(model), confidence=float(self.options["confidence"]))
+        return Detector(str(self.options["model"]), confidence=float(self.options["confidence"]))
 
     @property
     def looked_px(self) -> int:

@@ -14,6 +14,7 @@ from pavetwin.perception.classes import SUBTYPES
 from pavetwin.perception.inference.detections import Detections, MaskPart
 from pavetwin.perception.inference.model_file import ModelFacts, open_session
 from pavetwin.perception.inference.tiles import merged, tile_windows
+from pavetwin.perception.shipped import model_path
 
 GREY: Final = 114
 """Beside and below an image that is no multiple of the stride, as in training."""
@@ -47,7 +48,7 @@ class Detector:
         threads: int = 0,
     ) -> None:
         """Args:
-            path: ONNX file of `pavetwin export`.
+            path: ONNX file of `pavetwin export`, or the name of a model that ships.
             confidence: the least final confidence of what is said.
             overlap: IoU from which the less confident of two boxes of a coarse class is dropped.
             tiled: look at images that are larger than `image_px` in tiles at their own resolution, else as a whole that
@@ -71,7 +72,7 @@ class Detector:
         self._confidence, self._overlap = confidence, overlap
 
     def _open(self, path: Path, threads: int) -> ModelFacts:
-        self._session, facts = open_session(path, threads)
+        self._session, facts = open_session(model_path(path), threads)
         return facts
 
     def detect(self, images: Iterable[Picture], between: Callable[[], None] | None = None) -> list[Detections]:

@@ -105,8 +105,6 @@ def open_session(path: Path, threads: int) -> tuple[Any, ModelFacts]:
     Raises:
         PaveTwinError: there is no such file, it is damaged, it is another model, or onnxruntime is not installed.
     """
-    if not path.is_file():
-        raise PaveTwinError(f"There is no model '{path}'; `pavetwin export RUN output={path}` writes one.")
     try:
         onnxruntime: Any = import_module("onnxruntime")
     except ImportError as error:

@@ -1,0 +1,38 @@
+"""The detectors that ship: they are found by name, open without PyTorch, and see what they were trained to see."""
+
+from pathlib import Path
+
+import pytest
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.perception.inference import Detector
+from pavetwin.perception.inference.model_file import open_session
+from pavetwin.perception.shipped import DEFAULT, model_path, shipped_models
+from scenes.drawn_detector import FILE
+
+MOST_BYTES = 15_000_000
+
+
+def test_a_file_comes_before_a_name_and_what_is_neither_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert DEFAULT in shipped_models()
+    assert model_path(DEFAULT) != model_path(FILE) == FILE
+    monkeypatch.chdir(tmp_path)
+    Path(DEFAULT).write_bytes(b"mine")
+    assert model_path(DEFAULT) == Path(DEFAULT)
+    with pytest.raises(
+        PaveTwinError, match=rf"There is no model 'synthetic': name one that ships \(.*{DEFAULT}.*\), or"
+    ):
+        model_path("synthetic")
+
+
+@pytest.mark.parametrize("name", shipped_models())
+def test_what_ships_says_its_recipe_and_licence_and_is_small(name: str) -> None:
+    file = model_path(name)
+    assert file.stat().st_size <= MOST_BYTES
+    _, facts = open_session(file, 1)
+    assert facts.licence == "Apache-2.0"
+    assert len(facts.recipe) == 64
+    assert facts.mask_px
+    assert Detector(name, threads=1).facts == facts
