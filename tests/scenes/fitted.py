@@ -7,8 +7,9 @@ import numpy as np
 import polars as pl
 
 from pavetwin.files import file_sha256
-from pavetwin.sensing.fitting import ALARM_SCHEMA, GROUP, LookSource
-from pavetwin.sensing.looks import LOOK_COLUMNS, Look
+from pavetwin.sensing.fit.fitting import ALARM_SCHEMA, GROUP, LookSource
+from pavetwin.sensing.fit.tables import LOOK_COLUMNS
+from pavetwin.sensing.looks import Look
 from pavetwin.sensing.sensor_model import (
     OF_ALL,
     OF_CLASS,

@@ -15,8 +15,8 @@ from scipy.special import ndtr
 from scipy.stats import chi2
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.sensing.fitting import chances_of, fit_sensor, reliability, repeated_looks
-from pavetwin.sensing.mixed_probit import fit_mixed_probit
+from pavetwin.sensing.fit.fitting import chances_of, fit_sensor, reliability, repeated_looks
+from pavetwin.sensing.fit.mixed_probit import fit_mixed_probit
 from pavetwin.sensing.sensor_model import SensorModel
 from scenes import drawn_detector
 from scenes.fitted import FILE, drawn_looks, stated

@@ -12,7 +12,7 @@ from pavetwin.cli.detect import named
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
-    from pavetwin.sensing.fitting import LookSource
+    from pavetwin.sensing.fit.fitting import LookSource
     from pavetwin.sensing.sensor_model import SensorModel
 
 MISSION = "mission.yaml"
@@ -57,7 +57,7 @@ def fit(
     figure of the same name (.png) compares chances and repeated looks with what was found.
     """
     from pavetwin.draw.sensor_figure import save_sensor_figure
-    from pavetwin.sensing.fitting import fit_sensor
+    from pavetwin.sensing.fit.fitting import fit_sensor
 
     if output is None:
         raise PaveTwinError("Say where the file goes with -o, for example -o sensor.json.")
@@ -115,7 +115,7 @@ def _tell(fitted: "SensorModel", sources: Sequence["LookSource"], *, are_others:
     import numpy as np
     import polars as pl
 
-    from pavetwin.sensing.fitting import reliability
+    from pavetwin.sensing.fit.fitting import reliability
 
     to = fitted.fitted_to
     out.line(

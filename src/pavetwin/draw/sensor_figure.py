@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from pavetwin.draw import style
-from pavetwin.sensing.fitting import LookSource, reliability, repeated_looks
+from pavetwin.sensing.fit.fitting import LookSource, reliability, repeated_looks
 from pavetwin.sensing.sensor_model import SensorModel
 
 LOOKS: Final = 3

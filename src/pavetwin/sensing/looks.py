@@ -1,10 +1,9 @@
 """What one look shows of a defect, as far as it is known without an image: what a fitted sensor predicts from."""
 
 from math import hypot, sqrt
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import polars as pl
 import shapely
 from shapely import Polygon
 
@@ -33,27 +32,6 @@ class Look(NamedTuple):
     """None where it is not known."""
     clouds: float
     """Cloud cover, 0 … 1."""
-
-
-LOOK_COLUMNS: Final = {
-    **dict.fromkeys(("kind", "severity"), pl.String),
-    **dict.fromkeys(("width_px", "size_px", "visible_fraction", "inside_fraction", "off_centre"), pl.Float64),
-    **dict.fromkeys(("blur_px", "sun_elevation_deg", "clouds"), pl.Float64),
-}
-"""Those of `Look`, in its order."""
-
-LOOK_SCHEMA: Final = {
-    "capture": pl.Int64,
-    "image_px": pl.Int64,
-    "pixel_mm": pl.Float64,
-    "area_m2": pl.Float64,
-    "defect": pl.Int64,
-    "found": pl.Boolean,
-    **LOOK_COLUMNS,
-}
-"""A table of looks: the capture's index; of the image that was looked at the longer side, what a pixel covers, and the
-ground in it; the defect's id, whether it was found, and the look. A capture that sees no defect is a row too, whose
-defect is null."""
 
 
 def seen_camera(camera: Camera, longest_px: int) -> Camera:

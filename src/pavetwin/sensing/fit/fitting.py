@@ -12,8 +12,9 @@ from scipy.special import ndtr, ndtri
 
 from pavetwin.arrays import Float64Array
 from pavetwin.errors import PaveTwinError
-from pavetwin.sensing.looks import LOOK_COLUMNS, Look
-from pavetwin.sensing.mixed_probit import fit_mixed_probit
+from pavetwin.sensing.fit.mixed_probit import fit_mixed_probit
+from pavetwin.sensing.fit.tables import LOOK_COLUMNS
+from pavetwin.sensing.looks import Look
 from pavetwin.sensing.sensor_model import (
     OF_ALL,
     OF_CLASS,

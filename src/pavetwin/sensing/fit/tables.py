@@ -1,0 +1,25 @@
+"""Columns of tables of looks."""
+
+from typing import Final
+
+import polars as pl
+
+LOOK_COLUMNS: Final = {
+    **dict.fromkeys(("kind", "severity"), pl.String),
+    **dict.fromkeys(("width_px", "size_px", "visible_fraction", "inside_fraction", "off_centre"), pl.Float64),
+    **dict.fromkeys(("blur_px", "sun_elevation_deg", "clouds"), pl.Float64),
+}
+"""Those of `Look`, in its order."""
+
+LOOK_SCHEMA: Final = {
+    "capture": pl.Int64,
+    "image_px": pl.Int64,
+    "pixel_mm": pl.Float64,
+    "area_m2": pl.Float64,
+    "defect": pl.Int64,
+    "found": pl.Boolean,
+    **LOOK_COLUMNS,
+}
+"""A table of looks: the capture's index; of the image that was looked at the longer side, what a pixel covers, and the
+ground in it; the defect's id, whether it was found, and the look. A capture that sees no defect is a row too, whose
+defect is null."""
