@@ -73,12 +73,12 @@ def draw_flight(axes: Axes, flight: PlannedFlight, place: GeoReference, colour: 
 def _draw_defects(axes: Axes, handover: Handover) -> None:
     outcomes = np.array(handover.defects["outcome"].to_list())
     places = np.array([(each.centre.x, each.centre.y) for each in handover.shapes]).reshape(-1, 2)
-    size = float(np.clip(9.0 * shapes.points_per_m(axes), 4.0, 16.0))
+    size = float(np.clip(9.0 * shapes.points_per_m(axes), 5.0, 16.0))
     for level, name in enumerate(("missed", "found")):
         spots = places[outcomes == name]
         axes.scatter(
             spots[:, 0], spots[:, 1], s=size, marker=style.OUTCOME_MARKERS[name], color=style.OUTCOME_COLOURS[name],
-            edgecolors=style.PAPER, linewidths=0.3, zorder=ABOVE_WORLD - 8 + level,
+            edgecolors=style.PAPER, linewidths=0.02 * size, zorder=ABOVE_WORLD - 8 + level,
         )  # fmt: skip
 
 

@@ -1,6 +1,7 @@
 """The page of a handover on one sheet of A4, as a figure: everything has its place in inches."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 from matplotlib.axes import Axes
@@ -21,6 +22,8 @@ TEXT_IN: Final = 3.3
 GAP_IN: Final = 0.22
 LEAST_MAP_IN: Final = 3.6
 """Height of the map, at least."""
+MOST_SEVERITIES: Final = 9
+"""In the table of classes and severities."""
 MOST_STREETS: Final = 14
 """In the table of streets, where there is room."""
 
@@ -40,7 +43,7 @@ def sheet_figure(page: Page, handover: Handover) -> Figure:
     severities, streets = page.tables
     bottom = _footer(paper, duty, page.credit, width)
     text_end = _column(paper, paragraphs, MARGIN_IN, y, TEXT_IN)
-    table_end = _table(paper, severities, MARGIN_IN, text_end - 0.12, [TEXT_IN - 1.5, 0.5, 0.5, 0.5])
+    table_end = _table(paper, folded(severities), MARGIN_IN, text_end - 0.12, [TEXT_IN - 1.5, 0.5, 0.5, 0.5])
     map_in = A4_IN[0] - 2 * MARGIN_IN - TEXT_IN - GAP_IN
     legend_in = _ROW_IN * len(legend_of(handover)) + 0.1
     west, south, east, north = map_bounds(handover)
@@ -97,6 +100,16 @@ def _footer(paper: Axes, duty: Paragraphs, credit: str, width: float) -> float:
         _write(paper, MARGIN_IN + 0.1, y, line, _FOOT_PT)
     _write(paper, MARGIN_IN, MARGIN_IN + 0.07, credit, 5.8, colour=style.INK_SOFT)
     return top + 0.08
+
+
+def folded(table: PageTable) -> PageTable:
+    """The table of severities with at most `MOST_SEVERITIES` rows before the sums; the last is then that of others."""
+    *rows, sums = table.rows
+    if len(rows) <= MOST_SEVERITIES:
+        return table
+    kept, rest = rows[: MOST_SEVERITIES - 1], rows[MOST_SEVERITIES - 1 :]
+    others = (f"{len(rest)} others", *(f"{sum(int(row[at]) for row in rest)}" for at in range(1, len(sums))))
+    return replace(table, rows=(*kept, others, sums))
 
 
 def _legend(paper: Axes, handover: Handover, x: float, y: float, width: float, town: Axes) -> None:
