@@ -101,8 +101,8 @@ class Setup:
 
 
 GROUPS = (
-    *("starting", "streets", "world", "defects", "recording", "missions", "commands", "survey", "study", "visibility"),
-    *("frames", "images", "photographs", "memory", "city"),
+    *("starting", "streets", "world", "defects", "recording", "missions", "sensors", "commands", "survey", "study"),
+    *("visibility", "frames", "images", "photographs", "memory", "city"),
 )
 """Each can be measured alone."""
 
@@ -120,6 +120,7 @@ def measure(
         "defects": lambda: defects.lines(setup.world, size),
         "recording": setup.recording_lines,
         "missions": lambda: missions.lines(setup.course, size.runs),
+        "sensors": lambda: [missions.sensor_line(setup.course, size.runs)],
         "commands": lambda: commands.lines(setup.town, setup.larger, folder, size),
         "survey": lambda: surveys.lines(setup.larger, setup.cache, folder, size),
         "study": lambda: studies.lines(setup.town, folder, size.study),

@@ -29,6 +29,9 @@ from pavetwin.world.store import load_world
 
 ALTITUDE_M, SEED = 10.0, 1
 REAL_TIME_TARGET = 3000.0
+SENSOR_TARGET = 1.25
+FITTED = Path(__file__).parents[1] / "tests" / "sensing" / "fitted.json"
+"""A sensor with stated parameters: one false alarm for each 100 m² of an image."""
 
 
 @dataclass
@@ -129,6 +132,23 @@ def look_line(course: Course, runs: int) -> Line:
         10e-6,
         note=f"mean of {extra:,.0f} looks of a flight; the median of one: Criterion, below",
     )
+
+
+def sensor_line(course: Course, runs: int) -> Line:
+    """Missions with a fitted sensor against the same with `recall`, in pairs, by processor time."""
+    recall = course.settings
+    sensing = {"sensor": "calibrated", "options": {"fitted": str(FITTED)}}
+    fitted = load_settings(altitude_m=ALTITUDE_M, sensing=sensing)
+    ratios = []
+    for run in range(runs + 1):
+        spent = []
+        for settings in (recall, fitted):
+            begun = time.process_time()
+            course.fly("hover", settings)
+            spent.append(time.process_time() - begun)
+        if run:  # the first is a warm-up
+            ratios.append(spent[1] / spent[0])
+    return Line("mission, hover, calibrated against recall", statistics.median(ratios), Kind.RATIO, SENSOR_TARGET)
 
 
 def _looks(result: MissionResult) -> int:

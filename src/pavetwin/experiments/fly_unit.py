@@ -18,7 +18,17 @@ from pavetwin.defects import DefectOptions
 from pavetwin.defects import place as place_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import OWN_ROUTES, Design, WorldEntry
-from pavetwin.experiments.metrics import FACTORS, FAILED, FILES, FLOWN, REASON, RENDERER, REPLICATE, STATUS
+from pavetwin.experiments.metrics import (
+    COVERAGE_DRAWS,
+    FACTORS,
+    FAILED,
+    FILES,
+    FLOWN,
+    REASON,
+    RENDERER,
+    REPLICATE,
+    STATUS,
+)
 from pavetwin.experiments.plan import Cell, Plan, Unit, are_texts, check_files, recording_of, world_of_study
 from pavetwin.experiments.tours import MISSION_COLUMNS
 from pavetwin.mission.environment import MissionEnvironment, Surroundings, prepare
@@ -30,7 +40,7 @@ from pavetwin.mission.replay import Replay
 from pavetwin.mission.results import totals
 from pavetwin.mission.spec import DefectInput, MissionSpec, PolicyInput, WorldInput
 from pavetwin.mission.versions import renderer_of
-from pavetwin.sensing import ImageSource
+from pavetwin.sensing import ImageSource, Sensor, load_sensor, sensor_class
 from pavetwin.traffic.area import TrafficArea
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder
@@ -96,8 +106,14 @@ def schema(plan: Plan) -> dict[str, Any]:
         **({FILES: pl.String} if plan.files else {}),
         **dict.fromkeys(("version", RENDERER, STATUS, REASON), pl.String),
         **measured,
+        **(dict.fromkeys(COVERAGE_DRAWS, pl.Float64) if has_fitted(design) else {}),
         **(MISSION_COLUMNS if design.tours else {}),
     }
+
+
+def has_fitted(design: Design) -> bool:
+    """Whether a study has a sensor whose parameters were fitted."""
+    return any(sensor_class(name).is_fitted for name in design.sensors)
 
 
 def _type_of(values: Sequence[Any]) -> Any:
@@ -121,13 +137,22 @@ def _flown(plan: Plan, unit: Unit, cell: Cell, ground: "_Ground") -> list[Row]:
         settings = cell.settings(plan.design)
         environment = ground.environment(settings)
         spec = _spec(plan, unit, cell, settings, environment, ground.replay)
-        result = fly(spec, inputs=MissionInputs(environment, ground.replay), image_source=ground.image_source)
+        eyes = load_sensor(settings.sensing, spec.seed)
+        inputs = MissionInputs(environment, ground.replay)
+        result = fly(spec, inputs=inputs, sensor=eyes, image_source=ground.image_source)
     except Exception as error:
         return _failed(plan, unit, cell, _words(error))
     said: Row = {RENDERER: renderer_of(result.spec.versions), STATUS: FLOWN}
     if plan.design.tours:
         said |= dict(zip(MISSION_COLUMNS, _whole(result), strict=True))
-    return [_factors(plan, unit, cell) | said | _measured(row) for row in result.rows]
+    return [_factors(plan, unit, cell) | said | _measured(row) | _drawn(row, result, eyes) for row in result.rows]
+
+
+def _drawn(row: SegmentMetrics, result: MissionResult, eyes: Sensor) -> Row:
+    """The columns `COVERAGE_DRAWS`; none of a sensor that was not fitted, or without defects."""
+    defects = result.environment.defects_by_segment.get(row.segment, ())
+    chances = eyes.found_by_draws(defects) if defects else None
+    return {} if chances is None else dict(zip(COVERAGE_DRAWS, chances.mean(axis=1).tolist(), strict=True))
 
 
 def _whole(result: MissionResult) -> tuple[float, float, float, int]:

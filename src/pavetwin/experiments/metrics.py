@@ -8,6 +8,8 @@ a mission that failed, is null.
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+from pavetwin.sensing.base import PARAMETER_DRAWS
+
 if TYPE_CHECKING:
     import polars as pl
 
@@ -22,6 +24,9 @@ FILES: Final = "files_hash"
 
 RENDERER: Final = "renderer"
 """What drew the images that a mission's sensor looked at; in parts of the table where one did."""
+
+COVERAGE_DRAWS: Final = tuple(f"coverage_draw_{number:02d}" for number in range(1, PARAMETER_DRAWS + 1))
+"""Expected coverage in each draw of a fitted sensor's parameters; in studies that have such a sensor."""
 
 STATUS, FLOWN, FAILED, REASON = "status", "flown", "failed", "reason"
 

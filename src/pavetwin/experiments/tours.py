@@ -4,7 +4,7 @@ from typing import Final
 
 import polars as pl
 
-from pavetwin.experiments.metrics import BATTERIES, FLOWN, REPLICATE, STATUS
+from pavetwin.experiments.metrics import BATTERIES, COVERAGE_DRAWS, FLOWN, REPLICATE, STATUS
 
 MISSION_COLUMNS: Final = {
     **dict.fromkeys(("mission_time_s", "mission_energy", "mission_distance_m"), pl.Float64),
@@ -42,12 +42,14 @@ def by_mission(table: pl.DataFrame) -> pl.DataFrame:
     before = table.columns[: table.columns.index("order")]
     keys = before[: before.index(REPLICATE) + 1]
     by_area = [name for name in _BY_AREA if name in flown.columns]
+    drawn = [name for name in COVERAGE_DRAWS if name in flown.columns]
     sums = [pl.col(name).sum() for name in _SUMMED]
     missions = table.group_by(keys, maintain_order=True).agg(
         *(pl.col(name).first() for name in before if name not in keys),
         pl.len().alias(SEGMENTS),
         *sums,
         *((pl.col(name) * pl.col("area_m2")).sum().alias(f"_{name}_m2") for name in by_area),
+        *((pl.col(name) * pl.col("defects")).sum().alias(f"_{name}") for name in drawn),
         *(pl.col(name).first() for name in MISSION_COLUMNS),
     )
     matched, reported = (
@@ -60,6 +62,7 @@ def by_mission(table: pl.DataFrame) -> pl.DataFrame:
         "swath_coverage": _share(pl.col("confirmed"), pl.col("swept")),
         "recovery": _share(pl.col("recovered"), pl.col("swept")),
         **{name: _share(pl.col(f"_{name}_m2"), pl.col("area_m2")) for name in by_area},
+        **{name: _share(pl.col(f"_{name}"), pl.col("defects")) for name in drawn},
         "time_s": pl.col("mission_time_s"),
         "energy": pl.col("mission_energy"),
         "distance_m": pl.col("mission_distance_m"),

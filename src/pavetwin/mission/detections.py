@@ -56,7 +56,9 @@ class DetectionLog:
                 raise PaveTwinError(f"The sensor '{self._sensor}' reports {unknown}.")
         sightings = {sighting.defect.id: sighting for sighting in frame.sightings}
         outlines = {id(sighting.defect.polygon) for sighting in frame.sightings}
-        candidates = self._candidates(frame, all(id(each.footprint) in outlines for each in detections))
+        candidates = self._candidates(
+            frame, all(each.means_nothing or id(each.footprint) in outlines for each in detections)
+        )
         known, judged = set(confirmed), []
         for detection, (index, is_first) in zip(detections, match(frame, detections, candidates), strict=True):
             defect = None if index is None else candidates[index].id

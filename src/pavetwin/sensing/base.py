@@ -3,12 +3,16 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import ClassVar
+from typing import ClassVar, Final
 
+from pavetwin.arrays import Float64Array
 from pavetwin.config.mission import SensingSettings
 from pavetwin.config.options import OptionValue, checked_options
 from pavetwin.sensing.detection import Detection
 from pavetwin.sensing.frame import Frame
+
+PARAMETER_DRAWS: Final = 20
+"""Of a fitted sensor's parameters: the same in all missions with it."""
 
 
 class Sensor(ABC):
@@ -27,6 +31,8 @@ class Sensor(ABC):
     other_classes: ClassVar[frozenset[str]] = frozenset()
     """Classes it reports that are not defects, beside `person` and `car`: such detections are ignored. Any other class
     that is not registered is an error."""
+    is_fitted: ClassVar[bool] = False
+    """Whether its parameters were fitted, so that it answers `found_by_draws`."""
     after_landing: bool = False
     """Whether the mission is flown before it looks at any capture: it is then handed all of them, see `look_at`, and
     policies know nothing of what is found."""
@@ -67,6 +73,17 @@ class Sensor(ABC):
 
         With one, each capture that it is shown is an attempt at all that it sees, and missions write down which of
         these it found.
+        """
+        return None
+
+    def found_by_draws(self, defects: Sequence[int]) -> Float64Array | None:  # noqa: ARG002 - for fitted sensors
+        """How likely the looks that it was shown find each defect, in draws of what is not certain of the sensor.
+
+        Args:
+            defects: their ids.
+
+        Returns:
+            (`PARAMETER_DRAWS`, defects); None of a sensor whose parameters are stated, not fitted.
         """
         return None
 

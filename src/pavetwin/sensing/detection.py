@@ -64,6 +64,8 @@ class Detection:
     """In the image."""
     measures: MeasuredSizes | None = None
     """None for sensors that measure nothing."""
+    means_nothing: bool = False
+    """A false alarm by intent, of a sensor without images: it is matched with no defect."""
 
     def __post_init__(self) -> None:
         if self.footprint is None and self.box_px is None:

@@ -1,7 +1,7 @@
 """What one look shows of a defect, as far as it is known without an image: what a fitted sensor predicts from."""
 
 from math import hypot, sqrt
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 import shapely
@@ -55,14 +55,13 @@ class _Shape(NamedTuple):
 
 
 class LookMeter:
-    """Says what captures show of defects. What it measured of a defect's outline it keeps for the next capture."""
+    """Says what captures show of defects."""
 
     def __init__(self, longest_px: int | None = None) -> None:
         """Args:
         longest_px: longer side of the images that are looked at; the camera's own unless given.
         """
         self._longest_px = longest_px
-        self._shapes: dict[int, tuple[Polygon, _Shape]] = {}
 
     def pixel_m(self, frame: Frame) -> float:
         """Side of a pixel on the ground, in the image that is looked at."""
@@ -73,7 +72,7 @@ class LookMeter:
         """What a capture shows of a defect."""
         defect, own_m = sighting.defect, frame.ground_resolution_m
         pixel_m = self.pixel_m(frame)
-        shape = self._shape(defect.polygon)
+        shape = _shape_of(defect.polygon)
         away_m = hypot(shape.x - frame.position[0], shape.y - frame.position[1])
         return Look(
             kind=defect.kind,
@@ -88,14 +87,22 @@ class LookMeter:
             clouds=frame.conditions.clouds,
         )
 
-    def _shape(self, polygon: Polygon) -> _Shape:
-        known = self._shapes.get(id(polygon))
-        if known is None or known[0] is not polygon:
-            known = self._shapes[id(polygon)] = polygon, _shape_of(polygon)
-        return known[1]
+
+_SHAPES: Final[dict[int, tuple[Polygon, _Shape]]] = {}
+"""By the outline's identity, which missions over one environment share; hashing an outline takes longer."""
+_MOST_SHAPES: Final = 16384
 
 
 def _shape_of(polygon: Polygon) -> _Shape:
+    known = _SHAPES.get(id(polygon))
+    if known is None or known[0] is not polygon:
+        if len(_SHAPES) >= _MOST_SHAPES:
+            _SHAPES.clear()
+        known = _SHAPES[id(polygon)] = polygon, _measured(polygon)
+    return known[1]
+
+
+def _measured(polygon: Polygon) -> _Shape:
     centre = polygon.centroid
     reach_m = np.hypot(*(shapely.get_coordinates(polygon) - (centre.x, centre.y)).T).max()
     return _Shape(centre.x, centre.y, sqrt(polygon.area), float(reach_m))

@@ -47,12 +47,18 @@ def match(frame: Frame, detections: Sequence[Detection], defects: Sequence[Defec
         defects: those that the frame can show, whole or in part.
     """
     outlines = {(id(defect.polygon), defect.kind): index for index, defect in enumerate(defects)}
+    some = [at for at, each in enumerate(detections) if not each.means_nothing]
     reported = [
-        Shape(each.kind, partial(each.box, frame), partial(each.ground, frame), each.confidence) for each in detections
+        Shape(each.kind, partial(each.box, frame), partial(each.ground, frame), each.confidence)
+        for each in (detections[at] for at in some)
     ]
     there = [Shape(each.kind, partial(frame.box_of, each.polygon), partial(_outline, each)) for each in defects]
-    meant = [outlines.get((id(each.footprint), each.kind)) for each in detections]  # of sensors without images
-    return match_shapes(reported, there, meant)
+    # Sensors without images report outlines as they are.
+    meant = [outlines.get((id(detections[at].footprint), detections[at].kind)) for at in some]
+    found: list[tuple[int | None, bool]] = [(None, False)] * len(detections)
+    for at, matched in zip(some, match_shapes(reported, there, meant), strict=True):
+        found[at] = matched
+    return found
 
 
 def _outline(defect: Defect) -> Polygon:

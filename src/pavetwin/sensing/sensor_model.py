@@ -175,10 +175,37 @@ class SensorModel(Settings):
 
     def chance(self, look: Look) -> float:
         """The probability that a single look finds its defect; 0 for a class that it was not fitted to."""
-        if look.kind not in self._estimates:
+        own = self._weights.get(look.kind)
+        if own is None:
             return 0.0
-        score = sum(self._estimates[name] * value for name, value in self.row(look).items())
-        return _NORMAL.cdf(score / sqrt(1 + self.spread**2))
+        level, weights = own
+        values = values_of(look)
+        score = level + sum(
+            weight * (value - centre)
+            for (weight, centre), value in zip(weights, values.values(), strict=True)
+            if value is not None
+        )
+        return _NORMAL.cdf(score / self._width)
+
+    @cached_property
+    def _width(self) -> float:
+        return sqrt(1 + self.spread**2)
+
+    @cached_property
+    def _weights(self) -> dict[str, tuple[float, list[tuple[float, float]]]]:
+        """By class: its level, and of each variable what a unit of it adds, and its centre."""
+        own = {
+            kind: [self._estimates[name if name in OF_ALL else f"{kind}:{name}"] for name in (*OF_CLASS, *OF_ALL)]
+            for kind in self.classes
+        }
+        variables = [self.variables[name] for name in (*OF_CLASS, *OF_ALL)]
+        return {
+            kind: (
+                self._estimates[kind],
+                [(weight / it.scale, it.centre) for weight, it in zip(weights, variables, strict=True)],
+            )
+            for kind, weights in own.items()
+        }
 
     @cached_property
     def _estimates(self) -> dict[str, float]:

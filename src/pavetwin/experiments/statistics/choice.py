@@ -21,6 +21,8 @@ UNSEEN: Final = 1.0
 """Replicates that were not flown, beside those that were, in which options that are level may differ in coverage. Costs
 have none: what a policy that waits takes longer tells nothing of one that does not."""
 _MORE_IS_BETTER: Final = (COVERAGE, ALTITUDE)
+_SENSOR: Final = 4
+"""Keeps draws of a sensor's parameters apart from others under the same seed."""
 _NEAR: Final = 0.01
 """Options that break their limits by this share more than the nearest are as near."""
 
@@ -112,6 +114,7 @@ def choice_under(
     *,
     objective: Objective = Objective.MOST_FOUND,
     altitudes_m: Float64Array | None = None,
+    sensor_errors: Float64Array | None = None,
 ) -> Chances:
     """How likely each option keeps the limits and is the best, in draws of the true means.
 
@@ -122,6 +125,7 @@ def choice_under(
         units: (3, options, blocks) coverage, time and energy of each replicate, NaN where undefined.
         worlds, levels: as `true_means` takes them.
         altitudes_m: (options,) for the objective that asks for them.
+        sensor_errors: (options, parameter draws) by how much another sensor, as likely, changes the mean coverage.
     """
     first, of = distinct(np.concatenate([*units], axis=1))
     some = [level[first] for level in levels]
@@ -130,6 +134,9 @@ def choice_under(
         for name, values in zip(COMPARED, units, strict=True)
     ]
     draws = np.stack([each.draws[:, of] for each in likely])
+    if sensor_errors is not None:
+        drawn = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_SENSOR,)))
+        draws[0] += sensor_errors[:, drawn.integers(sensor_errors.shape[1], size=draws.shape[1])].T
     coverage, *costs = (each.expected[of] for each in likely)
     possible = np.stack([np.clip(coverage, 0.0, 1.0), *(np.maximum(cost, 0.0) for cost in costs)])
     kept = keeping(draws, limits)

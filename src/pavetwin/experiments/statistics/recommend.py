@@ -25,6 +25,7 @@ from pavetwin.experiments.statistics.choice import (
 )
 from pavetwin.experiments.statistics.flips import sign_flip_p
 from pavetwin.experiments.statistics.proposal import proposal, refusal
+from pavetwin.experiments.statistics.sensor_errors import sensor_errors, widened
 from pavetwin.experiments.statistics.summary import FEW, summarise
 from pavetwin.experiments.words import opened
 
@@ -94,9 +95,16 @@ def recommend(
     else:
         altitudes_m = np.array([key[by.index(ALTITUDE)] for key in cells.keys]) if ALTITUDE in by else None
         chances = choice_under(
-            limits, units, cells.worlds, levels, seed, objective=objective, altitudes_m=altitudes_m
-        )  # fmt: skip
-    options = _options(summary, by).with_columns(
+            limits,
+            units,
+            cells.worlds,
+            levels,
+            seed,
+            objective=objective,
+            altitudes_m=altitudes_m,
+            sensor_errors=sensor_errors(table, cells),
+        )
+    options = widened(_options(summary, by), sensor_errors(table, cells)).with_columns(
         failed_alone=alone,
         replicates=replicates,
         feasible=keeping(means[:, np.newaxis], limits)[0],
