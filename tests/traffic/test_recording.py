@@ -302,6 +302,21 @@ def test_a_part_that_is_damaged_is_said_when_the_clock_gets_there(tmp_path: Path
         trace.agents_at(120.0)
 
 
+def test_parts_that_need_not_be_held_are_read_again_with_the_same_poses(tmp_path: Path) -> None:
+    moving = recording(["suv"] * 4, lambda agent, time_s: (7.3 * agent + time_s, 0.0, 0.0, 0.0), frames=600)
+    save_recording(moving, tmp_path / "r.parquet")
+    arguments, read = trace_arguments(load_recording(tmp_path / "r.parquet")), []
+
+    def counted(number: int) -> KeyFrameColumns:
+        read.append(number)
+        return arguments["read"](number)
+
+    trace = Trace.of_parts(**{**arguments, "read": counted}, held_rows=0)
+    first, later, again = (trace.agents_at(time_s)["x_m"].tolist() for time_s in (10.0, 200.0, 10.0))
+    assert read == [0, 1, 0]
+    assert first == again != later
+
+
 @pytest.mark.parametrize("kind", [KeyboardInterrupt, SystemExit, TimeoutError])
 def test_what_ends_the_reading_of_a_part_passes_through_the_kernel(kind: type[BaseException]) -> None:
     raised = kind()

@@ -52,7 +52,7 @@ impl Trace {
     #[staticmethod]
     #[pyo3(signature = (
         read, *, step_s, first_step, step_count, starts, max_speed_mps, length_m, width_m, height_m, base_m,
-        is_pedestrian, known=None
+        is_pedestrian, known=None, held_rows=None
     ))]
     #[allow(clippy::too_many_arguments)] // what a recording is beside its parts, each by name
     fn of_parts(
@@ -68,12 +68,14 @@ impl Trace {
         base_m: PyReadonlyArray1<'_, f32>,
         is_pedestrian: PyReadonlyArray1<'_, bool>,
         known: Option<&Self>,
+        held_rows: Option<usize>,
     ) -> PyResult<Self> {
+        let held_rows = held_rows.unwrap_or(core::HELD_ROWS);
         let bodies = bodies(&length_m, &width_m, &height_m, &base_m, &is_pedestrian)?;
         let agents = bodies.len();
         let read: core::ReadPart =
             Box::new(move |part| Python::attach(|py| stretch(read.bind(py), part, agents, step_s)));
-        let parts = core::TraceParts { step_s, first_step, step_count, starts, read, bodies, max_speed_mps };
+        let parts = core::TraceParts { step_s, first_step, step_count, starts, read, bodies, max_speed_mps, held_rows };
         let made = match known {
             Some(known) => core::Trace::going_on(&known.0, parts),
             None => core::Trace::of_parts(parts),

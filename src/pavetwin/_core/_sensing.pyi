@@ -94,6 +94,7 @@ class Trace:
         base_m: Float32Array,
         is_pedestrian: BoolArray,
         known: Trace | None = None,
+        held_rows: int | None = None,
     ) -> Trace:
         """A recording that is read part by part, when the clock gets there.
 
@@ -105,6 +106,7 @@ class Trace:
             starts: the first step of each part, ascending from 0.
             max_speed_mps: at least the largest speed.
             known: a trace with which this one begins, whose parts in memory are used again.
+            held_rows: poses that stay in memory beside those in use; some three million unless given.
         """
     duration_s: Final[float]
     def agents_at(self, time_s: float) -> PoseColumns: ...

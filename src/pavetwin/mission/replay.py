@@ -23,6 +23,9 @@ FIRST_DURATION_S = 1200.0
 FIRST_PER_TARGET_S = 150.0
 """The same for each segment where traffic is that of an area: other missions hardly share it."""
 
+HELD_ONCE = 1 << 19
+"""Poses that stay in memory beside those in use where a single mission is flown, which does not go back in time."""
+
 GROWTH = 1.15
 """A recording that proves too short is made this much longer. SUMO goes on from where it stopped: less would copy what
 is known too often, more would simulate too much in vain."""
@@ -43,6 +46,8 @@ class Replay:
     """When in the recording missions take off."""
     instead_of: str | None = None
     """The traffic in whose place it is flown, since the world cannot reach it."""
+    flies_once: bool = False
+    """Whether a single mission is flown over it, so that what is behind it need not stay in memory."""
     on_extend: Callable[[float], None] = lambda _: None
     """Told the share done of an extension."""
     recorder: Recorder | None = field(default=None, repr=False)
@@ -96,7 +101,8 @@ class Replay:
     def _traced(self, known: Trace | None) -> Trace:
         """The recording from take-off on, with the aircraft before all others; `known` is its beginning, if traced."""
         ground = trace_arguments(self.recording.after(self.start_s))
-        return Trace.of_parts(**with_aircraft(ground, self.aircraft), known=known)
+        held_rows = HELD_ONCE if self.flies_once else None
+        return Trace.of_parts(**with_aircraft(ground, self.aircraft), known=known, held_rows=held_rows)
 
     def extend(self, needed_s: float) -> Trace:
         """A trace that begins with the present one and lasts beyond `needed_s`.

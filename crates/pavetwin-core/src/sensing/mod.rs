@@ -25,5 +25,5 @@ pub use predict::Predictor;
 pub use reach::Reach;
 pub use solids::{MIN_BASE_M2, Prism, Solid, SolidError, Solids};
 pub use stretch::{KeyFrames, Stretch, TELEPORT_MPS};
-pub use trace::{AgentPose, ReadPart, Trace, TraceParts};
+pub use trace::{AgentPose, HELD_ROWS, ReadPart, Trace, TraceParts};
 pub use trace_columns::{Body, BodyClass, ReaderError, TraceColumns, TraceError};

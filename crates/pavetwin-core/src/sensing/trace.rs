@@ -5,8 +5,8 @@ use super::trace_columns::{Body, TraceColumns, TraceError};
 use crate::geometry::Vec2;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Rows that are held at most beside those in use, some 130 MB. More were read before and are read again when needed.
-const HELD_ROWS: usize = 3 << 20;
+/// Rows that are usually held beside those in use, some 130 MB. More were read before and are read again when needed.
+pub const HELD_ROWS: usize = 3 << 20;
 
 /// Where an agent is at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,6 +47,8 @@ pub struct TraceParts {
     pub bodies: Vec<Body>,
     /// At least the largest speed in the recording, metres a second.
     pub max_speed_mps: f64,
+    /// Rows that are held at most beside those in use, usually [`HELD_ROWS`].
+    pub held_rows: usize,
 }
 
 /// A recording of traffic, valid for times in `[0, duration_s]`.
@@ -64,6 +66,7 @@ pub struct Trace {
     bodies: Vec<Body>,
     max_half_diagonal_m: f64,
     max_speed_mps: f64,
+    held_rows: usize,
     /// The parts in memory, by number, the last used at the end.
     held: Mutex<Vec<(usize, Arc<Stretch>)>>,
     /// The same value in traces of which one begins with the other.
@@ -93,6 +96,7 @@ impl Trace {
             max_speed_mps: stretch.max_speed_mps(columns.step_s),
             read: Box::new(|part| Err(TraceError::Unreadable { reason: format!("there is no part {part}") })),
             bodies: columns.bodies,
+            held_rows: HELD_ROWS,
         };
         let trace = Self::of_parts(parts)?;
         trace.hold(0, Arc::new(stretch));
@@ -104,7 +108,7 @@ impl Trace {
     /// # Errors
     /// The first flaw found in what is not read part by part.
     pub fn of_parts(parts: TraceParts) -> Result<Self, TraceError> {
-        let TraceParts { step_s, first_step, step_count, starts, read, bodies, max_speed_mps } = parts;
+        let TraceParts { step_s, first_step, step_count, starts, read, bodies, max_speed_mps, held_rows } = parts;
         if !(step_s.is_finite() && step_s > 0.0) {
             return Err(TraceError::Step { step_s });
         }
@@ -122,6 +126,7 @@ impl Trace {
             read,
             max_half_diagonal_m: bodies.iter().map(Body::half_diagonal_m).fold(0.0, f64::max),
             max_speed_mps,
+            held_rows,
             bodies,
             held: Mutex::default(),
             lineage: Arc::default(),
@@ -275,7 +280,7 @@ impl Trace {
         let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
         held.retain(|(number, _)| *number != part);
         let mut rows: usize = held.iter().map(|(_, other)| other.row_count()).sum();
-        while rows > HELD_ROWS {
+        while rows > self.held_rows {
             rows -= held.remove(0).1.row_count();
         }
         held.push((part, stretch));

@@ -3,7 +3,7 @@
 use crate::scenes::{CAR, WALKER, any_place};
 use pavetwin_core::geometry::{Vec2, wrap_angle};
 use pavetwin_core::sensing::{
-    AgentPose, Body, KeyFrames, Stretch, TELEPORT_MPS, Trace, TraceColumns, TraceError, TraceParts,
+    AgentPose, Body, HELD_ROWS, KeyFrames, Stretch, TELEPORT_MPS, Trace, TraceColumns, TraceError, TraceParts,
 };
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -112,7 +112,16 @@ fn parts(steps: &Steps, length: usize, first: usize, end: usize, read: Arc<Atomi
         Stretch::of_key_frames(&keys, agents, 0.5)
     };
     let (first_step, step_count) = (first, end - first);
-    TraceParts { step_s: 0.5, first_step, step_count, starts, read: Box::new(reader), bodies, max_speed_mps }
+    TraceParts {
+        step_s: 0.5,
+        first_step,
+        step_count,
+        starts,
+        read: Box::new(reader),
+        bodies,
+        max_speed_mps,
+        held_rows: HELD_ROWS,
+    }
 }
 
 #[test]
@@ -130,6 +139,18 @@ fn a_part_is_read_when_the_clock_reaches_it_and_kept_by_what_goes_on() {
     assert_eq!((x(&long, 0.5), x(&long, 1.25), x(&long, 3.75), count()), (1.0, 2.5, 7.5, 3));
     assert_eq!(x(&short, 0.5), 1.0);
     assert_eq!(count(), 3);
+}
+
+#[test]
+fn what_is_not_held_is_read_again() {
+    let steps: Steps = (0..9).map(|step| vec![(0, Vec2::new(f64::from(step), 0.0), 0.0)]).collect();
+    let x = |trace: &Trace, t_s: f64| trace.pose(0, t_s).unwrap().unwrap().position.x;
+    for (held_rows, reads) in [(HELD_ROWS, 2), (0, 3)] {
+        let read = Arc::new(AtomicUsize::new(0));
+        let trace = Trace::of_parts(TraceParts { held_rows, ..parts(&steps, 4, 0, 9, read.clone()) }).unwrap();
+        let times = [0.25, 0.75, 2.25, 2.75, 0.25].map(|t_s| x(&trace, t_s));
+        assert_eq!((times, read.load(Ordering::Relaxed)), ([0.5, 1.5, 4.5, 5.5, 0.5], reads));
+    }
 }
 
 #[test]
@@ -185,7 +206,16 @@ fn between_two_key_frames_an_agent_goes_evenly() {
     let stretch = Stretch::of_key_frames(&keys, 1, 0.5).unwrap();
     let read = Box::new(move |_| Ok(stretch.clone()));
     let (bodies, starts) = (vec![CAR], vec![0]);
-    let parts = TraceParts { step_s: 0.5, first_step: 0, step_count: 5, starts, read, bodies, max_speed_mps: 4.0 };
+    let parts = TraceParts {
+        step_s: 0.5,
+        first_step: 0,
+        step_count: 5,
+        starts,
+        read,
+        bodies,
+        max_speed_mps: 4.0,
+        held_rows: HELD_ROWS,
+    };
     let pose = Trace::of_parts(parts).unwrap().pose(0, 1.25).unwrap().unwrap();
     assert_eq!((pose.position, pose.velocity), (Vec2::new(5.0, 0.0), Vec2::new(4.0, 0.0)));
     assert!(wrap_angle(pose.yaw_rad - 3.0 - 0.625 * (std::f64::consts::TAU - 6.0)).abs() < 1e-6);
