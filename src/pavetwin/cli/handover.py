@@ -62,13 +62,15 @@ def handover(
     """
     from pavetwin.flightplan import PlanLimits
     from pavetwin.handover import advice_of, check_target
-    from pavetwin.mission.again import mission_file
+    from pavetwin.mission.again import MISSION, mission_file
 
     released_by, formats = checked(trigger, drone, format_, no_fly)
     objective, within = objective_of(choose), limits_of(max_time, max_energy, min_coverage)
     levels = {"world": world, "traffic": traffic, "sensor": sensor, "preset": preset}
     is_study = (folder / DESIGN).is_file()
     source = _source(folder, study, levels, is_study=is_study)
+    if not is_study and not mission_file(folder).is_file():
+        raise PaveTwinError(f"'{folder}' is neither the folder of a mission ({MISSION}) nor of a study ({DESIGN}).")
     target = output or (folder if is_study else mission_file(folder).parent) / "handover"
     check_target(target, force=force)
     advice = None if source is None else advice_of(source, levels, within, objective)
