@@ -77,7 +77,7 @@ def evaluate(
         raise PaveTwinError("`run`: other runs take part in differences only; name what to compare with (`against`).")
     with progress("Evaluating") as tell:
         chosen = read_split(dataset, split)
-        splits = (chosen, *_others(dataset, split))
+        splits = (chosen, *_others(dataset, chosen))
         found = _found(detections, splits, tell)
         told = differences = None
         with about("against"):
@@ -111,19 +111,20 @@ def _found(
     """What a model says of the splits, or what a file of detections holds.
 
     Args:
-        models_in: number of the splits, the first ones, that a model has to look at.
+        models_in: number of the splits, the first ones, that a model has to look at; None: those it is measured by.
     """
     from pavetwin.perception.evaluation.detections import read_detections
 
     kind = path.suffix.lower()
     if kind not in (".onnx", WEIGHTS):
-        return read_detections(path, splits)
+        return read_detections(path, tuple(each for each in splits if not each.is_renumbered))
     from pavetwin.perception.evaluation.running import LEAST_CONFIDENCE, found_by
     from pavetwin.perception.inference import Detector
 
+    looked_at = [splits[0], *(each for each in splits[1:models_in] if each.name == VALIDATION)]
     if kind == WEIGHTS:
-        return found_by(_of_weights(path), splits[:models_in], tell)
-    return found_by(Detector(path, confidence=LEAST_CONFIDENCE), splits[:models_in], tell)
+        return found_by(_of_weights(path), looked_at, tell)
+    return found_by(Detector(path, confidence=LEAST_CONFIDENCE), looked_at, tell)
 
 
 def _of_weights(path: Path) -> "WeightsDetector":
@@ -136,14 +137,13 @@ def _of_weights(path: Path) -> "WeightsDetector":
     return WeightsDetector(path, confidence=LEAST_CONFIDENCE)
 
 
-def _others(dataset: Path, split: str) -> "list[LabelledSplit]":
-    """The splits of which the file of detections may hold some too, if the dataset has them."""
-    from pavetwin.perception.evaluation.labelled import read_split
+def _others(dataset: Path, chosen: "LabelledSplit") -> "list[LabelledSplit]":
+    """The splits of which a file of detections may hold some too, if the dataset has them, numbered apart."""
+    from pavetwin.perception.evaluation.labelled import numbered_after, read_split
 
-    others = [name for name in (VALIDATION, "test") if name != split]
-    return [
-        read_split(dataset, name) for name in others if (dataset / "annotations" / f"instances_{name}.json").is_file()
-    ]
+    names = [name for name in (VALIDATION, "test") if name != chosen.name]
+    there = [name for name in names if (dataset / "annotations" / f"instances_{name}.json").is_file()]
+    return [numbered_after(read_split(dataset, name), chosen) for name in there]
 
 
 def _table(*headings: str) -> "Table":

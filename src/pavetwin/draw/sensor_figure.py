@@ -10,11 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from pavetwin.draw import style
-from pavetwin.sensing.fit.fitting import LookSource, reliability, repeated_looks
+from pavetwin.sensing.fit.fitting import GROUP, LookSource, reliability, repeated_looks
 from pavetwin.sensing.sensor_model import SensorModel
 
-LOOKS: Final = 3
-"""Repeated looks that are shown: missions give most defects as many."""
+ENOUGH: Final = 30
+"""Defects with as many looks, to show how many of these found them."""
+
+MOST_LOOKS: Final = 4
 
 _PERCENT: Final = PercentFormatter(1.0, decimals=0, symbol=" %")
 
@@ -36,8 +38,8 @@ def save_sensor_figure(model: SensorModel, sources: Sequence[LookSource], path: 
         left, right = figure.subplots(1, 2)
         _chances(left, model, looks)
         _repeats(right, model, looks)
-        what = "looks that it was not fitted to" if are_others else "the looks that it was fitted to"
-        figure.suptitle(f"Fitted sensor and {len(looks)} {what}", fontsize=9)
+        what = "not used to fit it" if are_others else "that it was fitted to"
+        figure.suptitle(f"Fitted sensor and {len(looks)} looks {what}", fontsize=9)
     style.save_figure(figure, path)
 
 
@@ -48,11 +50,13 @@ def _chances(axes: Axes, model: SensorModel, looks: pl.DataFrame) -> None:
     axes.errorbar(
         seen.predicted,
         seen.observed,
-        yerr=2 * seen.standard_error,
+        yerr=np.minimum(2 * seen.standard_error, np.stack([seen.observed, 1 - seen.observed])),
         fmt="o",
         markersize=4,
         color=style.POLICY_COLOURS["hover"],
         elinewidth=1,
+        clip_on=False,
+        zorder=3,
     )
     axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="chance that the model gives", ylabel="looks that found their defect")
     for axis in (axes.xaxis, axes.yaxis):
@@ -61,13 +65,15 @@ def _chances(axes: Axes, model: SensorModel, looks: pl.DataFrame) -> None:
 
 
 def _repeats(axes: Axes, model: SensorModel, looks: pl.DataFrame) -> None:
-    seen = repeated_looks(model, looks, LOOKS)
+    often = looks.group_by(GROUP).len()["len"]
+    count = max((many for many in range(2, MOST_LOOKS + 1) if (often >= many).sum() >= ENOUGH), default=2)
+    seen = repeated_looks(model, looks, count)
     total = seen.observed.sum()
     if not total:
-        axes.text(0.5, 0.5, f"no defect has {LOOKS} looks", ha="center", va="center", transform=axes.transAxes)
+        axes.text(0.5, 0.5, "no defect has two looks", ha="center", va="center", transform=axes.transAxes)
         axes.set_axis_off()
         return
-    places = np.arange(LOOKS + 1)
+    places = np.arange(count + 1)
     axes.bar(places, seen.observed / total, width=0.6, color=style.BUILDING, label="observed")
     axes.plot(
         places, seen.fitted / total, "o-", markersize=5, color=style.POLICY_COLOURS["hover"], label="fitted model"
@@ -80,7 +86,7 @@ def _repeats(axes: Axes, model: SensorModel, looks: pl.DataFrame) -> None:
         color=style.POLICY_COLOURS["micro"],
         label="each look by itself",
     )
-    axes.set(xlabel=f"looks of {LOOKS} that found it", ylabel=f"share of {total:.0f} defects", ylim=(0, None))
+    axes.set(xlabel=f"looks of {count} that found it", ylabel=f"share of {total:.0f} defects", ylim=(0, None))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.yaxis.set_major_formatter(_PERCENT)
     axes.legend(loc="upper left", fontsize=7.5)

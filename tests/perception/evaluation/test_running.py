@@ -1,5 +1,7 @@
 """A model on a dataset: what it says of each image, with sizes where the ground resolution is known."""
 
+import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -59,3 +61,21 @@ def test_the_command_runs_a_model(dataset: Path) -> None:
     lines = {line.split("  ")[0]: line.split() for line in done.stdout.splitlines() if line}
     assert lines["Pothole"][1:3] == ["1", "100.0"]
     assert "diameter_mm,Pothole,1," in (dataset.parent / "report" / "sizes.csv").read_text()
+
+
+def test_splits_that_number_their_images_alike_are_kept_apart(dataset: Path) -> None:
+    """As captures do: image 1 of the validation split shows a car where image 1 of the test split shows none."""
+    test = dataset / "annotations" / "instances_test.json"
+    content = json.loads(test.read_text(encoding="utf-8"))
+    content["annotations"] = [each for each in content["annotations"] if each["category_id"] != CAR]
+    val = dataset / "annotations" / "instances_val.json"
+    val.write_text(test.read_text(encoding="utf-8"), encoding="utf-8")
+    shutil.copytree(dataset / "images" / "test", dataset / "images" / "val")
+    test.write_text(json.dumps(content), encoding="utf-8")
+    drawn((SIDE_PX, 64), ("Pothole", (10, 8, 40, 48))).save(dataset / "images" / "test" / "001.png")
+    done = pavetwin("evaluate", str(FILE), "town", "-o", "report", "--resamples", "0", cwd=dataset.parent)
+    assert done.returncode == 0, done.stderr
+    told = json.loads((dataset.parent / "report" / "metrics.json").read_text(encoding="utf-8"))
+    assert told["at_stated"]["classes"]["Car"]["false_alarms"] == 0
+    assert told["at_stated"]["classes"]["Pothole"]["false_alarms"] == 0
+    assert told["at_best_of_validation"]["confidence"] is not None

@@ -7,7 +7,7 @@ Read from COCO files as `pavetwin capture` and `pavetwin data export` write them
 import json
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite, pi, sqrt
 from pathlib import Path
 from typing import Any, Final
@@ -81,6 +81,21 @@ class LabelledSplit:
     categories: Mapping[int, tuple[int, int]]
     """Number of a class in the file → coarse class and subtype."""
     images: tuple[LabelledImage, ...]
+    is_renumbered: bool = False
+    """Whether its images have other numbers than in the file, by which a file of detections cannot name them."""
+
+
+def numbered_after(split: LabelledSplit, other: LabelledSplit) -> LabelledSplit:
+    """The first split with other numbers of its images where it shares some with the other one.
+
+    Numbers are unique within a file of annotations, and those of captures begin with 0 in each.
+    """
+    taken = {image.number for image in other.images}
+    if taken.isdisjoint(image.number for image in split.images):
+        return split
+    start = max(taken) + 1
+    images = tuple(replace(image, number=start + at) for at, image in enumerate(split.images))
+    return replace(split, images=images, is_renumbered=True)
 
 
 def read_split(folder: Path, split: str) -> LabelledSplit:
