@@ -51,7 +51,7 @@ class DetectionLog:
         """
         if not detections:
             return []
-        for kind in sorted({detection.kind for detection in detections}):
+        for kind in sorted({detection.kind for detection in detections} - self._classes):
             if unknown := unknown_class(kind, self._classes, self._other_classes):
                 raise PaveTwinError(f"The sensor '{self._sensor}' reports {unknown}.")
         sightings = {sighting.defect.id: sighting for sighting in frame.sightings}
@@ -59,13 +59,14 @@ class DetectionLog:
         candidates = self._candidates(
             frame, all(each.means_nothing or id(each.footprint) in outlines for each in detections)
         )
-        known, judged = set(confirmed), []
+        new, judged = set[int](), []
         for detection, (index, is_first) in zip(detections, match(frame, detections, candidates), strict=True):
             defect = None if index is None else candidates[index].id
             sighting = None if defect is None else sightings.get(defect)
-            outcome = self._outcome(detection, defect, sighting, is_known=defect in known, is_first=is_first)
+            is_known = defect in confirmed or defect in new
+            outcome = self._outcome(detection, defect, sighting, is_known=is_known, is_first=is_first)
             if outcome is Outcome.CONFIRMED and defect is not None:
-                known.add(defect)
+                new.add(defect)
             judged.append(
                 JudgedDetection(
                     outcome=outcome,

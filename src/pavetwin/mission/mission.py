@@ -113,7 +113,7 @@ class Mission:
         """Whether the UAV has landed after its last segment."""
         self.detections = DetectionLog(self.environment, sensor=self.sensor, other_classes=self.other_classes)
         self._meter = SegmentMeter(self.environment)
-        self._camera = camera_of(self.settings)
+        self._camera, self._exposure_s = camera_of(self.settings), shutter_s(self.settings)
         self._sun_elevation_deg = self.environment.sun_elevation_deg(self.settings.conditions)
         self.sighted: list[tuple[int, int, float]] = []
         """Of all frames that were asked for: capture, id of a defect that it sees, visible fraction of that."""
@@ -215,7 +215,7 @@ class Mission:
             camera=self._camera,
             conditions=self.settings.conditions,
             velocity_mps=seen_velocity_mps(self.settings, event.velocity_mps, event.time_s),
-            exposure_s=shutter_s(self.settings),
+            exposure_s=self._exposure_s,
             sun_elevation_deg=self._sun_elevation_deg,
             sightings=tuple(sightings),
             source=self.image_source,

@@ -5,11 +5,10 @@ from functools import lru_cache
 from math import cos, sin
 from pathlib import Path
 from types import MappingProxyType
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
 import shapely
-from shapely import Polygon
 
 from pavetwin.arrays import Float64Array
 from pavetwin.config.mission import SensingSettings
@@ -29,7 +28,7 @@ from pavetwin.sensing.sensor_model import SensorModel
 _BLOCK: Final = 128
 """Frames whose false alarms are drawn together."""
 
-_CORNERS: Final = ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
+_CORNERS: Final = np.array(((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)))
 
 
 @sensor("calibrated")
@@ -59,7 +58,7 @@ class Calibrated(Sensor):
         self._meter = LookMeter(self.model.detector.image_px)
         self._looks: dict[int, dict[int, Look]] = {}
         """By defect and attempt."""
-        self._expected_at: dict[tuple[float, tuple[int, int]], tuple[float, ...]] = {}
+        self._alarms_at: dict[tuple[float, tuple[int, int]], _Alarms] = {}
 
     def _opened(self) -> SensorModel:
         fitted, detector = str(self.options["fitted"]), str(self.options["model"])
@@ -86,51 +85,62 @@ class Calibrated(Sensor):
 
     def _false_alarms(self, frame: Frame) -> list[Detection]:
         """Squares of the usual size, of each frame by its number and the seed alone."""
-        kinds = list(self.model.false_alarms)
-        block = _block(self.seed, frame.number // _BLOCK, self._expected(frame))
-        drawn = block.get(frame.number % _BLOCK)
+        drawn = _block(self.seed, frame.number // _BLOCK, self._alarms(frame)).get(frame.number % _BLOCK)
         if drawn is None:
             return []
-        across_m, along_m = (frame.ground_resolution_m * side for side in frame.camera.image_px)
-        pixel_m, (east, north) = self._meter.pixel_m(frame), frame.position
+        kinds, corners = drawn
         cosine, sine = cos(frame.yaw_rad), sin(frame.yaw_rad)
-        rings = []
-        for number, left, top in drawn:
-            side_m = pixel_m * self.model.false_alarms[kinds[number]].size_px
-            right = (left - 0.5) * max(across_m - side_m, 0.0)
-            ahead = (0.5 - top) * max(along_m - side_m, 0.0)
-            half = min(side_m, across_m) / 2, min(side_m, along_m) / 2
-            places = [(right + x * half[0], ahead + y * half[1]) for x, y in _CORNERS]
-            rings.append([(east + y * cosine + x * sine, north + y * sine - x * cosine) for x, y in places])
-        shapes: list[Polygon] = np.asarray(shapely.polygons(np.array(rings))).tolist()
+        rings = corners @ np.array([[sine, -cosine], [cosine, sine]]) + frame.position
+        confidence = self.model.detector.confidence
         return [
-            Detection(kinds[number], self.model.detector.confidence, shape, means_nothing=True)
-            for (number, _, _), shape in zip(drawn, shapes, strict=True)
+            Detection(kind, confidence, shape, means_nothing=True)
+            for kind, shape in zip(kinds, shapely.polygons(rings).tolist(), strict=True)
         ]
 
-    def _expected(self, frame: Frame) -> tuple[float, ...]:
-        """The expected number of each class in an image."""
+    def _alarms(self, frame: Frame) -> "_Alarms":
         place = frame.altitude_m, frame.camera.image_px
-        if place not in self._expected_at:
-            own_m, (width, height) = frame.ground_resolution_m, frame.camera.image_px
-            pixel_m, area_m2 = self._meter.pixel_m(frame), own_m**2 * width * height
-            alarms = self.model.false_alarms.values()
-            self._expected_at[place] = tuple(area_m2 * each.per_m2(pixel_m) for each in alarms)
-        return self._expected_at[place]
+        if place not in self._alarms_at:
+            across_m, along_m = (frame.ground_resolution_m * side for side in frame.camera.image_px)
+            pixel_m, alarms = self._meter.pixel_m(frame), self.model.false_alarms
+            self._alarms_at[place] = _Alarms(
+                across_m,
+                along_m,
+                tuple(alarms),
+                tuple(across_m * along_m * each.per_m2(pixel_m) for each in alarms.values()),
+                tuple(pixel_m * each.size_px for each in alarms.values()),
+            )
+        return self._alarms_at[place]
+
+
+class _Alarms(NamedTuple):
+    """The false alarms in images of one size on the ground; the last three by class."""
+
+    across_m: float
+    along_m: float
+    kinds: tuple[str, ...]
+    expected: tuple[float, ...]
+    """In an image."""
+    sides_m: tuple[float, ...]
 
 
 @lru_cache(maxsize=256)
-def _block(seed: int, number: int, expected: tuple[float, ...]) -> dict[int, list[tuple[int, float, float]]]:
-    """The false alarms of `_BLOCK` frames: by frame, for each the number of its class, and its place in the image."""
+def _block(seed: int, number: int, alarms: _Alarms) -> dict[int, tuple[list[str], Float64Array]]:
+    """The false alarms of `_BLOCK` frames: by frame, the class of each, and the corners of its outline.
+
+    The corners are (alarms, 5, 2), in metres to the right of the image's centre and ahead of it.
+    """
     generator = child(seed, Stream.FALSE_ALARMS, number)
-    counts = generator.poisson(expected, (_BLOCK, len(expected)))
+    counts = generator.poisson(alarms.expected, (_BLOCK, len(alarms.expected)))
     frames, kinds = (np.repeat(each.ravel(), counts.ravel()) for each in np.indices(counts.shape))
-    found: dict[int, list[tuple[int, float, float]]] = {}
-    for frame, kind, (left, top) in zip(
-        frames.tolist(), kinds.tolist(), generator.random((len(frames), 2)), strict=True
-    ):
-        found.setdefault(frame, []).append((kind, left, top))
-    return found
+    size_m = np.array((alarms.across_m, alarms.along_m))
+    sides_m = np.minimum(np.array(alarms.sides_m)[kinds, None], size_m)
+    left, top = generator.random((len(frames), 2)).T
+    centres = np.column_stack([left - 0.5, 0.5 - top]) * (size_m - sides_m)
+    corners = centres[:, None] + _CORNERS * sides_m[:, None] / 2
+    return {
+        int(frame): ([alarms.kinds[kind] for kind in kinds[frames == frame].tolist()], corners[frames == frame])
+        for frame in np.unique(frames)
+    }
 
 
 @lru_cache(maxsize=16)

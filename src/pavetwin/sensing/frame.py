@@ -82,7 +82,7 @@ class Frame:
             )
         return self.source(self)
 
-    @property
+    @cached_property
     def ground_resolution_m(self) -> float:
         """What a pixel covers on the ground, in metres; the same for every defect on a level road."""
         return self.camera.ground_resolution_m(self.altitude_m)

@@ -46,8 +46,11 @@ def match(frame: Frame, detections: Sequence[Detection], defects: Sequence[Defec
     Args:
         defects: those that the frame can show, whole or in part.
     """
-    outlines = {(id(defect.polygon), defect.kind): index for index, defect in enumerate(defects)}
+    found: list[tuple[int | None, bool]] = [(None, False)] * len(detections)
     some = [at for at, each in enumerate(detections) if not each.means_nothing]
+    if not some:
+        return found
+    outlines = {(id(defect.polygon), defect.kind): index for index, defect in enumerate(defects)}
     reported = [
         Shape(each.kind, partial(each.box, frame), partial(each.ground, frame), each.confidence)
         for each in (detections[at] for at in some)
@@ -55,7 +58,6 @@ def match(frame: Frame, detections: Sequence[Detection], defects: Sequence[Defec
     there = [Shape(each.kind, partial(frame.box_of, each.polygon), partial(_outline, each)) for each in defects]
     # Sensors without images report outlines as they are.
     meant = [outlines.get((id(detections[at].footprint), detections[at].kind)) for at in some]
-    found: list[tuple[int | None, bool]] = [(None, False)] * len(detections)
     for at, matched in zip(some, match_shapes(reported, there, meant), strict=True):
         found[at] = matched
     return found

@@ -180,11 +180,10 @@ class SensorModel(Settings):
             return 0.0
         level, weights = own
         values = values_of(look)
-        score = level + sum(
-            weight * (value - centre)
-            for (weight, centre), value in zip(weights, values.values(), strict=True)
-            if value is not None
-        )
+        score = level
+        for (weight, centre), value in zip(weights, values.values(), strict=True):
+            if value is not None:
+                score += weight * (value - centre)
         return _NORMAL.cdf(score / self._width)
 
     @cached_property

@@ -106,7 +106,8 @@ def seen_velocity_mps(settings: MissionSettings, velocity_mps: Velocity, time_s:
     Raises:
         PaveTwinError: there is no such aircraft.
     """
-    profile = aircraft_of(settings)
+    is_gusty = settings.conditions.gust_mps > settings.conditions.wind_mps
+    profile = aircraft_of(settings) if is_gusty else None
     if profile is None:
         return velocity_mps
     shaken = shake_mps(profile, settings, velocity_mps, time_s)
