@@ -1,8 +1,8 @@
 """The sensor that finds what a detector would, without images: by a model that was fitted to rendered captures."""
 
+from cmath import rect
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from math import cos, sin
 from pathlib import Path
 from types import MappingProxyType
 from typing import ClassVar, Final, NamedTuple
@@ -10,7 +10,7 @@ from typing import ClassVar, Final, NamedTuple
 import numpy as np
 import shapely
 
-from pavetwin.arrays import Float64Array
+from pavetwin.arrays import Complex128Array, Float64Array
 from pavetwin.config.mission import SensingSettings
 from pavetwin.config.options import OptionValue
 from pavetwin.errors import PaveTwinError
@@ -89,12 +89,11 @@ class Calibrated(Sensor):
         if drawn is None:
             return []
         kinds, corners = drawn
-        cosine, sine = cos(frame.yaw_rad), sin(frame.yaw_rad)
-        rings = corners @ np.array([[sine, -cosine], [cosine, sine]]) + frame.position
+        rings = (corners * rect(1.0, frame.yaw_rad) + complex(*frame.position)).view(np.float64)
+        shapes = shapely.polygons(rings.reshape(*corners.shape, 2)).tolist()
         confidence = self.model.detector.confidence
         return [
-            Detection(kind, confidence, shape, means_nothing=True)
-            for kind, shape in zip(kinds, shapely.polygons(rings).tolist(), strict=True)
+            Detection(kind, confidence, shape, means_nothing=True) for kind, shape in zip(kinds, shapes, strict=True)
         ]
 
     def _alarms(self, frame: Frame) -> "_Alarms":
@@ -124,10 +123,10 @@ class _Alarms(NamedTuple):
 
 
 @lru_cache(maxsize=256)
-def _block(seed: int, number: int, alarms: _Alarms) -> dict[int, tuple[list[str], Float64Array]]:
+def _block(seed: int, number: int, alarms: _Alarms) -> dict[int, tuple[list[str], Complex128Array]]:
     """The false alarms of `_BLOCK` frames: by frame, the class of each, and the corners of its outline.
 
-    The corners are (alarms, 5, 2), in metres to the right of the image's centre and ahead of it.
+    The corners are (alarms, 5) complex numbers in metres: ahead of the image's centre, and 1j to its left.
     """
     generator = child(seed, Stream.FALSE_ALARMS, number)
     counts = generator.poisson(alarms.expected, (_BLOCK, len(alarms.expected)))
@@ -136,7 +135,8 @@ def _block(seed: int, number: int, alarms: _Alarms) -> dict[int, tuple[list[str]
     sides_m = np.minimum(np.array(alarms.sides_m)[kinds, None], size_m)
     left, top = generator.random((len(frames), 2)).T
     centres = np.column_stack([left - 0.5, 0.5 - top]) * (size_m - sides_m)
-    corners = centres[:, None] + _CORNERS * sides_m[:, None] / 2
+    right, ahead = np.moveaxis(centres[:, None] + _CORNERS * sides_m[:, None] / 2, 2, 0)
+    corners = ahead - 1j * right
     return {
         int(frame): ([alarms.kinds[kind] for kind in kinds[frames == frame].tolist()], corners[frames == frame])
         for frame in np.unique(frames)

@@ -73,7 +73,8 @@ class LookMeter:
         defect, own_m = sighting.defect, frame.ground_resolution_m
         pixel_m = self.pixel_m(frame)
         shape = _shape_of(defect.polygon)
-        away_m = hypot(shape.x - frame.position[0], shape.y - frame.position[1])
+        east, north = frame.position
+        away_m = hypot(shape.x - east, shape.y - north)
         return Look(
             kind=defect.kind,
             severity=str(defect.severity),

@@ -51,14 +51,20 @@ def match(frame: Frame, detections: Sequence[Detection], defects: Sequence[Defec
     if not some:
         return found
     outlines = {(id(defect.polygon), defect.kind): index for index, defect in enumerate(defects)}
-    reported = [
-        Shape(each.kind, partial(each.box, frame), partial(each.ground, frame), each.confidence)
-        for each in (detections[at] for at in some)
-    ]
-    there = [Shape(each.kind, partial(frame.box_of, each.polygon), partial(_outline, each)) for each in defects]
-    # Sensors without images report outlines as they are.
-    meant = [outlines.get((id(detections[at].footprint), detections[at].kind)) for at in some]
-    for at, matched in zip(some, match_shapes(reported, there, meant), strict=True):
+    reported = [detections[at] for at in some]
+    # Sensors without images report outlines as they are: nothing needs a shape then.
+    meant = [outlines.get((id(each.footprint), each.kind)) for each in reported]
+    there = (
+        [Shape(each.kind, partial(frame.box_of, each.polygon), partial(_outline, each)) for each in defects]
+        if None in meant
+        else []
+    )
+
+    def scores(index: int) -> dict[int, float]:
+        each = reported[index]
+        return _scores(Shape(each.kind, partial(each.box, frame), partial(each.ground, frame)), there)
+
+    for at, matched in zip(some, _assigned([each.confidence for each in reported], meant, scores), strict=True):
         found[at] = matched
     return found
 
@@ -67,21 +73,27 @@ def _outline(defect: Defect) -> Polygon:
     return defect.polygon
 
 
-def match_shapes(
-    reported: Sequence[Shape], there: Sequence[Shape], meant: Sequence[int | None] | None = None
+def match_shapes(reported: Sequence[Shape], there: Sequence[Shape]) -> list[tuple[int | None, bool]]:
+    """The same, for shapes in one image, whatever their places are measured in."""
+    confidences = [each.confidence for each in reported]
+    return _assigned(confidences, [None] * len(reported), lambda index: _scores(reported[index], there))
+
+
+def _assigned(
+    confidences: Sequence[float], meant: Sequence[int | None], scores: Callable[[int], dict[int, float]]
 ) -> list[tuple[int | None, bool]]:
-    """The same, for shapes in one image, whatever their places are measured in.
+    """Each detection's defect, in the order of falling confidence.
 
     Args:
-        meant: for each that is reported, the index in `there` where it is known.
+        meant: for each detection the index of its defect, where it is known.
+        scores: those of a detection, by its index, where it is not.
     """
-    found: list[tuple[int | None, bool]] = [(None, False)] * len(reported)
+    found: list[tuple[int | None, bool]] = [(None, False)] * len(confidences)
     taken: set[int] = set()
-    order = sorted(range(len(reported)), key=lambda index: -reported[index].confidence)
-    for index in order:
-        best = meant[index] if meant else None
+    for index in sorted(range(len(confidences)), key=lambda index: -confidences[index]):
+        best = meant[index]
         if best is None:
-            scored = _scores(reported[index], there)
+            scored = scores(index)
             free = {defect: score for defect, score in scored.items() if defect not in taken}
             best = _best(free or scored)
         if best is not None:
