@@ -119,6 +119,11 @@ def test_false_alarms_are_as_many_as_the_model_has_and_the_same_whenever_asked()
     ground = alarm.ground(BLANK)
     assert ground.area == pytest.approx((60 * LookMeter(2048).pixel_m(BLANK)) ** 2, rel=1e-6)
     assert BLANK.footprint.buffer(1e-6).contains(ground)
+    frame = frames[int(np.flatnonzero(counts)[0])]
+    turned = replace(frame, yaw_rad=frame.yaw_rad + 0.7, position=(30.0, -4.0))
+    places = [(frame, ground), (turned, one.detect(turned)[0].ground(turned))]
+    corners = [each.view.project(np.c_[shapely.get_coordinates(shape), np.zeros(5)]) for each, shape in places]
+    assert corners[1] == pytest.approx(corners[0], abs=1e-3)
 
 
 def test_without_a_file_it_says_how_to_name_one(tmp_path: Path) -> None:

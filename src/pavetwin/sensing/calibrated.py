@@ -9,6 +9,7 @@ from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
 import shapely
+from shapely import Polygon
 
 from pavetwin.arrays import Complex128Array, Float64Array
 from pavetwin.config.mission import SensingSettings
@@ -90,7 +91,7 @@ class Calibrated(Sensor):
             return []
         kinds, corners = drawn
         rings = (corners * rect(1.0, frame.yaw_rad) + complex(*frame.position)).view(np.float64)
-        shapes = shapely.polygons(rings.reshape(*corners.shape, 2)).tolist()
+        shapes: list[Polygon] = np.asarray(shapely.polygons(rings.reshape(*corners.shape, 2))).tolist()
         confidence = self.model.detector.confidence
         return [
             Detection(kind, confidence, shape, means_nothing=True) for kind, shape in zip(kinds, shapes, strict=True)
