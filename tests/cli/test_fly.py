@@ -625,7 +625,7 @@ def test_an_interruption_while_the_kernel_has_traffic_read_is_one(
     world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals, code: int, said: str
 ) -> None:
     def interrupted(*_: object) -> None:
-        os.kill(os.getpid(), number)
+        signal.raise_signal(number)
 
     monkeypatch.setattr(part_table, "from_columns", interrupted)
     done = pavetwin("fly", world, *SHORT, "-o", tmp_path / "m")
