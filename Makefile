@@ -47,6 +47,7 @@ pictures: demo study  ## The pictures of the documentation, made again (MISSION=
 	@cp out/demo/missions/hover/map.png docs/images/mission.png
 	@cp out/study/figures/figure-1.svg docs/images/study.svg
 	@.venv/bin/python -m gallery.aircraft
+	@.venv/bin/python -m gallery.training
 	@$(if $(MISSION),.venv/bin/python -m gallery.flight_plan $(MISSION),:)
 
 gallery: setup  ## The pictures of docs/gallery, rendered again (PHOTOGRAPHS, MAPS=FOLDER: with these)
