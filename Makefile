@@ -4,7 +4,7 @@
 
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup demo study pictures gallery docs assets test test-all test-train bench lint lock clean
+.PHONY: help setup demo study pictures gallery docs assets vendor test test-all test-train bench lint lock clean
 
 PYTHON ?= python3
 # Blender's Python module has wheels for one Python only.
@@ -72,6 +72,9 @@ assets: .venv-assets/.done  ## The models of the scene (src/pavetwin/scene/model
 	@.venv-assets/bin/pip install --quiet --require-hashes --requirement assets/requirements.lock
 	@touch $@
 
+vendor:  ## three.js and uPlot as one file (src/pavetwin/app/static/vendor.js), by esbuild; needs npm
+	@assets/vendor/build.sh
+
 test: setup  ## All tests but the slow ones
 	@rc=0; cargo test --release --locked --quiet --package pavetwin-core || rc=1; $(PYTEST) || rc=1; exit $$rc
 
@@ -110,6 +113,6 @@ lock:  ## Write the lock files again from what is asked for (UPGRADE=1: the newe
 	@git diff --stat -- requirements.lock requirements-train.lock docs/requirements.lock Cargo.lock
 
 clean:  ## Remove what these targets made, results in out/ excepted
-	rm -rf .venv .venv-assets .venv-docs .venv-train .tools target src/pavetwin/_core*.so
+	rm -rf .venv .venv-assets .venv-docs .venv-train .tools assets/vendor/node_modules target src/pavetwin/_core*.so
 	rm -rf .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
