@@ -13,6 +13,7 @@ from rich.table import Table
 from pavetwin.cli import pictures, report
 from pavetwin.draw import mission_map
 from pavetwin.errors import PaveTwinError
+from pavetwin.mission import summary
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.results import save_mission, save_missions
 from scenes import tiny
@@ -42,13 +43,13 @@ def test_what_parked_vehicles_leave_to_be_seen_is_told_beside_what_was_seen() ->
     stands, empty = (narrow_street().fly("hover", parking) for parking in (FULL, EMPTY))
     at_most = f"{100 * (1 - stands.rows[0].permanently_hidden):.1f}"
     for table in (report.segments_table(stands), report.comparison_table([stands, stands])):
-        (column,) = [column for column in table.columns if column.header == report.AT_MOST]
+        (column,) = [column for column in table.columns if column.header == summary.AT_MOST]
         assert at_most in [str(cell) for cell in column.cells]
-    assert f"% of the surface seen (of at most {at_most} % beside parked vehicles)" in report.sentence([stands])
-    assert report.missed_lines([stands]) == ["Missed 1 of 2: 1 under or behind a parked vehicle."]
+    assert f"% of the surface seen (of at most {at_most} % beside parked vehicles)" in summary.sentence([stands])
+    assert summary.missed_lines([stands]) == ["Missed 1 of 2: 1 under or behind a parked vehicle."]
     for table in (report.segments_table(empty), report.comparison_table([empty, empty])):
-        assert report.AT_MOST not in [column.header for column in table.columns]
-    assert "at most" not in report.sentence([empty])
+        assert summary.AT_MOST not in [column.header for column in table.columns]
+    assert "at most" not in summary.sentence([empty])
 
 
 def test_segments_without_defects_have_no_share_and_are_counted() -> None:
@@ -59,13 +60,13 @@ def test_segments_without_defects_have_no_share_and_are_counted() -> None:
     (found,) = (column for column in report.segments_table(both).columns if str(column.header).startswith("found"))
     assert [str(cell) for cell in found.cells] == [f"{100 * row.confirmed / row.defects:.1f}", "–"]
     assert str(found.footer) == f"{100 * row.confirmed / row.defects:.1f}"
-    assert report.without_defects(both.rows) == [
+    assert summary.without_defects(both.rows) == [
         "1 of the segments has no defects: what is found there is no share, neither 0 nor 100 %."
     ]
-    assert report.without_defects(result.rows) == []
+    assert summary.without_defects(result.rows) == []
     alone = replace(result, rows=(empty,))
-    assert report.sentence([alone]).startswith("No defects to find, ")
-    assert report.without_defects(alone.rows) == []
+    assert summary.sentence([alone]).startswith("No defects to find, ")
+    assert summary.without_defects(alone.rows) == []
 
 
 def test_streets_of_one_policy_are_summed_with_what_was_seen_of_them() -> None:
@@ -78,7 +79,7 @@ def test_streets_of_one_policy_are_summed_with_what_was_seen_of_them() -> None:
     assert cells["found %"] == [f"{100 * (row.confirmed + 1) / (row.defects + 10):.1f}"]
     assert cells["surface seen %"] == ["62.5"]
     assert cells["time s"] == [f"{row.time_s + 50:.0f}"]
-    assert "1 of 10 defects found (10 %; 0 to 73 % on streets like these), " in report.sentence(
+    assert "1 of 10 defects found (10 %; 0 to 73 % on streets like these), " in summary.sentence(
         [replace(result, rows=(half,))]
     )
     headings = [str(column.header) for column in report.comparison_table([result, result]).columns]
@@ -206,7 +207,7 @@ def test_the_headings_are_words_that_a_stranger_reads() -> None:
 def test_a_mission_over_several_batteries_says_how_many_to_bring() -> None:
     tired = replace(tiny.result("queue_that_leaves", "skip"), swaps=2, energy=2.24)
     tired = replace(tired, rows=tuple(replace(row, swaps=2) for row in tired.rows))
-    assert report.sentence([tired]).endswith("with 2 battery changes: bring 3 batteries.")
+    assert summary.sentence([tired]).endswith("with 2 battery changes: bring 3 batteries.")
     lines = printed(report.comparison_table([tired, tired]))
     assert lines[-1].split()[-2] == "3"
     assert "to bring" in lines[3]
@@ -214,5 +215,5 @@ def test_a_mission_over_several_batteries_says_how_many_to_bring() -> None:
 
 def test_what_was_missed_is_counted_by_reason() -> None:
     hidden, all_found = tiny.result("queue_at_light", "baseline"), tiny.result("empty_street", "baseline")
-    assert report.missed_lines([hidden]) == ["Missed 7 of 7: 7 hidden by vehicles in traffic."]
-    assert report.missed_lines([all_found, hidden]) == ["baseline missed 7 of 7: 7 hidden by vehicles in traffic."]
+    assert summary.missed_lines([hidden]) == ["Missed 7 of 7: 7 hidden by vehicles in traffic."]
+    assert summary.missed_lines([all_found, hidden]) == ["baseline missed 7 of 7: 7 hidden by vehicles in traffic."]

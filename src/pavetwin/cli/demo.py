@@ -43,6 +43,7 @@ def demo(
     from pavetwin.mission.inputs import MissionInputs
     from pavetwin.mission.plan import plan_mission
     from pavetwin.mission.replay import replay_of
+    from pavetwin.mission.summary import missed_lines, sentence
     from pavetwin.navigation.base import with_roadside_base
     from pavetwin.policies import policy_names
 
@@ -78,7 +79,7 @@ def demo(
     )
     out.print()
     out.print(report.comparison_table(results))
-    for line in (report.sentence(results), *report.missed_lines(results)):
+    for line in (sentence(results), *missed_lines(results)):
         out.line(line)
     out.print(
         f"""

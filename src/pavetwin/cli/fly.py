@@ -190,18 +190,9 @@ def fly(
 
     from pavetwin.cli import pictures, report
     from pavetwin.mission.again import check_replaceable
-    from pavetwin.mission.environment import prepare
-    from pavetwin.mission.inputs import defects_of, load_inputs, world_of
+    from pavetwin.mission.inputs import load_inputs, world_of
     from pavetwin.mission.naming import mission_folder
-    from pavetwin.mission.plan import (
-        base_point,
-        check_names,
-        defect_input,
-        plan_mission,
-        policies_named,
-        settings_under,
-        traffic_input,
-    )
+    from pavetwin.mission.plan import check_names, plan_missions, policies_named
     from pavetwin.mission.results import check_mission_folder
     from pavetwin.traffic.flow import flow_of
     from pavetwin.world.store import load_world
@@ -225,20 +216,10 @@ def fly(
         if former is not None:
             specs = [former.planned(loaded, policy=name, defect_seed=defect_seed) for name in names]
         else:
-            defects = defects_of(loaded, defect_input(loaded, defect_seed))
-            street = traffic_input(loaded, asked, routes or (), traffic, seed, take_off, mix or "")
-            environment = prepare(
+            specs, environment = plan_missions(
                 loaded,
                 chosen,
-                defects,
-                base=base_point(base, loaded),
-                parking_seed=seed,
-                parking_mix=street.mix,
-            )
-            own = [settings_under(name, names, chosen) for name in names]
-            spec = plan_mission(
-                loaded,
-                own[0],
+                names,
                 density=asked,
                 mix=mix or "",
                 routes=routes or (),
@@ -246,13 +227,11 @@ def fly(
                 take_off_s=take_off,
                 segments=segment or _count(segments),
                 order=order,
-                policy=names[0],
                 seed=seed,
                 defect_seed=defect_seed,
                 airspace=airspace,
-                environment=environment,
+                base=base,
             )
-            specs = [spec.with_policy(name, its) for name, its in zip(names, own, strict=True)]
         usual = not segment and order == "random" and segments == SEGMENTS
 
         def checked_folder() -> Path:

@@ -183,9 +183,9 @@ def _print_summary(world: "World", record: "BuildRecord") -> None:
 
 def _summary(world: "World", record: "BuildRecord") -> list[tuple[str, str]]:
     """What the table says: names and values."""
-    from pavetwin.cli.report import outside_words
     from pavetwin.config.mission import UavSettings
     from pavetwin.mission.inspected_defects import PLACED
+    from pavetwin.mission.summary import outside_words
     from pavetwin.navigation.base import with_roadside_base
     from pavetwin.world.model import LaneKind
     from pavetwin.world.paving import paving_words

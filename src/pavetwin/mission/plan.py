@@ -78,8 +78,50 @@ def plan_mission(
         PaveTwinError: something that is named does not exist, or a segment cannot be reached: there is no way, or none
             that one set of batteries flies and comes back.
     """
-    chosen = settings or load_settings()
-    check_names(chosen, [policy], seed)
+    return plan_missions(
+        world,
+        settings or load_settings(),
+        [policy],
+        density=density,
+        mix=mix,
+        routes=routes,
+        recording=recording,
+        traffic_seed=traffic_seed,
+        take_off_s=take_off_s,
+        segments=segments,
+        order=order,
+        seed=seed,
+        defect_seed=defect_seed,
+        airspace=airspace,
+        base=base,
+        environment=environment,
+    )[0][0]
+
+
+def plan_missions(
+    world: World,
+    settings: MissionSettings,
+    policies: Sequence[str],
+    *,
+    density: Density | str | None = None,
+    mix: str = "",
+    routes: Sequence[Path | str] = (),
+    recording: Path | str | None = None,
+    traffic_seed: int | None = None,
+    take_off_s: float | None = None,
+    segments: int | Sequence[str] | None = 8,
+    order: str = "random",
+    seed: int = 0,
+    defect_seed: int | None = None,
+    airspace: Path | str | None = None,
+    base: tuple[float, float] | str | None = None,
+    environment: MissionEnvironment | None = None,
+) -> tuple[list[MissionSpec], MissionEnvironment]:
+    """Decide everything about missions that differ in their policy alone; and the environment that they share.
+
+    Args and Raises: as `plan_mission`.
+    """
+    check_names(settings, policies, seed)
     if airspace is not None:
         with about("airspace"):
             load_airspace(Path(airspace))
@@ -88,7 +130,7 @@ def plan_mission(
     traffic = traffic_input(world, density, routes, recording, street_seed, take_off_s, mix)
     ready = environment or prepare(
         world,
-        chosen,
+        settings,
         defects_of(world, source),
         base=base_point(base, world),
         parking_seed=street_seed,
@@ -97,23 +139,25 @@ def plan_mission(
     count = segments if isinstance(segments, int) or segments is None else None
     names = () if isinstance(segments, int) or segments is None else segments
     targets = choose_targets(ready, count=count, names=names, order=order, seed=seed)
-    check_reach(ready, chosen, targets)
+    check_reach(ready, settings, targets)
     if recording is not None:
         with about("recording"):
             _check_area(recording, world, targets)
-    return MissionSpec.of(
+    own = [settings_under(name, policies, settings) for name in policies]
+    spec = MissionSpec.of(
         world=WorldInput.of(world),
         defects=source.model_copy(update={"content_hash": ready.defects_hash}),
         traffic=traffic,
         aircraft=FileInput.of(airspace) if airspace is not None else None,
         base=(ready.world.base.x, ready.world.base.y),
         targets=tuple(world.segments[index].id for index in targets),
-        policy=PolicyInput.of(policy),
+        policy=PolicyInput.of(policies[0]),
         seed=seed,
         parking_seed=ready.parking.seed,
         parking_mix=ready.parking.mix,
-        settings=chosen,
+        settings=own[0],
     )
+    return [spec.with_policy(name, its) for name, its in zip(policies, own, strict=True)], ready
 
 
 def _check_area(recording: Path | str, world: World, targets: Sequence[int]) -> None:
