@@ -272,6 +272,39 @@ def test_it_agrees_with_the_published_evaluation_of_the_same_files(tmp_path: Pat
             assert weighted_precision(each, weights) == pytest.approx(each.average_precision, abs=1e-9)
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_it_agrees_with_torchmetrics(tmp_path: Path, seed: int) -> None:
+    detection = pytest.importorskip(
+        "torchmetrics.detection", reason="torchmetrics is not installed; `make test-train` runs this test"
+    )
+    import torch
+
+    images, rows = some(np.random.default_rng(10 + seed), 12, classes=CAR)
+    result = evaluated(tmp_path, images, rows)
+    # Its own thresholds are in single precision, above a recall of 1/5 that is one of them exactly.
+    grids = {
+        "iou_thresholds": np.linspace(0.5, 0.95, 10).tolist(),
+        "rec_thresholds": np.linspace(0.0, 1.0, 101).tolist(),
+    }
+    judge = detection.MeanAveragePrecision(box_format="xywh", class_metrics=True, **grids)
+
+    def tensors(boxes: list[dict[str, Any]]) -> dict[str, Any]:
+        each = torch.tensor([row["bbox"] for row in boxes], dtype=torch.float64).reshape(-1, 4)
+        return {"boxes": each, "labels": torch.tensor([row["category_id"] for row in boxes], dtype=torch.int64)}
+
+    for number, objects in enumerate(images, 1):
+        mine = [row for row in rows if row["image_id"] == number]
+        scores = {"scores": torch.tensor([row["score"] for row in mine], dtype=torch.float64)}
+        ignored = {"iscrowd": torch.tensor([row["iscrowd"] for row in objects], dtype=torch.int64)}
+        judge.update([tensors(mine) | scores], [tensors(objects) | ignored])
+    told = judge.compute()
+    assert result.five.mean_precision() == pytest.approx(float(told["map"]), abs=1e-6)
+    assert result.five.mean_precision(0) == pytest.approx(float(told["map_50"]), abs=1e-6)
+    of_classes = [float(each.average_precision.mean()) for each in result.five.classes]
+    # It says −1 of a class without objects.
+    assert np.nan_to_num(of_classes, nan=-1.0) == pytest.approx(told["map_per_class"].numpy(), abs=1e-6)
+
+
 def test_a_draw_is_the_evaluation_of_the_images_drawn(tmp_path: Path) -> None:
     """Images drawn 0, 1 or 2 times weigh as a split in which they stand so often."""
     images, rows = some(np.random.default_rng(8), 10)

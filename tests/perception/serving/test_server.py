@@ -8,7 +8,7 @@ import struct
 import threading
 import time
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,6 +17,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from PIL import Image
 
 from pavetwin.errors import PaveTwinError
@@ -102,6 +104,13 @@ def png_of(width: int, height: int) -> bytes:
 
     head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(b""))
+
+
+def wait_until(holds: Callable[[], bool]) -> None:
+    until = time.monotonic() + 5
+    while not holds() and time.monotonic() < until:
+        time.sleep(0.01)
+    assert holds()
 
 
 def test_it_says_what_the_detector_says(service: Running) -> None:
@@ -191,10 +200,7 @@ def test_hung_clients_are_dropped_and_hold_nobody_up(service: Running) -> None:
     for client in hung:
         assert client.recv(1000) == b""  # closed by the server
         client.close()
-    until = time.monotonic() + 5
-    while service.server.held and time.monotonic() < until:
-        time.sleep(0.01)
-    assert service.server.held == 0
+    wait_until(lambda: service.server.held == 0)
 
 
 def test_32_clients_get_their_own_answers(service: Running) -> None:
@@ -204,6 +210,36 @@ def test_32_clients_get_their_own_answers(service: Running) -> None:
     assert [status for status, _ in answers] == [200] * 32
     lefts = [told["detections"][0]["box"][0] for _, told in answers]
     assert lefts == pytest.approx([20 + at for at in range(32)], abs=0.5)
+
+
+def test_requests_made_up_from_its_description_get_answers_of_its_description(service: Running) -> None:
+    """By schemathesis: right and wrong parameters, forms and files, and good images in them."""
+    schemathesis = pytest.importorskip("schemathesis", reason="schemathesis is not installed; `make setup` does it")
+    schema = schemathesis.openapi.from_dict(service.ask("GET", "/openapi.json")[1])
+    # The description cannot say that a file is an image, so what it allows is not always taken: images are, below.
+    excluded = [schemathesis.checks.positive_data_acceptance]
+    answered = set()
+
+    @settings(max_examples=40)
+    @given(data=st.data())
+    def ask(data: st.DataObject) -> None:
+        path = data.draw(st.sampled_from(["/predict", "/predict/batch", "/health"]))
+        is_right = data.draw(st.booleans())
+        fixed: dict[str, Any] = {}
+        if path != "/health" and data.draw(st.booleans()):
+            picture = encoded(STREET, data.draw(st.sampled_from(["PNG", "JPEG", "WEBP", "BMP", "TIFF"])))
+            body = {"file": [picture] * 2 if "batch" in path else picture}
+            fixed = {"body": body, "media_type": "multipart/form-data"}
+        modes = schemathesis.GenerationMode
+        operation = schema[path]["GET" if path == "/health" else "POST"]
+        case = data.draw(operation.as_strategy(modes.POSITIVE if is_right else modes.NEGATIVE, **fixed))
+        answer = case.call_and_validate(f"http://127.0.0.1:{service.port}", excluded_checks=excluded, timeout=20)
+        assert answer.status_code == 200 or not (fixed and is_right)
+        answered.add((path, answer.status_code))
+
+    ask()
+    assert {(path, 200) for path in schema} | {("/predict", 400), ("/predict", 415)} <= answered
+    wait_until(lambda: service.server.held == 0)
 
 
 def test_more_than_may_wait_is_told_to_come_again() -> None:
