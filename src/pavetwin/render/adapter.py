@@ -61,6 +61,9 @@ def _best() -> Any:
     # Without a desktop Mesa still looks for a Wayland socket, and reports its absence on stderr.
     os.environ.setdefault("XDG_RUNTIME_DIR", "/tmp")
     try:
+        from pavetwin.render.header import load_wgpu
+
+        load_wgpu()
         import wgpu
 
         _choose_backends()

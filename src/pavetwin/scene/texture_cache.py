@@ -1,4 +1,4 @@
-"""Textures that depend on the code alone, or on a seed, kept in the cache: they take seconds to make.
+"""Textures and tables that depend on the code alone, or on a seed, kept in the cache: they take seconds to make.
 
 A file that is damaged is made again; where none can be written, each process makes its own.
 """
@@ -20,17 +20,17 @@ from pavetwin.files import writing
 from pavetwin.world.cache import texture_folder
 
 _FILES: Final = 3
-"""As many of one name are kept, the last made, of other seeds and earlier code."""
+"""As many of one name are kept, the last made, of other variants and earlier code."""
 
 
-def kept(name: str, make: Callable[[], Mapping[str, AnyArray]], seed: int = 0) -> Mapping[str, AnyArray]:
+def kept(name: str, make: Callable[[], Mapping[str, AnyArray]], variant: int | str = 0) -> Mapping[str, AnyArray]:
     """Arrays by their names, from a file of the cache, which is made where there is none.
 
     Args:
         name: of the file; a hash of the code of scenes follows.
-        seed: on which they depend.
+        variant: what else they depend on: a seed, or a hash of something.
     """
-    path = texture_folder() / f"{name}-{_code()}-{seed}.npz"
+    path = texture_folder() / f"{name}-{_code()}-{variant}.npz"
     with suppress(OSError, ValueError, KeyError, EOFError, BadZipFile), np.load(path) as file:
         return {column: file[column] for column in file.files}
     made: Mapping[str, Any] = make()
