@@ -6,8 +6,8 @@ from typing import Any, Final
 import numpy as np
 import wgpu
 
-from pavetwin.arrays import AnyArray, Float32Array, UInt8Array
-from pavetwin.scene.ground.materials.sampling import srgb_of_linear
+from pavetwin.arrays import AnyArray, UInt8Array
+from pavetwin.scene.ground.materials.sampling import linear_of_srgb, srgb_of_linear
 
 _BUFFER: Final = wgpu.BufferUsage
 _TEXTURE: Final = wgpu.TextureUsage
@@ -103,24 +103,24 @@ def halved(texels: UInt8Array, *, srgb: bool = False, rooted: bool = False) -> l
     rows, columns = texels.shape[:2]
     if not (srgb or rooted) and rows == columns and rows & (rows - 1) == 0:
         return _quartered(texels)
-    values = texels.astype(np.float32)
     colours = min(texels.shape[2], 3) if srgb or rooted else 0
+    levels = [texels]
+    if rooted:
+        levels = [texels.copy()]
+        levels[0][..., :colours] = _ROOTS[texels[..., :colours]]
+    values = texels.astype(np.float32)
     values[..., :colours] = _LINEAR[texels[..., :colours]]
-
-    def stored() -> UInt8Array:
+    while values.shape[0] > 1 or values.shape[1] > 1:
+        if values.shape[0] > 1:
+            even = values.shape[0] // 2 * 2
+            values = (values[0:even:2] + values[1:even:2]) / np.float32(2)
+        if values.shape[1] > 1:
+            even = values.shape[1] // 2 * 2
+            values = (values[:, 0:even:2] + values[:, 1:even:2]) / np.float32(2)
         coded = values.copy()
         linear = values[..., :colours]
         coded[..., :colours] = 255 * (np.sqrt(linear) if rooted else srgb_of_linear(linear))
-        return np.asarray(coded + 0.5, dtype=np.uint8)
-
-    levels = [stored()]
-    while values.shape[0] > 1 or values.shape[1] > 1:
-        for axis in (0, 1):
-            if values.shape[axis] > 1:
-                even = values.shape[axis] // 2 * 2
-                first, second = (values.take(range(start, even, 2), axis=axis) for start in (0, 1))
-                values = ((first + second) / 2).astype(np.float32)
-        levels.append(stored())
+        levels.append(np.asarray(coded + 0.5, dtype=np.uint8))
     return levels
 
 
@@ -134,9 +134,12 @@ def _quartered(texels: UInt8Array) -> list[UInt8Array]:
     return levels
 
 
-def _linear() -> Float32Array:
-    code = np.arange(256) / 255
-    return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4).astype(np.float32)
+_LINEAR: Final = linear_of_srgb(np.arange(256) / 255)
+_ROOTS: Final = np.asarray(255 * np.sqrt(_LINEAR) + 0.5, dtype=np.uint8)
+"""By the sRGB code of a colour: its linear value, and the code of that one's square root."""
 
 
-_LINEAR: Final = _linear()
+def mean_linear(texels: UInt8Array) -> list[float]:
+    """The mean linear value of each sRGB-coded colour of a texture (rows, columns, 3 or 4)."""
+    counts = [np.bincount(texels[..., colour].ravel(), minlength=256) for colour in range(3)]
+    return [float(count @ _LINEAR.astype(np.float64)) / count.sum() for count in counts]

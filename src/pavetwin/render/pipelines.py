@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any, Final
 
-import numpy as np
 import wgpu
 
-from pavetwin.render.gpu import Gpu
+from pavetwin.render.gpu import Gpu, mean_linear
 from pavetwin.render.instances import LAYOUT
 from pavetwin.render.meshes import LAYOUTS, POSITIONS
 from pavetwin.render.nearby import CLEAR_SHARE
@@ -17,7 +16,7 @@ from pavetwin.render.tiles import TileLayouts, texture_layout
 from pavetwin.scene.buildings import FACADE_REPEAT_M
 from pavetwin.scene.foliage import CUT
 from pavetwin.scene.ground.materials import compose
-from pavetwin.scene.ground.materials.sampling import LEVEL_SLOPE, linear_of_srgb
+from pavetwin.scene.ground.materials.sampling import LEVEL_SLOPE
 from pavetwin.scene.light import SUN_RADIUS_RAD
 from pavetwin.scene.model import MAP_MARGIN_M, SIGNED_DISTANCE_M, TILE_M, Detail, GroundKind
 
@@ -87,7 +86,7 @@ def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
     detail_layout = texture_layout(gpu, "2d-array", "2d-array", samplers=1)
     facade_layout = texture_layout(gpu, "2d-array", samplers=1)
     leaf_layout = texture_layout(gpu, "2d", samplers=1)
-    lit = ["common", "lighting"]
+    lit, numbers = ["common", "lighting"], _ground_numbers(details)
 
     def amodal(parts: list[str], layouts: list[Any], buffers: list[Any], *, cull: str = "none") -> Any:
         """Labels without occlusion."""
@@ -109,7 +108,7 @@ def compile_pipelines(gpu: Gpu, details: dict[GroundKind, Detail]) -> Pipelines:
             parts = ["solid", "model", part]
             return _by_skin(lambda cull: shaded(parts, [], _buffers("model"), cull=cull), leaves)
 
-        numbers, repeat = _ground_numbers(details), f"const FACADE_REPEAT_M = {FACADE_REPEAT_M};\n"
+        repeat = f"const FACADE_REPEAT_M = {FACADE_REPEAT_M};\n"
         leaves = shaded(["solid", "model", "leaf", "leaf_light"], [leaf_layout], _buffers("leaf"))
         maps, holed = [detail_layout, tiles.maps], [detail_layout, tiles.maps, tiles.patch]
         return LitPipelines(
@@ -160,13 +159,8 @@ def _source(parts: list[str]) -> str:
 
 def _beyond(details: dict[GroundKind, Detail]) -> str:
     """The reflectance of the ground beyond a world, as WGSL: that of the lawns at its border."""
-    return f"const BEYOND = vec3f({', '.join(f'{value:.4f}' for value in _mean(details[GroundKind.GRASS]))});\n"
-
-
-def _mean(detail: Detail) -> list[float]:
-    """Its mean reflectance by colour."""
-    means: list[float] = linear_of_srgb(detail.reflectance[..., :3] / np.float32(255)).mean(axis=(0, 1)).tolist()
-    return means
+    lawn = mean_linear(details[GroundKind.GRASS].reflectance)
+    return f"const BEYOND = vec3f({', '.join(f'{value:.4f}' for value in lawn)});\n"
 
 
 def _ground_numbers(details: dict[GroundKind, Detail]) -> str:
@@ -201,7 +195,9 @@ def _ground_numbers(details: dict[GroundKind, Detail]) -> str:
     lines.append(f"const LOOSE_KINDS = {sum(1 << int(kind) for kind in compose.LOOSE)}u;")
     sizes = ", ".join(str(float(details[kind].size_m)) for kind in GroundKind)
     lines.append(f"const DETAIL_SIZES = array<f32, {len(GroundKind)}>({sizes});")
-    means = ", ".join(f"vec3f({', '.join(f'{value:.5f}' for value in _mean(details[kind]))})" for kind in GroundKind)
+    means = ", ".join(
+        f"vec3f({', '.join(f'{value:.5f}' for value in mean_linear(details[kind].reflectance))})" for kind in GroundKind
+    )
     lines.append(f"const DETAIL_MEANS = array<vec3f, {len(GroundKind)}>({means});")
     lines.append("fn mean_reflectance(kind: u32) -> vec3f { var means = DETAIL_MEANS; return means[kind]; }")
     lines.append("fn detail_size(kind: u32) -> f32 { var sizes = DETAIL_SIZES; return sizes[kind]; }")
