@@ -23,30 +23,20 @@ _BEGUN: Final = {
 """What may lack its end, by the words of PyYAML: the mistake is then told where it was noticed, lines further on."""
 
 
+_RESOLVERS: Final = {
+    first: [("tag:yaml.org,2002:str", _CLOCK), *resolvers] if first.isdigit() else resolvers
+    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+
+
 class _Loader(yaml.SafeLoader):
-    """PyYAML takes the last of two equal keys, and tells nobody."""
+    yaml_implicit_resolvers = _RESOLVERS
 
-    yaml_implicit_resolvers = {  # noqa: RUF012, PyYAML declares it
-        first: [("tag:yaml.org,2002:str", _CLOCK), *resolvers] if first.isdigit() else resolvers
-        for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
-    }
 
-    def __init__(self, text: str, where: str) -> None:
-        super().__init__(text)
-        self._where = where
+class _QuickLoader(yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader):  # type: ignore[misc]
+    """By libyaml, ten times as fast."""
 
-    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
-        node = super().compose_mapping_node(anchor)
-        lines: dict[tuple[str, str], int] = {}
-        for key, _ in node.value:
-            if not isinstance(key, yaml.ScalarNode) or key.tag == _MERGE:
-                continue
-            line, name = key.start_mark.line + 1, (key.tag, key.value)
-            if name in lines:
-                first = f", first in line {lines[name]}" if lines[name] != line else ""
-                raise PaveTwinError(f"{self._where}, line {line}: '{key.value}' is given twice{first}.")
-            lines[name] = line
-        return node
+    yaml_implicit_resolvers = _RESOLVERS
 
 
 def parse_yaml(text: str, where: str) -> Any:
@@ -60,11 +50,45 @@ def parse_yaml(text: str, where: str) -> Any:
         yaml.YAMLError: it is not valid YAML.
         ValueError: something looks like a date and is none.
     """
-    loader = _Loader(text, where)
     try:
-        return loader.get_single_data()
+        return _parsed(_QuickLoader(text), where)
+    except yaml.YAMLError:
+        return _parsed(_Loader(text), where)  # its words say better what is wrong
+
+
+def _parsed(loader: Any, where: str) -> Any:
+    try:
+        root = loader.get_single_node()
+        if root is None:
+            return None
+        _check_keys(root, where)
+        return loader.construct_document(root)
     finally:
         loader.dispose()
+
+
+def _check_keys(root: yaml.Node, where: str) -> None:
+    """Refuse a key that is given twice: PyYAML takes the last of them, and tells nobody."""
+    waiting, seen = [root], set[int]()
+    while waiting:
+        node = waiting.pop()
+        if id(node) in seen:
+            continue
+        seen.add(id(node))
+        if isinstance(node, yaml.SequenceNode):
+            waiting += reversed(node.value)
+        if not isinstance(node, yaml.MappingNode):
+            continue
+        waiting += [value for _, value in reversed(node.value)]
+        lines: dict[tuple[str, str], int] = {}
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode) or key.tag == _MERGE:
+                continue
+            line, name = key.start_mark.line + 1, (key.tag, key.value)
+            if name in lines:
+                first = f", first in line {lines[name]}" if lines[name] != line else ""
+                raise PaveTwinError(f"{where}, line {line}: '{key.value}' is given twice{first}.")
+            lines[name] = line
 
 
 def line_of(text: str, place: Sequence[object]) -> int:
