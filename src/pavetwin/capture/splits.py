@@ -8,6 +8,7 @@ the traffic, and that separates the fewest streets that meet: no image can be ta
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -49,6 +50,21 @@ class _Town:
     """(streets,) of which images can be taken; only these count for the shares."""
     target: Float64Array
     """(splits,)"""
+
+    @cached_property
+    def wanted(self) -> Float64Array:
+        """(splits, classes) of the shares of each class that there is."""
+        return np.asarray(self.target[:, None] * (self.counts.sum(axis=0) > 0))
+
+    @cached_property
+    def alone(self) -> Float64Array:
+        """(splits, splits) 1 where both are the same."""
+        return np.eye(len(self.target))
+
+    @cached_property
+    def any_meet(self) -> bool:
+        """Whether any two streets meet."""
+        return bool(self.meets.any())
 
 
 def street_splits(
@@ -168,8 +184,9 @@ def _improved(town: _Town, chosen: IndexArray) -> IndexArray:
 
 
 def _cost(town: _Town, chosen: IndexArray) -> float:
-    inside = np.eye(len(town.target))[chosen]
-    missed = np.abs(inside.T @ town.counts - town.target[:, None] * (town.counts.sum(axis=0) > 0))
-    parted = 1.0 - float((inside * (town.meets @ inside)).sum()) if town.meets.any() else 0.0
-    unused = np.count_nonzero((inside[town.reached].sum(axis=0) == 0) & (town.target > 0))
+    inside = town.alone[chosen]
+    missed = np.abs(inside.T @ town.counts - town.wanted)
+    parted = 1.0 - float((inside * (town.meets @ inside)).sum()) if town.any_meet else 0.0
+    used = np.bincount(chosen[town.reached], minlength=len(town.target))
+    unused = np.count_nonzero((used == 0) & (town.target > 0))
     return float(missed.mean(axis=1).sum()) + PARTING_WEIGHT * parted + 10.0 * unused

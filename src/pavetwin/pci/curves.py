@@ -6,12 +6,12 @@ examples. Between points the curves are interpolated without overshoot (Fritsch 
 of the density. The charts are in feet; densities here are in metres and converted.
 """
 
+from collections.abc import Callable
 from functools import cache
 from math import log10
 from typing import Final
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from pavetwin.arrays import Float64Array
 from pavetwin.defects.distress import Distress
@@ -142,9 +142,14 @@ def corrected_deduct_value(total: float, q: int) -> float:
 
 
 @cache
-def _deduct_curve(distress: Distress, severity: Severity) -> PchipInterpolator:
+def _deduct_curve(distress: Distress, severity: Severity) -> Callable[[float], Float64Array]:
+    from scipy.interpolate import PchipInterpolator  # a quarter of a second that most commands need not wait
+
     densities, *curves = DEDUCT_POINTS[distress]
-    return PchipInterpolator(np.log10(densities), _values(curves[tuple(Severity).index(severity)]))
+    curve: Callable[[float], Float64Array] = PchipInterpolator(
+        np.log10(densities), _values(curves[tuple(Severity).index(severity)])
+    )
+    return curve
 
 
 def _values(points: str) -> Float64Array:
