@@ -7,8 +7,7 @@ import pytest
 import yaml
 
 from pavetwin.mission.look_table import LOOKS
-from pavetwin.sensing.fit.fitting import GROUP
-from pavetwin.sensing.fit.tables import LOOK_SCHEMA
+from pavetwin.sensing.fit.tables import GROUP, LOOK_SCHEMA
 from pavetwin.sensing.sensor_model import SensorModel
 from scenes.command_line import pavetwin, plain_refusal
 from scenes.fitted import drawn_looks, stated

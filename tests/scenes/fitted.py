@@ -7,8 +7,7 @@ import numpy as np
 import polars as pl
 
 from pavetwin.files import file_sha256
-from pavetwin.sensing.fit.fitting import ALARM_SCHEMA, GROUP, LookSource
-from pavetwin.sensing.fit.tables import LOOK_COLUMNS
+from pavetwin.sensing.fit.tables import ALARM_SCHEMA, GROUP, LOOK_COLUMNS, LookSource
 from pavetwin.sensing.looks import Look
 from pavetwin.sensing.sensor_model import (
     OF_ALL,

@@ -19,8 +19,7 @@ from pavetwin.labels.outlines import hull
 from pavetwin.labels.rle import decode
 from pavetwin.perception.inference import Detections, Detector
 from pavetwin.sensing.detector import default_image_px
-from pavetwin.sensing.fit.fitting import ALARM_SCHEMA, GROUP, LookSource
-from pavetwin.sensing.fit.tables import LOOK_COLUMNS
+from pavetwin.sensing.fit.tables import ALARM_SCHEMA, GROUP, LOOK_COLUMNS, LookSource
 from pavetwin.sensing.looks import Look
 from pavetwin.sensing.matching import Shape, match_shapes
 from pavetwin.sensing.sensor_model import FittedDetector

@@ -12,7 +12,7 @@ from pavetwin.cli.detect import named
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
-    from pavetwin.sensing.fit.fitting import LookSource
+    from pavetwin.sensing.fit.tables import LookSource
     from pavetwin.sensing.sensor_model import SensorModel
 
 MISSION = "mission.yaml"

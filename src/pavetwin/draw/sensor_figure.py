@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from pavetwin.draw import style
-from pavetwin.sensing.fit.fitting import GROUP, LookSource, reliability, repeated_looks
+from pavetwin.sensing.fit.fitting import reliability, repeated_looks
+from pavetwin.sensing.fit.tables import GROUP, LookSource
 from pavetwin.sensing.sensor_model import SensorModel
 
 ENOUGH: Final = 30

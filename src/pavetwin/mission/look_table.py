@@ -17,8 +17,7 @@ from pavetwin.mission.inspected_defects import captured_frame
 from pavetwin.perception.shipped import model_path
 from pavetwin.sensing import Outcome
 from pavetwin.sensing.detector import DetectorSensor
-from pavetwin.sensing.fit.fitting import ALARM_SCHEMA, GROUP, LookSource
-from pavetwin.sensing.fit.tables import LOOK_COLUMNS, LOOK_SCHEMA
+from pavetwin.sensing.fit.tables import ALARM_SCHEMA, GROUP, LOOK_COLUMNS, LOOK_SCHEMA, LookSource
 from pavetwin.sensing.looks import LookMeter
 from pavetwin.sensing.sensor_model import FittedDetector
 from pavetwin.world.georeference import anchored, from_wgs84

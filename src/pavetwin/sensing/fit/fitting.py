@@ -13,7 +13,7 @@ from scipy.special import ndtr, ndtri
 from pavetwin.arrays import Float64Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.sensing.fit.mixed_probit import fit_mixed_probit
-from pavetwin.sensing.fit.tables import LOOK_COLUMNS
+from pavetwin.sensing.fit.tables import GROUP, LOOK_COLUMNS, LookSource
 from pavetwin.sensing.looks import Look
 from pavetwin.sensing.sensor_model import (
     OF_ALL,
@@ -37,27 +37,6 @@ FEWEST: Final = 20
 
 FEWEST_ALARMS: Final = 10
 """Of fewer false alarms nothing is said about how they depend on the ground resolution."""
-
-GROUP: Final = "group"
-"""Column of a table of looks: what names the defect among all sources."""
-
-
-ALARM_SCHEMA: Final = {"image": pl.Int64, "kind": pl.String, "size_px": pl.Float64}
-"""A table of false alarms: the row of its image, its class, and the root of its area."""
-
-
-@dataclass(frozen=True)
-class LookSource:
-    """What one folder tells of a detector."""
-
-    name: str
-    detector: FittedDetector
-    looks: pl.DataFrame
-    """A row a look: `GROUP`, `found`, and `LOOK_COLUMNS`."""
-    images: pl.DataFrame
-    """A row an image: `area_m2` of its ground, `pixel_mm`."""
-    alarms: pl.DataFrame
-    """A row a false alarm, see `ALARM_SCHEMA`."""
 
 
 def fit_sensor(sources: Sequence[LookSource]) -> SensorModel:

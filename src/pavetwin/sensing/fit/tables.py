@@ -1,8 +1,11 @@
-"""Columns of tables of looks."""
+"""Tables of looks, and their columns."""
 
+from dataclasses import dataclass
 from typing import Final
 
 import polars as pl
+
+from pavetwin.sensing.sensor_model import FittedDetector
 
 LOOK_COLUMNS: Final = {
     **dict.fromkeys(("kind", "severity"), pl.String),
@@ -23,3 +26,24 @@ LOOK_SCHEMA: Final = {
 """A table of looks: the capture's index; of the image that was looked at the longer side, what a pixel covers, and the
 ground in it; the defect's id, whether it was found, and the look. A capture that sees no defect is a row too, whose
 defect is null."""
+
+GROUP: Final = "group"
+"""Column of a table of looks: what names the defect among all sources."""
+
+
+ALARM_SCHEMA: Final = {"image": pl.Int64, "kind": pl.String, "size_px": pl.Float64}
+"""A table of false alarms: the row of its image, its class, and the root of its area."""
+
+
+@dataclass(frozen=True)
+class LookSource:
+    """What one folder tells of a detector."""
+
+    name: str
+    detector: FittedDetector
+    looks: pl.DataFrame
+    """A row a look: `GROUP`, `found`, and `LOOK_COLUMNS`."""
+    images: pl.DataFrame
+    """A row an image: `area_m2` of its ground, `pixel_mm`."""
+    alarms: pl.DataFrame
+    """A row a false alarm, see `ALARM_SCHEMA`."""
