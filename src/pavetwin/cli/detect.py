@@ -16,7 +16,8 @@ Model = Annotated[
     typer.Option(
         "--model",
         metavar="NAME|FILE.onnx",
-        help="A detector that ships, or a file of `pavetwin export`. synthetic-1 unless given.",
+        help="A file of `pavetwin export`, or a detector that ships: synthetic-1 unless given; mixed-1 for "
+        "photographs.",
     ),
 ]
 
@@ -61,7 +62,7 @@ def detect(
     """Find defects, persons and cars in pictures: annotated pictures, and files for other programs.
 
     \b
-    pavetwin detect photographs -o found
+    pavetwin detect photographs -o found --model mixed-1
     pavetwin detect flight.mp4 --model model.onnx -o found --every 0.5
     pavetwin detect street.jpg --model model.onnx -o found --tiled --gsd-mm 2.7
 

@@ -9,6 +9,7 @@ from PIL import Image
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.inference import Detections, Detector
+from pavetwin.perception.inference.detector import WHOLE
 from scenes.drawn_detector import FILE, ROAD, SIDE_PX, drawn
 
 STREET = drawn((SIDE_PX, 64), ("Pothole", (10, 8, 40, 48)), ("Car", (60, 12, 90, 56)))
@@ -88,7 +89,7 @@ def test_tiles_find_what_the_whole_shows_also_across_seams() -> None:
 def test_images_a_little_larger_than_those_of_training_are_seen_whole_unless_tiles_are_asked_for() -> None:
     native, asked = Detector(FILE, threads=1), Detector(FILE, tiled=True, threads=1)
     native.tiled = True  # as after training on crops
-    little, large = (SIDE_PX * 3 // 2, SIDE_PX), (SIDE_PX * 3 // 2 + 1, SIDE_PX)
+    little, large = (int(WHOLE * SIDE_PX), SIDE_PX), (int(WHOLE * SIDE_PX) + 1, SIDE_PX)
     assert [each.in_tiles(little) for each in (native, asked)] == [False, True]
     assert [each.in_tiles(large) for each in (native, asked)] == [True, True]
     assert not asked.in_tiles((SIDE_PX, SIDE_PX))
