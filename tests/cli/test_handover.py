@@ -99,6 +99,12 @@ def test_tables_are_the_same_in_csv_workbook_and_geopackage(made: Path) -> None:
             same(*pair) for one, other in zip(sheet[1:], rows, strict=True) for pair in zip(one, other, strict=True)
         )
     with sqlite3.connect(made / "handover.gpkg") as base:
+        for layer, qml in base.execute("SELECT f_table_name, styleQML FROM layer_styles WHERE useAsDefault").fetchall():
+            renderer = ElementTree.fromstring(qml.partition("\n")[2]).find("renderer-v2")
+            assert renderer is not None
+            values = {row[0] for row in base.execute(f"SELECT {renderer.get('attr')} FROM {layer}")}
+            assert values <= {each.get("value") for each in renderer.iter("category")}, layer
+        assert base.execute("SELECT count(*) FROM layer_styles").fetchone() == (2,)
         for layer, name in (("defects", "defects"), ("sample_units", "units")):
             table = pl.read_csv(made / f"{name}.csv")
             columns = ", ".join(f'"{column}"' for column in table.columns if column != "geom")
@@ -321,6 +327,16 @@ def test_a_study_hands_over_what_it_recommends(study: Path) -> None:
     assert again.returncode == 0, again.stderr
     for name in ("defects.csv", "units.csv", "streets.csv"):
         assert (study.parent / "again" / name).read_bytes() == (made / name).read_bytes()
+
+
+def test_a_study_over_another_world_of_the_same_name_is_refused(study: Path, tmp_path: Path) -> None:
+    save_world(built("cross", parking_rule="north_america"), tmp_path / "cross")
+    flown = pavetwin("fly", tmp_path / "cross", "--segments", "1", "--density", "low", "--no-map", "-o", tmp_path / "m")
+    assert flown.returncode == 0, flown.stderr
+    told = plain_refusal(pavetwin("handover", tmp_path / "m", "--study", study))
+    assert told.startswith("Error: --study: its world 'cross' (")
+    assert told.endswith("though it has the same name; name a study over the mission's world.")
+    assert not (tmp_path / "m" / "handover").exists()
 
 
 def test_the_world_of_a_study_must_be_there(study: Path, tmp_path: Path) -> None:

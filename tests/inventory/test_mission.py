@@ -8,11 +8,14 @@ import polars as pl
 import pytest
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.inventory.condition import with_detected
 from pavetwin.inventory.entry import Entry, entry_of
 from pavetwin.inventory.listing import entries_of
 from pavetwin.inventory.of_mission import NO_CROPS, flown
+from pavetwin.mission.condition import ConditionReport, street_condition, unit_table
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.results import save_mission
+from pavetwin.pci import Survey, sample_units
 from pavetwin.world.georeference import from_wgs84
 from scenes.spots import Spot, fly_over_spots
 from scenes.survey import photograph
@@ -143,3 +146,22 @@ def test_the_error_of_positions_is_that_of_places(mission: tuple[Path, MissionRe
     for value in (-1.0, float("nan"), float("inf")):
         with pytest.raises(PaveTwinError, match=r"`position_error_m` .*: it is "):
             flown(mission[0], position_error_m=value)
+
+
+def test_the_condition_index_by_measured_sizes_stands_beside_the_true_one(
+    mission: tuple[Path, MissionResult], tmp_path: Path
+) -> None:
+    """Four potholes are reported where they are, and one that is not there: the index is lower than the true one."""
+    folder, result = mission
+    world = result.environment.world
+    survey = Survey(sample_units(world.segments), world.defects)
+    report = ConditionReport(world, survey.conditions(), survey.conditions([]), {}, world.defects)
+    exact = with_detected(report, flown(folder))
+    assert exact.detected is not None
+    numbers = [sum(deduct.quantity for deduct in each.deducts) for each in exact.detected]
+    assert sum(numbers) == pytest.approx(len(DEFECTS) + 1)
+    assert {"pci_detected", "rating_detected"} <= set(unit_table(exact).columns)
+    assert street_condition(exact)["pci_detected"].to_list() == [round(exact.pci_detected or 0.0, 1)]
+    nothing = empty_street((20, 1)).fly("baseline")
+    save_mission(nothing, tmp_path / "m")
+    assert with_detected(report, flown(tmp_path / "m")).detected is None

@@ -30,8 +30,9 @@ def pci(
     pavetwin pci worlds/berlin
     pavetwin pci missions/monday/hover -o reports/monday
 
-    What a mission missed is missing from its index, so that roads look sounder than they are. Writes units.csv,
-    streets.csv, pci.gpkg (for QGIS) and a map.
+    What a mission missed is missing from its index, so that roads look sounder than they are. If its sensor measures,
+    as detector does, the index by these sizes stands beside it. Writes units.csv, streets.csv, pci.gpkg (for QGIS) and
+    maps.
     """
     from pavetwin.draw.pci_map import save_pci_map
     from pavetwin.mission.condition import write_condition
@@ -50,12 +51,23 @@ def pci(
         if report.found is not None:
             words = f"as the mission found it: {report.pci_found:.0f} on average, as it is: {report.pci:.0f}"
             save_pci_map(report.world, report.found, target / "pci-found.png", subtitle=words)
+        if report.detected is not None:
+            words = f"as its sensor measured it: {report.pci_detected:.0f} on average, as it is: {report.pci:.0f}"
+            save_pci_map(report.world, report.detected, target / "pci-detected.png", subtitle=words)
         tell(1.0)
     out.print(_table(report))
     out.line(f"PCI {report.pci:.1f}, {rating_of(report.pci).value}, over {len(report.true)} sample units.")
     if report.pci_found is not None:
         more = report.pci_found - report.pci
         out.line(f"Of what was found it would be {report.pci_found:.1f}: {abs(more):.1f} points too {_side(more)}.")
+    if report.pci_detected is not None:
+        assert report.detected is not None
+        more = report.pci_detected - report.pci
+        apart = [abs(mine.pci - true.pci) for mine, true in zip(report.detected, report.true, strict=True)]
+        out.line(
+            f"By what the sensor measured it would be {report.pci_detected:.1f}: {abs(more):.1f} points too "
+            f"{_side(more)}; single units differ by {sum(apart) / len(apart):.1f} on average."
+        )
     if small := sum(not condition.unit.has_usual_size for condition in report.true):
         units = "unit is" if small == 1 else "units are"
         out.line(f"{small} {units} smaller than the 135 m² of the standard, as the segments are.")
@@ -74,6 +86,8 @@ def _report(folder: Path) -> "ConditionReport":
     """Raises:
     PaveTwinError: the folder is neither a world nor a mission.
     """
+    from pavetwin.inventory.condition import with_detected
+    from pavetwin.inventory.of_mission import TABLE, flown
     from pavetwin.mission.again import MISSION, mission_file, read_mission
     from pavetwin.mission.condition import condition_of_mission, condition_of_world
     from pavetwin.world.folder import DESCRIPTION
@@ -83,7 +97,8 @@ def _report(folder: Path) -> "ConditionReport":
         return condition_of_world(load_world(folder))
     file = mission_file(folder)
     if folder.is_dir() and file.is_file():
-        return condition_of_mission(read_mission(file))
+        report, table = condition_of_mission(read_mission(file)), file.parent / TABLE
+        return with_detected(report, flown(file.parent)) if table.is_file() else report
     raise PaveTwinError(f"'{folder}' is neither the folder of a world nor of a mission (it has no {MISSION}).")
 
 
@@ -97,14 +112,18 @@ def _table(report: "ConditionReport") -> "Table":
     headings = ["street", "units", "area\nm²", "PCI", "rating", "worst unit"]
     if report.found is not None:
         headings += ["PCI of\nwhat was\nfound", "rating\nof that"]
+    if report.detected is not None:
+        headings += ["PCI by\nmeasured\nsizes", "rating\nby sizes"]
     for heading in headings:
-        left = heading in ("street", "rating", "worst unit", "rating\nof that")
+        left = heading in ("street", "rating", "worst unit", "rating\nof that", "rating\nby sizes")
         table.add_column(heading, justify="left" if left else "right", vertical="bottom", no_wrap=heading != "street")
     for row in streets.head(SHOWN).iter_rows(named=True):
         cells = [row["street"], f"{row['units']}", f"{row['area_m2']:.0f}", f"{row['pci']:.1f}", row["rating"]]
         cells.append(f"{row['worst_unit']}: {row['worst_pci']:.0f}")
         if report.found is not None:
             cells += [f"{row['pci_found']:.1f}", row["rating_found"]]
+        if report.detected is not None:
+            cells += [f"{row['pci_detected']:.1f}", row["rating_detected"]]
         table.add_row(*cells)
     if streets.height > SHOWN:
         table.caption = f"and {streets.height - SHOWN} more streets in streets.csv; the worst come first"

@@ -6,10 +6,15 @@ from pathlib import Path
 from typing import Any, Final
 
 import polars as pl
+import polars.selectors as cs
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.experiments.plan import SHOWN, content_of
 from pavetwin.flightplan import FlightPlan, Trigger, plan_of
 from pavetwin.handover.streets import StreetAdvice
+from pavetwin.inventory.condition import with_detected
+from pavetwin.inventory.of_mission import flown
+from pavetwin.inventory.reading import Reading
 from pavetwin.mission.again import FormerMission
 from pavetwin.mission.condition import ConditionReport, condition_of_mission, street_condition, unit_table
 from pavetwin.mission.inspected_defects import MissReason
@@ -54,7 +59,14 @@ class Handover:
     streets: pl.DataFrame
     """A row a street, the worst first: length, defects and found ones, what was seen, condition; of a study also what
     to fly there (`StreetAdvice`)."""
+    reading: Reading
+    """What the mission's sensor reported."""
     advice: StreetAdvice | None = None
+
+    @property
+    def measured(self) -> bool:
+        """Whether the sensor measured what it reported: it is what the agency would get of the real flight."""
+        return any(each.sizes for each in self.reading.observations)
 
     @property
     def policy(self) -> str:
@@ -119,17 +131,20 @@ def handover_of(
         PaveTwinError: the world or a file of the mission is gone, damaged or not what it was, its files contradict each
             other, or the world has no place on the earth.
     """
-    condition = condition_of_mission(mission)
-    world, folder = condition.world, mission.path.parent
-    if advice is not None and advice.world != world.name:
-        raise PaveTwinError(f"`study`: it has no missions in the world '{world.name}' of the mission.")
+    folder, reading = mission.path.parent, flown(mission.path.parent)
+    condition = with_detected(condition_of_mission(mission), reading)
+    world = condition.world
+    if advice is not None:
+        _check_world(advice, world)
     plan = plan_of(mission, world, trigger=trigger)
     defects = _table(folder / DEFECTS, DEFECT_COLUMNS)
     streets = _table(folder / STREETS, _STREET_COLUMNS)
     shapes = _matched(mission, defects, condition)
     _check_streets(folder / STREETS, streets, defects)
     whole = streets.with_columns((pl.col("defects") - pl.col("found")).alias("missed")).join(
-        street_condition(condition).select("street", *_CONDITION_COLUMNS), on="street", how="left"
+        street_condition(condition).select("street", *_CONDITION_COLUMNS, cs.ends_with("_detected")),
+        on="street",
+        how="left",
     )
     if advice is not None:
         whole = whole.join(advice.table, on="street", how="left")
@@ -137,8 +152,23 @@ def handover_of(
         *(name or mission.path.absolute().parent.name, mission, world, plan, condition, shapes, defects),
         units=unit_table(condition),
         streets=whole.sort("pci", "street"),
+        reading=reading,
         advice=advice,
     )
+
+
+def _check_world(advice: StreetAdvice, world: World) -> None:
+    """Raises:
+    PaveTwinError: the study flew over another world than the mission.
+    """
+    if advice.world != world.name:
+        raise PaveTwinError(f"`study`: it has no missions in the world '{world.name}' of the mission.")
+    now = content_of(world, with_defects=advice.of_defects)[:SHOWN]
+    if advice.content and advice.content != now:
+        raise PaveTwinError(
+            f"`study`: its world '{world.name}' ({advice.content}) is not that of the mission ({now}), though it has "
+            "the same name; name a study over the mission's world."
+        )
 
 
 def _table(path: Path, columns: Mapping[str, Any]) -> pl.DataFrame:

@@ -2,13 +2,14 @@
 
 import shutil
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from pavetwin.draw import style
+from pavetwin.draw.pci_map import COLOURS
 from pavetwin.draw.world_map import credit
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing_folder
@@ -20,9 +21,8 @@ from pavetwin.handover.sheet import sheet_figure
 from pavetwin.handover.spreadsheet import write_workbook
 from pavetwin.inventory.files import write_inventory
 from pavetwin.inventory.listing import entries_of
-from pavetwin.inventory.of_mission import flown
-from pavetwin.inventory.reading import Reading
 from pavetwin.mission.condition import write_units
+from pavetwin.world.layer_styles import LayerStyle, Symbol, write_styles
 from pavetwin.world.layers import columns_of, write_layer
 
 PAGE: Final = "handover.html"
@@ -36,6 +36,15 @@ INVENTORY: Final = "inventory"
 
 HANDOVER_FILES: Final = (SHEET, PAGE, MAP, "defects.csv", "units.csv", "streets.csv", GEOPACKAGE, WORKBOOK)
 """Of every handover; the plans are in a folder beside them."""
+
+
+STYLES: Final[Mapping[str, LayerStyle]] = {
+    "defects": LayerStyle("outcome", {name: style.OUTCOME_COLOURS[name] for name in ("found", "missed")}, Symbol.AREA),
+    "sample_units": LayerStyle(
+        "rating_found", {rating.value: colour for rating, colour in COLOURS.items()}, Symbol.AREA, opacity=0.6
+    ),
+}
+"""Of the GeoPackage's layers."""
 
 
 def check_target(folder: Path, *, force: bool) -> None:
@@ -81,8 +90,8 @@ def write_handover(
         plans = save_plan(handover.plan, temporary / PLANS, formats)
         if with_mission:
             shutil.copytree(handover.mission.path.parent, temporary / MISSION)
-        if (reading := _measured(handover)) is not None:
-            write_inventory(entries_of(reading), reading.frame, temporary / INVENTORY)
+        if handover.measured:
+            write_inventory(entries_of(handover.reading), handover.reading.frame, temporary / INVENTORY)
         handover.defects.write_csv(temporary / "defects.csv")
         handover.units.write_csv(temporary / "units.csv")
         handover.streets.write_csv(temporary / "streets.csv")
@@ -100,18 +109,14 @@ def write_handover(
     return [path.name for path in plans]
 
 
-def _measured(handover: Handover) -> Reading | None:
-    """What the mission's sensor reported, where it measured it: what the agency would get of the real flight."""
-    reading = flown(handover.mission.path.parent)
-    return reading if any(each.sizes for each in reading.observations) else None
-
-
 def _write_geopackage(handover: Handover, path: Path) -> None:
-    """The layers `defects` and `sample_units`, in the world's coordinate system."""
+    """The layers `defects` and `sample_units`, in the world's coordinate system, with the styles that QGIS opens them
+    in: found or missed, and the condition as found."""
     columns, masks = columns_of(handover.defects)
     outlines = [defect.polygon for defect in handover.shapes]
     write_layer(path, "defects", "Polygon", outlines, columns, handover.world.georeference, masks)
     write_units(handover.condition, handover.units, path)
+    write_styles(path, STYLES)
 
 
 def _html(page: Page, picture: bytes, plans: Sequence[str], folders: Sequence[str]) -> str:

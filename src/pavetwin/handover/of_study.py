@@ -1,6 +1,7 @@
 """The mission that a study recommends: its best option, flown once over all of its streets, along a short tour."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -45,9 +46,9 @@ def advice_of(
     design = store.design()
     plain = design.model_dump(mode="json")
     name = folder.resolve().name
-    return street_advice(
-        name, store.table(), plain, levels, limits, objective=objective, seed=design.seed
-    )  # fmt: skip
+    advice = street_advice(name, store.table(), plain, levels, limits, objective=objective, seed=design.seed)
+    content = store.description()["worlds"].get(advice.world, "")
+    return replace(advice, content=content, of_defects=design.defects == "world")
 
 
 def fly_recommended(folder: Path, advice: StreetAdvice, images: ImagesOf, tell: Tell) -> MissionResult:

@@ -174,6 +174,8 @@ def _seen(handover: Handover) -> Iterator[str]:
         f"{rating_of(handover.pci_found)}; it is {handover.condition.pci:.1f}, {rating_of(handover.condition.pci)}: "
         f"{abs(gap):.1f} points {'more' if gap >= 0 else 'less'}."
     )
+    if (detected := handover.condition.pci_detected) is not None:
+        yield (f"By what the sensor measures, false alarms included, it is {detected:.1f}, {rating_of(detected)}.")
 
 
 def _unseen(handover: Handover) -> Iterator[str]:

@@ -40,6 +40,11 @@ class StreetAdvice:
     mean there of what to fly; null without one) and `from` (why: `the study` or `this street`)."""
     segments: tuple[str, ...]
     """Ids of the segments that the study flew over, in the order of their first mission."""
+    content: str = ""
+    """Of the world, what names it in the study (`pavetwin.experiments.plan.content_of`), shortened; empty where that is
+    not known."""
+    of_defects: bool = False
+    """Whether the study flew over the world's own defects, which its content then names too."""
 
     @property
     def world(self) -> str:

@@ -3,9 +3,7 @@
 import csv
 import io
 import json
-import sqlite3
 from collections.abc import Mapping, Sequence
-from contextlib import closing
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,7 +15,8 @@ from pavetwin.inventory.entry import Entry
 from pavetwin.inventory.observation import SIZES
 from pavetwin.inventory.style import STYLES
 from pavetwin.world.georeference import GeoReference
-from pavetwin.world.layers import STAMP, write_layer
+from pavetwin.world.layer_styles import write_styles
+from pavetwin.world.layers import write_layer
 
 TABLE: Final = "inventory.csv"
 GEOPACKAGE: Final = "inventory.gpkg"
@@ -124,7 +123,7 @@ def _write_geopackage(
     write_layer(path, "defects", "Point", [entry.place for entry in entries if entry.place], columns, frame, masks)
     outlines = [entry.outline for entry in entries if entry.outline]
     write_layer(path, "outlines", "Polygon", outlines, columns, frame, masks)
-    _write_styles(path)
+    write_styles(path, STYLES)
 
 
 def _column(name: str, rows: Sequence[Mapping[str, Any]]) -> "np.ndarray[Any, Any]":
@@ -135,28 +134,3 @@ def _column(name: str, rows: Sequence[Mapping[str, Any]]) -> "np.ndarray[Any, An
         return np.array(values, dtype=np.bool_)
     plain = [0 if value is None else value for value in values]
     return np.array(plain, dtype=np.int64 if name in _WHOLE else np.float64)
-
-
-def _write_styles(path: Path) -> None:
-    """The table `layer_styles`, in which QGIS looks for the style of a layer that it opens."""
-    with closing(sqlite3.connect(path)) as base, base:
-        base.execute(
-            "CREATE TABLE layer_styles (id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, f_table_catalog TEXT, "
-            "f_table_schema TEXT, f_table_name TEXT, f_geometry_column TEXT, styleName TEXT, styleQML TEXT, "
-            "styleSLD TEXT, useAsDefault BOOLEAN, description TEXT, owner TEXT, ui TEXT, update_time DATETIME)"
-        )
-        base.execute(
-            "INSERT INTO gpkg_contents (table_name, data_type, identifier, description, last_change) "
-            "VALUES ('layer_styles', 'attributes', 'layer_styles', '', ?)",
-            (STAMP,),
-        )
-        for layer, style in STYLES.items():
-            (column,) = base.execute(
-                "SELECT column_name FROM gpkg_geometry_columns WHERE table_name = ?", (layer,)
-            ).fetchone()
-            base.execute(
-                "INSERT INTO layer_styles (f_table_catalog, f_table_schema, f_table_name, f_geometry_column, "
-                "styleName, styleQML, styleSLD, useAsDefault, description, owner, update_time) "
-                "VALUES ('', '', ?, ?, ?, ?, '', 1, '', '', ?)",
-                (layer, column, layer, style, STAMP),
-            )

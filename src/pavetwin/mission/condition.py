@@ -30,6 +30,8 @@ class ConditionReport:
     """Defects of classes that stand for no distress, by class."""
     defects: tuple[Defect, ...]
     """Of these units."""
+    detected: tuple[UnitCondition, ...] | None = None
+    """Of the same units, by what a sensor measured; None where it measured nothing (`pavetwin.inventory.condition`)."""
 
     @property
     def pci(self) -> float:
@@ -38,6 +40,10 @@ class ConditionReport:
     @property
     def pci_found(self) -> float | None:
         return None if self.found is None else mean_pci(self.found)
+
+    @property
+    def pci_detected(self) -> float | None:
+        return None if self.detected is None else mean_pci(self.detected)
 
 
 def condition_of_world(world: World) -> ConditionReport:
@@ -75,12 +81,14 @@ def condition_of_mission(mission: FormerMission) -> ConditionReport:
 def unit_table(report: ConditionReport) -> pl.DataFrame:
     """One row a sample unit.
 
-    Columns: `unit`, `segment`, `street`, `area_m2`, `pci`, `rating`, for missions `pci_found` and `rating_found`, and
-    the quantity of each distress and severity that occurs, as `alligator_cracking_low_m2`.
+    Columns: `unit`, `segment`, `street`, `area_m2`, `pci`, `rating`, for missions `pci_found` and `rating_found`, where
+    their sensor measured also `pci_detected` and `rating_detected`, and the quantity of each distress and severity that
+    occurs, as `alligator_cracking_low_m2`.
     """
     rows = []
     for number, condition in enumerate(report.true):
         unit, found = condition.unit, report.found[number] if report.found else None
+        detected = report.detected[number] if report.detected else None
         rows.append(
             {
                 "unit": unit.id,
@@ -89,6 +97,7 @@ def unit_table(report: ConditionReport) -> pl.DataFrame:
                 "area_m2": round(unit.area_m2, 1),
                 **_index(condition.pci, ""),
                 **(_index(found.pci, "_found") if found else {}),
+                **(_index(detected.pci, "_detected") if detected else {}),
                 **{
                     f"{deduct.distress}_{deduct.severity}_{deduct.distress.unit.replace('²', '2')}": deduct.quantity
                     for deduct in condition.deducts
@@ -103,8 +112,8 @@ def unit_table(report: ConditionReport) -> pl.DataFrame:
 def street_condition(report: ConditionReport) -> pl.DataFrame:
     """One row a street, the worst first.
 
-    Columns: `street`, `units`, `area_m2`, `pci`, `rating`, `worst_unit`, `worst_pci`, and for missions `pci_found` and
-    `rating_found`.
+    Columns: `street`, `units`, `area_m2`, `pci`, `rating`, `worst_unit`, `worst_pci`, and what was found and detected,
+    as in `unit_table`.
     """
     grouped: dict[str, list[int]] = {}
     for number, condition in enumerate(report.true):
@@ -124,6 +133,7 @@ def _street(report: ConditionReport, street: str, numbers: Sequence[int]) -> dic
         "worst_unit": worst.unit.id,
         "worst_pci": round(worst.pci, 1),
         **(_index(mean_pci([report.found[number] for number in numbers]), "_found") if report.found else {}),
+        **(_index(mean_pci([report.detected[number] for number in numbers]), "_detected") if report.detected else {}),
     }
 
 

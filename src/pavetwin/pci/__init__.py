@@ -2,15 +2,17 @@
 
 from pavetwin.pci.index import Deduct, Rating, pavement_condition_index, rating_of
 from pavetwin.pci.sample_units import SampleUnit, sample_units
-from pavetwin.pci.survey import Survey, UnitCondition, mean_pci, not_counted
+from pavetwin.pci.survey import MeasuredDefect, Survey, UnitCondition, mean_pci, measured_conditions, not_counted
 
 __all__ = [
     "Deduct",
+    "MeasuredDefect",
     "Rating",
     "SampleUnit",
     "Survey",
     "UnitCondition",
     "mean_pci",
+    "measured_conditions",
     "not_counted",
     "pavement_condition_index",
     "rating_of",

@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 import shapely
+from shapely import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pavetwin.defects.distress import Distress
@@ -79,6 +80,50 @@ class Survey:
         return mean_pci(self.conditions(found))
 
 
+@dataclass(frozen=True, slots=True)
+class MeasuredDefect:
+    """A defect as an inspection measured it."""
+
+    kind: str
+    """Its class, such as `pothole`."""
+    outline: Polygon
+    """World frame, metres."""
+    severities: tuple[Severity, ...]
+    """Those that its images allow, at least one: its quantity counts in equal parts under each."""
+    length_m: float
+    """Of a crack."""
+    width_m: float
+    """Mean diameter of a pothole."""
+    area_m2: float
+
+
+def measured_conditions(
+    units: Sequence[SampleUnit], defects: Iterable[MeasuredDefect]
+) -> tuple[tuple[UnitCondition, ...], int]:
+    """The condition of units by what was measured, and how many of the defects count in them.
+
+    What lies in no unit does not count, nor do classes that stand for no distress. A pothole counts in the unit where
+    the middle of its outline lies, any other by the share of its outline in each unit.
+    """
+    quantities: list[dict[tuple[Distress, Severity], float]] = [{} for _ in units]
+    tree = shapely.STRtree([unit.polygon for unit in units])
+    distresses = {kind.name: kind.distress for kind in DEFECT_CLASSES.values()}
+    counted = 0
+    for defect in defects:
+        distress = distresses.get(defect.kind)
+        near = tree.query(defect.outline, predicate="intersects").tolist()
+        if distress is None or not near:
+            continue
+        shape = defect.outline.centroid if distress.unit == "number" else defect.outline
+        shares = _shares(shape, [units[number].polygon for number in near])
+        quantity = quantity_of(defect, distress) / len(defect.severities)
+        counted += 1
+        for (number, share), severity in product(zip(near, shares, strict=True), defect.severities):
+            known = quantities[number]
+            known[distress, severity] = known.get((distress, severity), 0.0) + share * quantity
+    return tuple(_condition(unit, known) for unit, known in zip(units, quantities, strict=True)), counted
+
+
 def mean_pci(conditions: Iterable[UnitCondition]) -> float:
     """The index of a segment, street or town: the mean of its units by area (ASTM D6433, section 10).
 
@@ -92,7 +137,7 @@ def mean_pci(conditions: Iterable[UnitCondition]) -> float:
     return min(100.0, sum(condition.pci * condition.unit.area_m2 for condition in known) / area)
 
 
-def quantity_of(defect: Defect, distress: Distress) -> float:
+def quantity_of(defect: "Defect | MeasuredDefect", distress: Distress) -> float:
     """How much of a distress a defect is, in the distress's unit."""
     if distress.unit == "m":
         return defect.length_m
@@ -120,7 +165,8 @@ def _parts(units: Sequence[SampleUnit], defects: Iterable[Defect]) -> Iterator[t
         near = of_segment.get(defect.segment)
         if distress is None or not near:
             continue
-        shares = _shares(defect, [units[number].polygon for number in near], whole=distress.unit == "number")
+        shape = defect.centre if distress.unit == "number" else defect.polygon
+        shares = _shares(shape, [units[number].polygon for number in near])
         quantity = quantity_of(defect, distress)
         yield (
             defect,
@@ -132,13 +178,12 @@ def _parts(units: Sequence[SampleUnit], defects: Iterable[Defect]) -> Iterator[t
         )
 
 
-def _shares(defect: Defect, polygons: Sequence[BaseGeometry], *, whole: bool) -> list[float]:
-    """The share of a defect in each of the polygons; they add up to 1."""
-    shape = defect.centre if whole else defect.polygon
+def _shares(shape: Point | Polygon, polygons: Sequence[BaseGeometry]) -> list[float]:
+    """The share of a defect's outline or centre in each of the polygons; they add up to 1."""
     within = [float(shapely.covers(polygon, shape)) for polygon in polygons]
     if sum(within) == 1.0:
         return within
-    areas = [0.0 if whole else float(shapely.intersection(polygon, shape).area) for polygon in polygons]
+    areas = [float(shapely.intersection(polygon, shape).area) for polygon in polygons]
     total = sum(areas)
     if total > 0:
         return [area / total for area in areas]
