@@ -23,9 +23,10 @@ from pavetwin.mission.environment import prepare
 from pavetwin.mission.fly import MissionResult, fly_over
 from pavetwin.mission.replay import Replay, replay_of
 from pavetwin.sensing import Frame
+from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world, save_world
-from scenes import built
+from scenes import built, drawn_detector
 
 SENSORS = """
 import numpy as np
@@ -70,13 +71,19 @@ small:
 """
 
 
+TAKEN: list[tuple[int, int]] = []
+"""Of every image that was painted in this process: the capture's number, and how many vehicles were parked."""
+
+
 class Painted:
     """Images of grey ground on which every defect is a black box: what they show depends on the world and the pose."""
 
-    def __init__(self, world: World, _replay: Replay, _seed: int) -> None:
+    def __init__(self, world: World, _replay: Replay, _seed: int, parked: ParkedVehicles) -> None:
         self._defects = world.defects
+        self._parked = parked
 
     def __call__(self, frame: Frame) -> np.ndarray[Any, np.dtype[np.uint8]]:
+        TAKEN.append((frame.number, len(self._parked)))
         width, height = frame.camera.image_px
         image = np.full((height, width, 3), 128, dtype=np.uint8)
         for defect in self._defects:
@@ -125,7 +132,7 @@ def flown_alone(row: dict[str, Any], world: Path, images: ImageSourceFactory) ->
     options = DefectOptions(population="paper", per_segment=4, mix={"pothole": 1.0})
     environment = prepare(town, settings, place([town.segments[target]], row["defect_seed"], options))
     replay, seed = replay_of(town, "low", row["traffic_seed"]), row["sensing_seed"]
-    source = images(environment.inspected_world, replay, seed)
+    source = images(environment.inspected_world, replay, seed, environment.parked)
     return fly_over(environment, replay, settings, [target], "baseline", seed=seed, image_source=source)
 
 
@@ -161,6 +168,44 @@ def test_without_images_its_missions_fail_and_are_flown_again_with_them(world: P
         design(world, "Dark", altitudes_m=[6], replicates=3), tmp_path / "other", Single(), image_source_factory=Painted
     )
     assert_frame_equal(more.table, at_once.table)
+
+
+def test_images_show_the_vehicles_that_are_parked(world: Path, tmp_path: Path) -> None:
+    TAKEN.clear()
+    shown = {"camera.model": str(world.parent / "camera.yaml"), "parking.occupancy": 1.0}
+    chosen = design(world, "Dark", altitudes_m=[6], replicates=1, set=shown)
+    ran = run(chosen, tmp_path / "study", Single(), image_source_factory=Painted)
+    assert not ran.failures
+    assert TAKEN
+    assert all(parked > 0 for _, parked in TAKEN)
+
+
+def test_missions_share_the_captures_that_they_have_in_common(world: Path, tmp_path: Path) -> None:
+    """Without traffic all policies fly alike: the detector looks at each capture once."""
+    values: dict[str, Any] = {
+        "densities": ["v0-p0"],
+        "sensors": ["detector"],
+        "altitudes_m": [6],
+        "replicates": 1,
+        "set": {
+            "camera.model": str(world.parent / "camera.yaml"),
+            "parking.enabled": False,
+            "sensing.options.model": str(drawn_detector.FILE),
+        },
+    }
+    TAKEN.clear()
+    alone = run(design(world, "", **values), tmp_path / "alone", Single(), image_source_factory=Painted).table
+    once = sorted(TAKEN)
+    assert len(once) == len(set(once)) > 0
+    TAKEN.clear()
+    several = design(world, "", **values, policies=["baseline", "hover", "micro", "skip"])
+    ran = run(several, tmp_path / "several", Single(), image_source_factory=Painted)
+    assert not ran.failures
+    assert sorted(TAKEN) == once
+    measured = [name for name in alone.columns if name not in ("policy", "revisits")]
+    for policy in several.policies:
+        assert_frame_equal(ran.table.filter(policy=policy)[measured], alone[measured])
+    assert ran.table["renderer"].null_count() == 0
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ the first image is asked for, nothing that renders is loaded.
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from pavetwin.arrays import UInt8Array
 from pavetwin.capture.daylight import Daylight
@@ -88,6 +88,18 @@ class MissionImages:
 
     @cached_property
     def scene_renderer(self) -> "SceneRenderer":
-        from pavetwin.capture.scene_renderer import SceneRenderer
+        return _renderer_of(self.world)
 
-        return SceneRenderer(self.world)
+
+_LATEST: Final[list[tuple[World, "SceneRenderer"]]] = []
+"""The world whose scene was built last, if any: a study flies over one with many recordings in turn, and building a
+scene takes as long as some ten images."""
+
+
+def _renderer_of(world: World) -> "SceneRenderer":
+    from pavetwin.capture.scene_renderer import SceneRenderer
+
+    if not _LATEST or _LATEST[0][0] is not world:
+        _LATEST.clear()
+        _LATEST.append((world, SceneRenderer(world)))
+    return _LATEST[0][1]

@@ -315,6 +315,7 @@ def _fly_and_draw(
     from pavetwin.capture.mission_images import MissionImages
     from pavetwin.cli import pictures, report
     from pavetwin.mission.fly import fly as fly_mission
+    from pavetwin.sensing import reused_sensor
 
     replay, environment, several = inputs.replay, inputs.environment, len(specs) > 1
     images = MissionImages(environment.inspected_world, replay, specs[0].seed, environment.parked)
@@ -322,11 +323,12 @@ def _fly_and_draw(
     sheet = pictures.drawing_sheet(images) if looks_at_images(specs[0].settings) else None
 
     def missions() -> Iterator["MissionResult"]:
+        eyes = reused_sensor(specs[0].settings.sensing, specs[0].seed) if several else None
         for spec in specs:
             with progress(f"Flying {Path(spec.policy.name).name}") as tell:
                 inputs.on_extend(partial(tell, what="Recording more traffic"))
                 look = partial(tell, what="Rendering the captures and searching them")
-                yield fly_mission(spec, inputs=inputs, image_source=images, on_progress=tell, on_look=look)
+                yield fly_mission(spec, inputs=inputs, sensor=eyes, image_source=images, on_progress=tell, on_look=look)
 
     with replay:
         results = report.save(missions(), folder, several=several)

@@ -3,7 +3,7 @@
 import io
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache, lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -29,7 +29,16 @@ from pavetwin.experiments.metrics import (
     REPLICATE,
     STATUS,
 )
-from pavetwin.experiments.plan import Cell, Plan, Unit, are_texts, check_files, recording_of, world_of_study
+from pavetwin.experiments.plan import (
+    Cell,
+    ImageSourceFactory,
+    Plan,
+    Unit,
+    are_texts,
+    check_files,
+    recording_of,
+    world_of_study,
+)
 from pavetwin.experiments.tours import MISSION_COLUMNS
 from pavetwin.mission.environment import MissionEnvironment, Surroundings, prepare
 from pavetwin.mission.fly import MissionResult, fly
@@ -40,7 +49,7 @@ from pavetwin.mission.replay import Replay
 from pavetwin.mission.results import totals
 from pavetwin.mission.spec import DefectInput, MissionSpec, PolicyInput, WorldInput
 from pavetwin.mission.versions import renderer_of
-from pavetwin.sensing import ImageSource, Sensor, load_sensor, sensor_class
+from pavetwin.sensing import ImageSource, Sensor, load_sensor, reused_sensor, sensor_class
 from pavetwin.traffic.area import TrafficArea
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder
@@ -62,7 +71,15 @@ _TYPES: Final = {int: pl.Int64, float: pl.Float64, str: pl.String, bool: pl.Bool
 Row = dict[str, Any]
 
 
-def fly_unit(plan: Plan, unit: Unit, on_recorded: Callable[[], None] = lambda: None) -> bytes:
+OnFlown = Callable[[Unit, Cell, MissionResult], None]
+
+
+def fly_unit(
+    plan: Plan,
+    unit: Unit,
+    on_recorded: Callable[[], None] = lambda: None,
+    on_flown: OnFlown = lambda _unit, _cell, _result: None,
+) -> bytes:
     """Fly a unit's missions, and give its part of the table as a Parquet file.
 
     The same plan and unit give the same bytes in every process. Failures are not raised: the missions that
@@ -70,13 +87,14 @@ def fly_unit(plan: Plan, unit: Unit, on_recorded: Callable[[], None] = lambda: N
 
     Args:
         on_recorded: called once the traffic is recorded, before the first mission.
+        on_flown: called with each mission that was flown, for those who keep more of it than its row.
     """
     try:
         check_files(plan)
         ground = _Ground.of(plan, unit)
         on_recorded()
         with ground.replay:
-            rows = [row for cell in plan.cells_of(unit) for row in _flown(plan, unit, cell, ground)]
+            rows = [row for cell in plan.cells_of(unit) for row in _flown(plan, unit, cell, ground, on_flown)]
     except Exception as error:
         return failed_unit(plan, unit, _words(error))
     return part_of(pl.DataFrame(rows, schema=schema(plan)))
@@ -131,15 +149,16 @@ def part_of(table: pl.DataFrame) -> bytes:
     return buffer.getvalue()
 
 
-def _flown(plan: Plan, unit: Unit, cell: Cell, ground: "_Ground") -> list[Row]:
+def _flown(plan: Plan, unit: Unit, cell: Cell, ground: "_Ground", on_flown: OnFlown) -> list[Row]:
     """The rows of one mission; it may fail."""
     try:
         settings = cell.settings(plan.design)
         environment = ground.environment(settings)
         spec = _spec(plan, unit, cell, settings, environment, ground.replay)
-        eyes = load_sensor(settings.sensing, spec.seed)
+        eyes = ground.sensor(settings, environment)
         inputs = MissionInputs(environment, ground.replay)
-        result = fly(spec, inputs=inputs, sensor=eyes, image_source=ground.image_source)
+        result = fly(spec, inputs=inputs, sensor=eyes, image_source=ground.image_source(environment))
+        on_flown(unit, cell, result)
     except Exception as error:
         return _failed(plan, unit, cell, _words(error))
     said: Row = {RENDERER: renderer_of(result.spec.versions), STATUS: FLOWN}
@@ -219,10 +238,16 @@ def _words(error: Exception) -> str:
 
 @dataclass(frozen=True)
 class _Ground:
+    """What the missions of a unit share."""
+
     place: "_Place"
     replay: Replay
     parking_seed: int
-    image_source: ImageSource | None
+    sensing_seed: int
+    images_of: ImageSourceFactory | None
+    _image_sources: dict[ParkingInput, ImageSource] = field(default_factory=dict)
+    _sensors: dict[tuple[str, ParkingInput], Sensor] = field(default_factory=dict)
+    """Those that serve several missions, see `Sensor.is_reused`, by their settings."""
 
     @classmethod
     def of(cls, plan: Plan, unit: Unit) -> "_Ground":
@@ -230,10 +255,26 @@ class _Ground:
         entry = design.worlds[unit.world]
         targets = tuple(sorted(plan.segments(unit)))
         place = _Place(entry.path, plan.hashes[unit.world], targets, seeds.defects, _defects_text(design))
-        world = replace(place.world, defects=_defects(place))
         replay = _replay(plan, unit, place.world, entry)
-        factory = plan.image_source_factory
-        return cls(place, replay, seeds.traffic, None if factory is None else factory(world, replay, seeds.sensing))
+        return cls(place, replay, seeds.traffic, seeds.sensing, plan.image_source_factory)
+
+    def sensor(self, settings: MissionSettings, environment: MissionEnvironment) -> Sensor:
+        key = settings.sensing.model_dump_json(), environment.parking
+        if key not in self._sensors:
+            reused = reused_sensor(settings.sensing, self.sensing_seed)
+            if reused is None:
+                return load_sensor(settings.sensing, self.sensing_seed)
+            self._sensors[key] = reused
+        return self._sensors[key]
+
+    def image_source(self, environment: MissionEnvironment) -> ImageSource | None:
+        if self.images_of is None:
+            return None
+        key = environment.parking
+        if key not in self._image_sources:
+            made = self.images_of(_inspected(self.place), self.replay, self.sensing_seed, environment.parked)
+            self._image_sources[key] = made
+        return self._image_sources[key]
 
     def environment(self, settings: MissionSettings) -> MissionEnvironment:
         uav = UavSettings(radius_m=settings.uav.radius_m, base=settings.uav.base)
@@ -265,6 +306,12 @@ def _defects(place: _Place) -> tuple[Defect, ...]:
         return world.defects
     options = _defect_options(place.path, place.defects)
     return place_defects([world.segments[target] for target in place.targets], place.seed, options, threads=1)
+
+
+@lru_cache(maxsize=2)
+def _inspected(place: _Place) -> World:
+    """The world with these defects alone."""
+    return replace(place.world, defects=_defects(place))
 
 
 def _defects_text(design: Design) -> str:

@@ -25,6 +25,7 @@ from pavetwin.policies import policy_class
 from pavetwin.seeds import Stream, child
 from pavetwin.sensing import ImageSource, sensor_class
 from pavetwin.traffic.own_demand import own_demand
+from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.traffic.recording import Recording
 from pavetwin.traffic.recording_file import load_recording
 from pavetwin.world.model import World
@@ -37,9 +38,9 @@ IN_DESIGN_FILE: Final = {
 }
 """Parameter, as messages name it → the key of a design that gives it."""
 
-ImageSourceFactory = Callable[[World, Replay, int], ImageSource]
+ImageSourceFactory = Callable[[World, Replay, int, ParkedVehicles], ImageSource]
 """Makes what takes the images of missions: over a world with the defects that they look for, in a replayed traffic,
-with their sensors' seed. It is pickled: a function or class at the top of a module."""
+with their sensors' seed and the vehicles that are parked. It is pickled: a function or class at the top of a module."""
 
 SHOWN: Final = 12
 """Characters of a hash in `design.yaml` and in the table."""

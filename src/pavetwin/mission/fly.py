@@ -209,7 +209,7 @@ def fly(
 
     _answer(flown, chosen, detect, is_told=not looking.after_landing)
     defect_classes = {defect.kind for defect in loaded.environment.defects}
-    looked = images is not None and images.taken > 0
+    looked = images is not None and (images.taken > 0 or looking.looked_px is not None)
     return result_of(flown, spec.with_versions(images=looked, defect_classes=defect_classes))
 
 

@@ -7,7 +7,7 @@ from pavetwin.sensing.frame import Box, Frame, ImageSource, Sighting
 from pavetwin.sensing.ideal import Ideal
 from pavetwin.sensing.matching import match
 from pavetwin.sensing.recall import Recall
-from pavetwin.sensing.registered import SENSORS, load_sensor, sensor, sensor_class, sensor_names
+from pavetwin.sensing.registered import SENSORS, load_sensor, reused_sensor, sensor, sensor_class, sensor_names
 from pavetwin.sensing.resolution import orientations_of, resolved_share, sighted_share, smallest_extent_m
 
 __all__ = [
@@ -29,6 +29,7 @@ __all__ = [
     "match",
     "orientations_of",
     "resolved_share",
+    "reused_sensor",
     "sensor",
     "sensor_class",
     "sensor_names",

@@ -33,6 +33,9 @@ class Sensor(ABC):
     that is not registered is an error."""
     is_fitted: ClassVar[bool] = False
     """Whether its parameters were fitted, so that it answers `found_by_draws`."""
+    is_reused: ClassVar[bool] = False
+    """Whether one may serve several missions over the same world, defects, traffic and parked vehicles, under the same
+    settings and seed: it then looks only once at the captures that these have in common."""
     after_landing: bool = False
     """Whether the mission is flown before it looks at any capture: it is then handed all of them, see `look_at`, and
     policies know nothing of what is found."""

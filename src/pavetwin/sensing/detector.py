@@ -61,12 +61,16 @@ class DetectorSensor(Sensor):
     The image has the camera's field of view and the pixels that the model takes. A detection's footprint is the convex
     hull of its mask, or else its box, on the ground as a level plane; its sizes come from the mask.
 
+    It remembers what it found: missions that share a world, traffic, light and seed also share captures, until their
+    policies part, and each of these is rendered and searched once.
+
     Unless `aboard`, the mission is flown first, and its captures are rendered and searched after landing: policies do
     not know what was found. What is found is the same both ways for a policy that does not ask.
     """
 
     every_capture = True
     sees_confirmed = True
+    is_reused = True
     default_options: ClassVar[Mapping[str, OptionValue]] = MappingProxyType(
         {"model": DEFAULT, "confidence": 0.25, "image_px": 0, "aboard": False}
     )
@@ -81,7 +85,8 @@ class DetectorSensor(Sensor):
         super().__init__(settings, seed)
         self.after_landing = not self.options["aboard"]
         self._detector = detector or self._opened()
-        self._found: dict[int, tuple[Frame, list[Detection]]] = {}
+        self._found: dict[int, list[tuple[Frame, list[Detection]]]] = {}
+        """By the capture's number: what was found in frames, which are without sightings."""
 
     def _opened(self) -> ImageDetector:
         from pavetwin.perception.inference import Detector
@@ -102,28 +107,41 @@ class DetectorSensor(Sensor):
         While one image is searched, the next one is rendered.
         """
         waiting: deque[tuple[Frame, Future[list[Detection]]]] = deque()
+        left = [frame for frame in frames if self._known(frame) is None]
+        taken: list[Frame] = []
 
         def take() -> None:
             frame, found = waiting.popleft()
-            self._found[frame.number] = replace(frame, sightings=()), found.result()
-            on_progress(len(self._found) / len(frames))
+            self._remember(frame, found.result())
+            taken.append(frame)
+            on_progress(1.0 - (len(left) - len(taken)) / len(frames))
 
-        self._found.clear()
         with ThreadPoolExecutor(1) as pool:
-            for frame in frames:
+            for frame in left:
                 seen = self._seen(frame)
                 waiting.append((frame, pool.submit(self._searched, frame, seen, seen.image())))
                 if len(waiting) > _WAITING:
                     take()
             while waiting:
                 take()
+        on_progress(1.0)
 
     def detect(self, frame: Frame) -> Sequence[Detection]:
-        known = self._found.get(frame.number)
-        if known is not None and known[0] == replace(frame, sightings=()):
-            return known[1]
+        known = self._known(frame)
+        if known is not None:
+            return known
         seen = self._seen(frame)
-        return self._searched(frame, seen, seen.image())
+        found = self._searched(frame, seen, seen.image())
+        self._remember(frame, found)
+        return found
+
+    def _known(self, frame: Frame) -> list[Detection] | None:
+        """What was found in this capture; None where it was not looked at."""
+        asked = replace(frame, sightings=())
+        return next((found for known, found in self._found.get(frame.number, ()) if known == asked), None)
+
+    def _remember(self, frame: Frame, found: list[Detection]) -> None:
+        self._found.setdefault(frame.number, []).append((replace(frame, sightings=(), source=None), found))
 
     def _seen(self, frame: Frame) -> Frame:
         return replace(frame, camera=self.seen_camera(frame.camera))

@@ -37,6 +37,15 @@ def load_sensor(settings: SensingSettings, seed: int) -> Sensor:
     return sensor_class(settings.sensor)(settings, seed)
 
 
+def reused_sensor(settings: SensingSettings, seed: int) -> Sensor | None:
+    """A sensor for several missions, see `Sensor.is_reused`; None where each mission needs its own.
+
+    Raises:
+        PaveTwinError: as `load_sensor`.
+    """
+    return load_sensor(settings, seed) if sensor_class(settings.sensor).is_reused else None
+
+
 def sensor_class(name: str) -> type[Sensor]:
     """The class of a sensor, by its name or as `path/to/file.py:ClassName`.
 
