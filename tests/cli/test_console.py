@@ -74,3 +74,9 @@ def test_what_takes_long_says_so_in_a_file_and_what_is_quick_is_silent(
 def test_the_version_is_said_without_a_command(capsys: pytest.CaptureFixture[str]) -> None:
     app(["--version"], standalone_mode=False)
     assert capsys.readouterr().out == f"PaveTwin {version('pavetwin')}\n"
+
+
+def test_a_time_left_that_is_given_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    with Lines("Flying") as tell:
+        tell(0.25, "Flying", 61.4)
+    assert capsys.readouterr().err == "Flying (25%, 0:01:01 left)\n"

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import timedelta
 from functools import cached_property
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -57,18 +58,18 @@ err = LateConsole(stderr=True)
 
 class Bar:
     """A progress bar: call it with the share done, 0 … 1, and optionally with the present stage. A share that falls
-    begins another stage."""
+    begins another stage. The time left is estimated from the pace so far where it is not given."""
 
     def __init__(self, bar: "Progress", what: str) -> None:
         self._bar, self._what, self._share = bar, what, 0.0
         self._task = bar.add_task(what, total=1.0)
 
-    def __call__(self, share: float, what: str | None = None) -> None:
+    def __call__(self, share: float, what: str | None = None, remaining_s: float | None = None) -> None:
         if share < self._share:
             # The stage before says nothing about the time left in this one.
             self._bar.reset(self._task)
         self._share = share
-        self._bar.update(self._task, completed=share, description=what or self._what)
+        self._bar.update(self._task, completed=share, description=what or self._what, remaining_s=remaining_s)
 
 
 class Lines:
@@ -78,6 +79,7 @@ class Lines:
     def __init__(self, what: str, *, tenths: bool = True) -> None:
         self._tenths = tenths
         self._what, self._text, self._share, self._stage, self._tenth = what, what, 0.0, "", 0
+        self._remaining_s: float | None = None
         self._due_s = time.monotonic() + STAGE_S
         self._lock, self._ended = threading.Lock(), threading.Event()
         self._clock = threading.Thread(target=self._remind, daemon=True)
@@ -90,9 +92,9 @@ class Lines:
         self._ended.set()
         self._clock.join()
 
-    def __call__(self, share: float, what: str | None = None) -> None:
+    def __call__(self, share: float, what: str | None = None, remaining_s: float | None = None) -> None:
         with self._lock:
-            self._text, self._share = what or self._what, share
+            self._text, self._share, self._remaining_s = what or self._what, share, remaining_s
             stage, tenth = re.sub(r"[0-9/]+", "", self._text), int(10 * share + 1e-9)
             if stage != self._stage:
                 self._stage, self._tenth, self._due_s = stage, 0, time.monotonic() + STAGE_S
@@ -108,7 +110,8 @@ class Lines:
 
     def _tell(self) -> None:
         self._due_s = time.monotonic() + LINE_S
-        sys.stderr.write(f"{self._text} ({self._share:.0%})\n" if self._share else f"{self._text} …\n")
+        left = "" if self._remaining_s is None else f", {timedelta(seconds=round(self._remaining_s))} left"
+        sys.stderr.write(f"{self._text} ({self._share:.0%}{left})\n" if self._share else f"{self._text} …\n")
         sys.stderr.flush()
 
 
@@ -120,10 +123,16 @@ def progress(what: str, *, lines: bool = False) -> Iterator[Bar | Lines]:
         with Lines(what, tenths=lines) as told:
             yield told
         return
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, Progress, SpinnerColumn, Task, TextColumn, TimeRemainingColumn
+    from rich.text import Text
+
+    class Remaining(TimeRemainingColumn):
+        def render(self, task: Task) -> Text:
+            left_s = task.fields.get("remaining_s")
+            return super().render(task) if left_s is None else Text(str(timedelta(seconds=round(left_s))), "cyan")
 
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
-    with Progress(*columns, TimeRemainingColumn(), console=err.rich, transient=True) as bar:
+    with Progress(*columns, Remaining(), console=err.rich, transient=True) as bar:
         yield Bar(bar, what)
 
 

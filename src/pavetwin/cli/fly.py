@@ -314,6 +314,7 @@ def _fly_and_draw(
     """Fly missions that differ in their policy, write each as soon as it is flown, print what came out, then draw."""
     from pavetwin.capture.mission_images import MissionImages
     from pavetwin.cli import pictures, report
+    from pavetwin.cli.flight_progress import FlightProgress
     from pavetwin.mission.fly import fly as fly_mission
     from pavetwin.sensing import reused_sensor
 
@@ -325,10 +326,12 @@ def _fly_and_draw(
     def missions() -> Iterator["MissionResult"]:
         eyes = reused_sensor(specs[0].settings.sensing, specs[0].seed) if several else None
         for spec in specs:
-            with progress(f"Flying {Path(spec.policy.name).name}") as tell:
-                inputs.on_extend(partial(tell, what="Recording more traffic"))
+            what = f"Flying {Path(spec.policy.name).name}"
+            with progress(what) as tell:
+                flight = FlightProgress(tell, what, replay)
+                inputs.on_extend(flight.extended)
                 look = partial(tell, what="Rendering the captures and searching them")
-                yield fly_mission(spec, inputs=inputs, sensor=eyes, image_source=images, on_progress=tell, on_look=look)
+                yield fly_mission(spec, inputs=inputs, sensor=eyes, image_source=images, observer=flight, on_look=look)
 
     with replay:
         results = report.save(missions(), folder, several=several)

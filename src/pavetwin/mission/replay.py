@@ -50,6 +50,8 @@ class Replay:
     """Whether a single mission is flown over it, so that what is behind it need not stay in memory."""
     on_extend: Callable[[float], None] = lambda _: None
     """Told the share done of an extension."""
+    extending_s: float = field(default=0.0, init=False)
+    """How many seconds SUMO simulates for the latest extension."""
     recorder: Recorder | None = field(default=None, repr=False)
     """Extends the recording; made when it is first needed."""
     _trace: Trace | None = field(default=None, init=False, repr=False)
@@ -116,6 +118,7 @@ class Replay:
                 self.recorder = Recorder.of(self.recording, self.world, self.routes, unchanged=self.file)
                 if self._entered:
                     self.recorder.__enter__()
+            self.extending_s = self.recorder.simulated_s(longer_s)
             self.recording = self.recorder.beyond(longer_s, self.on_extend)
             self._trace = self._traced(self._trace)
         return self.trace()

@@ -139,6 +139,11 @@ class Recorder:
         assert self._longest is not None
         return self._longest
 
+    def simulated_s(self, duration_s: float) -> float:
+        """How many seconds SUMO simulates to record that long: all of them, unless it still runs."""
+        known = self._longest if self._simulation is not None else None
+        return max(0.0, duration_s - (known.duration_s if known is not None else 0.0))
+
     def __enter__(self) -> Self:
         self._entered = True
         return self

@@ -1,0 +1,73 @@
+"""How much of a mission is flown, and how long the rest will take, with the traffic that is still to be recorded."""
+
+import time
+from collections.abc import Callable
+
+from pavetwin.cli.console import Bar, Lines
+from pavetwin.mission.events import MissionEvent, ProgressMade
+from pavetwin.mission.replay import GROWTH, Replay
+
+
+class FlightProgress:
+    """An observer of a mission that moves a bar.
+
+    What is left is estimated from three rates: flown seconds a share of the mission, and real seconds a flown second
+    and a simulated one. Traffic is recorded in steps, each `GROWTH` times as long as what is known.
+    """
+
+    def __init__(
+        self, tell: Bar | Lines, what: str, traffic: Replay, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._tell, self._what, self._traffic, self._clock = tell, what, traffic, clock
+        self._share, self._flown_s = 0.0, 0.0
+        self._last = clock()
+        self._flying_s = self._recording_s = self._simulated_s = 0.0
+        self._extension: float | None = None
+        """When the one in progress began."""
+
+    def __call__(self, event: MissionEvent) -> None:
+        """Told everything that happens in the mission."""
+        if not isinstance(event, ProgressMade):
+            return
+        now = self._clock()
+        if self._extension is not None:
+            self._recording_s += self._last - self._extension
+            self._simulated_s += self._traffic.extending_s
+            self._extension = None
+        # A mission whose sensor looks after landing is flown twice.
+        self._flying_s = now - self._last if event.share < self._share else self._flying_s + now - self._last
+        self._last, self._share, self._flown_s = now, event.share, event.time_s
+        self._tell(self._share, self._what, self.remaining_s(0.0, 0.0))
+
+    def extended(self, share: float) -> None:
+        """Told the share done of an extension of the recorded traffic."""
+        now = self._clock()
+        if self._extension is None:
+            self._extension = self._last
+        self._last = now
+        begun_s = now - self._extension
+        left_s = begun_s * (1 - share) / share if share > 0 else 0.0
+        self._tell(self._share, f"{self._what}, recording more traffic", self.remaining_s(left_s, begun_s, share))
+
+    def remaining_s(self, extension_s: float, begun_s: float, share: float = 0.0) -> float | None:
+        """Seconds to the end of the mission; None where nothing is known yet.
+
+        Args:
+            extension_s: that the extension in progress still takes.
+            begun_s: that it has taken.
+            share: of it that is done.
+        """
+        if not self._share or not self._flown_s:
+            return None
+        whole_s = self._flown_s / self._share
+        left_s = self._flying_s * (1 - self._share) / self._share + extension_s
+        known_s = self._traffic.recording.duration_s - self._traffic.start_s
+        if self._extension is not None:
+            known_s *= GROWTH
+        longest_s = known_s
+        while longest_s < whole_s:
+            longest_s *= GROWTH
+        simulated_s = self._simulated_s + share * (self._traffic.extending_s if self._extension is not None else 0.0)
+        if simulated_s > 0:
+            left_s += (longest_s - known_s) * (self._recording_s + begun_s) / simulated_s
+        return left_s
