@@ -11,8 +11,12 @@ import pytest
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.traffic.inputs import Inputs
+from pavetwin.traffic.job import Part
+from pavetwin.traffic.part_file import PackedPart
 from pavetwin.traffic.record import Recorder, record
 from pavetwin.traffic.recording_file import save_recording
+from pavetwin.traffic.runner import OnRecorded, SimulationProcess
+from pavetwin.traffic.track_part import TrackPart
 from pavetwin.world.model import World
 from scenes.processes import is_gone, is_over, simulations
 from scenes.recordings import save_first_version
@@ -54,6 +58,33 @@ def test_parts_make_the_same_recording_as_one(cross: World, tmp_path: Path, traf
         assert len(simulations(os.getpid())) == 1
     assert bytes_of(part) == expected
     assert not simulations(os.getpid())
+
+
+def test_what_is_recorded_is_packed_piece_by_piece(cross: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A recording of hours would not fit into memory as poses, nor as what SUMO's process hands over at once."""
+    monkeypatch.setattr("pavetwin.traffic.tracks.PART_STEPS", 30)
+    whole = record(cross, "medium", 3, 60.0)
+    monkeypatch.setattr("pavetwin.traffic.record.FRAMES_AT_ONCE", 50)
+    told: list[float] = []
+    handed: list[int] = []
+    hand_over = SimulationProcess.record
+
+    def counted(self: SimulationProcess, frames: int, on_progress: OnRecorded | None = None) -> Part:
+        handed.append(frames)
+        return hand_over(self, frames, on_progress)
+
+    monkeypatch.setattr(SimulationProcess, "record", counted)
+    with Recorder(Inputs.of(cross, "medium", 3), force=True) as recorder:
+        pieces = recorder.until(60.0, told.append)
+        assert sum(handed) == pieces.frames
+        assert max(handed) == 50
+        *done, last = pieces.tracks.parts
+        assert len(done) > 2
+        assert all(isinstance(part, PackedPart) for part in done)
+        assert isinstance(last, TrackPart)
+    assert bytes_of(pieces) == bytes_of(whole)
+    assert told == sorted(told)
+    assert told[-1] == 1.0
 
 
 def test_a_recording_from_the_disk_is_extended_by_one_simulation(cross: World) -> None:

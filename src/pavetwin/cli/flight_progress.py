@@ -7,6 +7,9 @@ from pavetwin.cli.console import Bar, Lines
 from pavetwin.mission.events import MissionEvent, ProgressMade
 from pavetwin.mission.replay import GROWTH, Replay
 
+AGENT_S = 2e-5
+"""Real seconds that SUMO takes for a second of an agent."""
+
 
 class FlightProgress:
     """An observer of a mission that moves a bar.
@@ -20,6 +23,7 @@ class FlightProgress:
     ) -> None:
         self._tell, self._what, self._traffic, self._clock = tell, what, traffic, clock
         self._share, self._flown_s = 0.0, 0.0
+        self._first_pace = _pace_of(traffic)
         self._last = clock()
         self._flying_s = self._recording_s = self._simulated_s = 0.0
         self._extension: float | None = None
@@ -68,6 +72,13 @@ class FlightProgress:
         while longest_s < whole_s:
             longest_s *= GROWTH
         simulated_s = self._simulated_s + share * (self._traffic.extending_s if self._extension is not None else 0.0)
-        if simulated_s > 0:
-            left_s += (longest_s - known_s) * (self._recording_s + begun_s) / simulated_s
-        return left_s
+        pace = (self._recording_s + begun_s) / simulated_s if simulated_s > 0 else self._first_pace
+        return left_s + (longest_s - known_s) * pace
+
+
+def _pace_of(traffic: Replay) -> float:
+    """Real seconds that a second of a recording takes: as it did just now, else as its agents take on one core."""
+    if traffic.recorder is not None and traffic.recorder.pace is not None:
+        return traffic.recorder.pace
+    numbers = traffic.recording.tracks.numbers
+    return AGENT_S * float((numbers.vehicles + numbers.pedestrians).mean())

@@ -1,6 +1,7 @@
 """Record traffic as far as it is needed, and reuse recordings by the hash of their inputs."""
 
 import math
+import time
 from collections.abc import Sequence
 from contextlib import ExitStack, closing, suppress
 from dataclasses import replace
@@ -23,6 +24,9 @@ from pavetwin.world.folder import CACHE_VARIABLE
 from pavetwin.world.model import World
 
 LONGEST_S: Final = 86400.0
+
+FRAMES_AT_ONCE: Final = 1200
+"""Ten minutes: as many come from SUMO's process unpacked, so that memory does not grow with a recording's length."""
 
 
 def record(
@@ -66,6 +70,8 @@ class Recorder:
         self._inputs = inputs
         self._longest = None if force else _kept(inputs)
         """The longest recording so far."""
+        self.pace: float | None = None
+        """Real seconds that a second of the latest recording took; None before the first."""
         self._written = self._longest
         self._unchanged = unchanged
         self._entered = False
@@ -177,22 +183,30 @@ class Recorder:
 
     def _simulate(self, frames: int, on_progress: OnRecorded | None, on_search: OnRecorded | None) -> None:
         """Record the first `frames` frames, by the running simulation or by a new one."""
-        before = self._longest if self._simulation is not None else None
+        goes_on = self._simulation is not None
+        before = self._longest if goes_on else None
+        simulated_s, begun = self.simulated_s(frames * STEP_S), time.monotonic()
         try:
             if self._simulation is None:
                 self._inputs = with_area_traffic(found(self._inputs, on_search), on_search)
             simulation = self._simulation or self._begin()
-            part = simulation.record(frames - (before.frames if before is not None else 0), on_progress)
+            self._simulation = simulation
+            begin = before.frames if before is not None else 0
+            for first in range(begin, frames, FRAMES_AT_ONCE):
+                count = min(FRAMES_AT_ONCE, frames - first)
+                tell = on_progress and _part_of(on_progress, (first - begin, count, frames - begin))
+                part = simulation.record(count, tell)
+                origin, limits = self._inputs.origin(part), self._inputs.speed_limits
+                before = replace(to_recording(part, origin, limits, before), path=self._inputs.path)
         except BaseException:
             self._end()  # its position is unknown
             raise
-        self._simulation = simulation
-        recording = to_recording(part, self._inputs.origin(part), self._inputs.speed_limits, before)
-        recording = replace(recording, path=self._inputs.path)
-        if before is None:
-            self._take(recording)
+        assert before is not None
+        self.pace = (time.monotonic() - begun) / max(simulated_s, STEP_S)
+        if goes_on:
+            self._longest = before
         else:
-            self._longest = recording
+            self._take(before)
 
     def _begin(self) -> SimulationProcess:
         require_sumo()
@@ -204,6 +218,12 @@ class Recorder:
     def _end(self) -> None:
         self._simulation = None
         self._alive.close()
+
+
+def _part_of(tell: OnRecorded, done_now_all: tuple[int, int, int]) -> OnRecorded:
+    """Told the share of some frames, tells that of all of which some are done before."""
+    done, now, whole = done_now_all
+    return lambda share: tell((done + share * now) / whole)
 
 
 def _kept(inputs: Inputs) -> Recording | None:

@@ -15,10 +15,10 @@ import pyarrow.parquet as pq
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
-from pavetwin.traffic import part_table
 from pavetwin.traffic.area import TrafficArea
 from pavetwin.traffic.demand import Capacity, Density
 from pavetwin.traffic.kinds import AgentClass
+from pavetwin.traffic.part_file import part_writer, read_part, write_part
 from pavetwin.traffic.pose_rows import COLUMNS, PoseRows
 from pavetwin.traffic.recording import SIZES, Agents, Origin, Recording
 from pavetwin.traffic.track_part import TrackPart
@@ -29,10 +29,6 @@ FORMAT: Final = 3
 """Version of the file. The first one, a row for every pose, is still read, and its poses are rounded."""
 
 _KEY: Final = "pavetwin"
-_SCHEMA: Final = pa.schema([*((name, pa.int32()) for name in part_table.COLUMNS), ("is_last", pa.bool_())])
-_ENCODING: Final = {**dict.fromkeys(part_table.COLUMNS, "BYTE_STREAM_SPLIT"), "is_last": "RLE"}
-_LEVEL: Final = 1
-"""Of compression; higher ones gain 3 % and take three times as long."""
 
 
 def save_recording(recording: Recording, path: str | Path) -> Recording:
@@ -45,21 +41,9 @@ def save_recording(recording: Recording, path: str | Path) -> Recording:
     if recording.tracks.first_step or recording.tracks.parts[-1].last_step >= recording.frames:
         recording = replace(recording, tracks=recording.tracks.copied(recording.agents.is_pedestrian, recording.step_s))
     text = json.dumps(_metadata(recording), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
-    with (
-        writing(path) as temporary,
-        pq.ParquetWriter(
-            temporary,
-            _SCHEMA,
-            compression="zstd",
-            compression_level=_LEVEL,
-            use_dictionary=False,
-            column_encoding=_ENCODING,
-            store_schema=False,  # it would hold the metadata again
-        ) as writer,
-    ):
+    with writing(path) as temporary, part_writer(temporary) as writer:
         for part in recording.tracks.parts:
-            table = pa.table(part_table.to_columns(part.load()), schema=_SCHEMA)
-            writer.write_table(table, row_group_size=max(1, len(table)))
+            write_part(writer, part.load())
         writer.add_key_value_metadata({_KEY: text})
     return replace(recording, path=path)
 
@@ -168,8 +152,7 @@ def _tracks(file: pq.ParquetFile, metadata: dict[str, Any], agents: Agents, path
 def _reader(file: pq.ParquetFile, group: int, first: int, last: int, path: Path) -> Callable[[], TrackPart]:
     def read() -> TrackPart:
         try:
-            table = file.read_row_group(group, use_threads=False)
-            return part_table.from_columns({name: table[name].to_numpy() for name in table.column_names}, first, last)
+            return read_part(file, group, first, last)
         except (pa.ArrowException, OSError, KeyError, ValueError) as error:
             raise PaveTwinError(f"The recording '{path}' is damaged; record it again.") from error
 

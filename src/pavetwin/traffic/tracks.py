@@ -1,6 +1,6 @@
 """The tracks of all agents of a recording, as key frames in parts of two minutes, each loaded when it is needed."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import pairwise
@@ -9,6 +9,7 @@ from typing import Final, Self
 import numpy as np
 
 from pavetwin.arrays import BoolArray, Float64Array, Int64Array
+from pavetwin.traffic.part_file import PackedPart
 from pavetwin.traffic.pose_rows import COLUMNS, PoseRows
 from pavetwin.traffic.track_part import TrackPart
 
@@ -83,7 +84,7 @@ class FrameNumbers:
 class AgentTracks:
     """Frames of a recording, a window of all that its parts hold."""
 
-    parts: tuple[TrackPart | StoredPart, ...]
+    parts: tuple[TrackPart | PackedPart | StoredPart, ...]
     """Of the whole recording: part k begins at step k · `PART_STEPS` and ends where the next one begins."""
     first_step: int
     """The window's."""
@@ -95,7 +96,7 @@ class AgentTracks:
     @classmethod
     def of(cls, rows: PoseRows, is_pedestrian: BoolArray, step_s: float) -> Self:
         parts = tuple(_parts(rows, 0))
-        return cls(parts, 0, FrameNumbers.of(rows, is_pedestrian), _fastest_mps(parts, step_s))
+        return cls(_packed(parts), 0, FrameNumbers.of(rows, is_pedestrian), _fastest_mps(parts, step_s))
 
     @property
     def frames(self) -> int:
@@ -121,7 +122,7 @@ class AgentTracks:
         known = int(self.numbers.known[-1])
         longer = tuple(_parts(last.rows().followed_by(rows), last.first_step))
         return AgentTracks(
-            (*self.parts[:-1], *longer),
+            (*self.parts[:-1], *_packed(longer)),
             self.first_step,
             self.numbers.followed_by(FrameNumbers.of(rows, is_pedestrian, known)),
             max(self.fastest_mps, _fastest_mps(longer, step_s)),
@@ -171,6 +172,11 @@ def _parts(rows: PoseRows, first_step: int) -> Iterator[TrackPart]:
     for begin in range(0, max(rows.frames - 1, 1), PART_STEPS):
         end = min(begin + PART_STEPS + 1, rows.frames)
         yield TrackPart.of(rows.between(begin, end), first_step + begin)
+
+
+def _packed(parts: Sequence[TrackPart]) -> tuple[TrackPart | PackedPart, ...]:
+    """All but the last, which may go on, packed: a recording is hours long."""
+    return (*(PackedPart.of(part) for part in parts[:-1]), *parts[-1:])
 
 
 def _fastest_mps(parts: Iterable[TrackPart], step_s: float) -> float:
