@@ -22,7 +22,7 @@ from pavetwin.world.store import load_world, save_world
 from scenes import HERE, built, damaged, drawn_detector
 from scenes.command_line import command, pavetwin, pavetwin_process, plain_refusal, without_progress
 from scenes.folders import digests
-from scenes.processes import is_over, simulations
+from scenes.processes import is_gone, is_over, simulations
 
 SHORT = ("--density", "low", "--segments", "2", "--seed", "1")
 
@@ -574,6 +574,54 @@ def test_a_full_disk_is_said_and_leaves_nothing(world: Path, tmp_path: Path) -> 
     assert "Cannot write" in line
     assert "Free some space" in line
     assert not list(tmp_path.iterdir())
+
+
+def test_a_full_disk_while_traffic_is_recorded_is_said_and_leaves_nothing(world: Path, tmp_path: Path) -> None:
+    def no_room() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))
+
+    fly = ("fly", world, "--density", "high", "--segments", 1, "--cache", tmp_path / "cache", "-o", tmp_path / "m")
+    line = plain_refusal(pavetwin_process(*fly, preexec_fn=no_room))
+    assert "high-0.parquet" in line
+    assert "Free some space" in line
+    assert not (tmp_path / "m").exists()
+    assert not list((tmp_path / "cache").rglob("*.parquet*"))
+    assert is_over(lambda: not simulations(os.getpid()))
+
+
+def test_a_damaged_recording_in_the_cache_is_made_again_and_said_once(world: Path, tmp_path: Path) -> None:
+    fly = ("fly", world, *SHORT, "--cache", tmp_path / "cache", "--force", "-o", tmp_path / "m")
+    assert pavetwin(*fly).returncode == 0
+    (path,) = (tmp_path / "cache").rglob("*.parquet")
+    whole, mission = path.read_bytes(), digests(tmp_path / "m")["mission.parquet"]
+    path.write_bytes(whole[: len(whole) // 2])
+    done = pavetwin(*fly)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("was damaged or of another version; it was recorded again") == 1
+    assert path.read_bytes() == whole
+    assert digests(tmp_path / "m")["mission.parquet"] == mission
+    assert "recorded again" not in pavetwin(*fly).stdout
+
+
+@pytest.mark.slow
+def test_a_killed_mission_leaves_nothing_half_written_and_is_flown_again(world: Path, tmp_path: Path) -> None:
+    """A mission is not resumed: what was recorded and flown is lost, and the same command gives it."""
+    arguments = ("fly", world, "--density", "high", "--segments", "all", "--policy", "skip")
+    whole = pavetwin(*arguments, "--cache", tmp_path / "kept", "-o", tmp_path / "whole")
+    assert whole.returncode == 0, whole.stderr
+    again = command(*arguments, "--cache", tmp_path / "cache", "-o", tmp_path / "m")
+    process = subprocess.Popen(again, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    assert is_over(lambda: bool(simulations(process.pid)))
+    ran = simulations(process.pid)
+    process.kill()
+    process.wait()
+    assert is_over(lambda: all(is_gone(each) for each in ran))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["cache", "kept", "whole"]
+    done = pavetwin(*arguments, "--cache", tmp_path / "cache", "-o", tmp_path / "m")
+    assert done.returncode == 0, done.stderr
+    for name in ("mission.parquet", "track.parquet"):
+        assert digests(tmp_path / "m")[name] == digests(tmp_path / "whole")[name]
 
 
 INTERRUPTED, TERMINATED = (signal.SIGINT, 130, "Interrupted"), (signal.SIGTERM, 143, "Terminated")

@@ -1,5 +1,6 @@
 """A recording as a value: its prefix, its file, its numbers. No SUMO needed."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -153,6 +154,17 @@ def test_a_file_that_is_no_recording_is_refused(tmp_path: Path) -> None:
     save_recording(recording_of([1, 2]), path)
     path.write_bytes(path.read_bytes()[:-20])
     with pytest.raises(PaveTwinError, match="not a complete recording"):
+        load_recording(path)
+
+
+def test_a_recording_of_a_later_version_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "low-1.parquet"
+    save_recording(recording_of([1, 2]), path)
+    table = pq.read_table(path)
+    metadata = json.loads(pq.read_metadata(path).metadata[b"pavetwin"])
+    said = json.dumps(metadata | {"format": 99}).encode()
+    pq.write_table(table.replace_schema_metadata({b"pavetwin": said}), path)
+    with pytest.raises(PaveTwinError, match="has format 99, this version reads 3; record it again"):
         load_recording(path)
 
 

@@ -92,6 +92,11 @@ def save(missions: Iterable["MissionResult"], folder: Path, *, several: bool) ->
 
 def tell(results: Sequence["MissionResult"], inputs: "MissionInputs", former: "FormerMission | None") -> None:
     """Print what came out, and how it compares with a former flight of the same mission."""
+    recorder = inputs.replay.recorder
+    for path in recorder.damaged if recorder is not None else ():
+        out.print(
+            f"[yellow]Note:[/] '{path}' was damaged or of another version; it was recorded again.", soft_wrap=True
+        )
     for remark in inputs.replay.recording.remarks:
         out.print(f"[yellow]Note:[/] {remark}")
     out.print(segments_table(results[0]) if len(results) == 1 else comparison_table(results))

@@ -68,7 +68,9 @@ class Recorder:
             unchanged: a file that is never written, even where it is the one in the cache.
         """
         self._inputs = inputs
-        self._longest = None if force else _kept(inputs)
+        self.damaged: list[Path] = []
+        """Files in the cache that cannot be read, and are recorded again."""
+        self._longest = None if force else _kept(inputs, self.damaged)
         """The longest recording so far."""
         self.pace: float | None = None
         """Real seconds that a second of the latest recording took; None before the first."""
@@ -226,11 +228,13 @@ def _part_of(tell: OnRecorded, done_now_all: tuple[int, int, int]) -> OnRecorded
     return lambda share: tell((done + share * now) / whole)
 
 
-def _kept(inputs: Inputs) -> Recording | None:
-    """The longest recording on disk that was made from the same inputs. None for damaged files."""
+def _kept(inputs: Inputs, damaged: list[Path]) -> Recording | None:
+    """The longest recording on disk that was made from the same inputs. Names of damaged files are appended."""
     found = []
     for path in filter(Path.exists, inputs.places()):
-        with suppress(PaveTwinError):
+        try:
             found.append(load_recording(path))
+        except PaveTwinError:
+            damaged.append(path)
     same = (recording for recording in found if recording.origin.inputs == inputs.hash)
     return max(same, key=lambda recording: recording.frames, default=None)
