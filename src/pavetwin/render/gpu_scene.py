@@ -9,12 +9,13 @@ import numpy as np
 from pavetwin.arrays import Float64Array, Int64Array
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.instances import InstanceBatch, InstanceBuffer, PartTable
-from pavetwin.render.levels import casting, coarser, culling_of, level_of
+from pavetwin.render.levels import casting, culling_of, level_of
 from pavetwin.render.meshes import FaceCulling, GpuMesh, split_by_area, upload_model
 from pavetwin.render.nearby import FAR_M, ground_seen, looks_beyond, looks_down, tile_seen, wanted_keys
 from pavetwin.render.passes import DrawList, MeshDraw, PatchDraw
 from pavetwin.render.projection import ShadowFit, planes
 from pavetwin.render.tiles import Drawable, GpuPavement, GpuTile, TileCache, TileLayouts
+from pavetwin.scene.coarser import coarser
 from pavetwin.scene.light import Light
 from pavetwin.scene.model import TILE_M, Mesh, TileKey
 from pavetwin.scene.patches import COARSE_PIXEL_M

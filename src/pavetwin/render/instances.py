@@ -17,7 +17,7 @@ from pavetwin.arrays import (
     StructuredArray,
     UInt32Array,
 )
-from pavetwin.render.levels import foliage_px2, mean_area_m2
+from pavetwin.scene.coarser import foliage_px2, mean_area_m2
 from pavetwin.scene.model import Instance, Mesh, Model
 from pavetwin.scene.models import BODY, FAR, SHADOW
 from pavetwin.scene.shafts import THIN

@@ -18,6 +18,7 @@ from pavetwin.arrays import (
     UInt32Array,
 )
 from pavetwin.render.gpu import Gpu
+from pavetwin.scene.coarser import triangle_areas_m2
 from pavetwin.scene.model import DefectPatch, FacadePiece, Finish, GroundKind, GroundPiece, Mesh
 from pavetwin.scene.models import merged
 
@@ -103,12 +104,6 @@ def upload_model(gpu: Gpu, mesh: Mesh, culling: FaceCulling) -> GpuMesh:
     if culling is FaceCulling.ALPHA_CUTOUT:
         rows["uv"] = mesh.uv
     return replace(_upload(gpu, mesh.positions, rows, mesh.indices), culling=culling)
-
-
-def triangle_areas_m2(mesh: Mesh) -> Float64Array:
-    """(n,) of a mesh's triangles."""
-    a, b, c = (mesh.positions[mesh.indices[:, corner]].astype(np.float64) for corner in range(3))
-    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
 
 
 def split_by_area(gpu: Gpu, whole: GpuMesh, mesh: Mesh, area_m2: float) -> tuple[GpuMesh, GpuMesh]:
