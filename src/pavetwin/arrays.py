@@ -17,6 +17,7 @@ FloatArray = npt.NDArray[np.floating[Any]]
 
 Int64Array = npt.NDArray[np.int64]
 Int32Array = npt.NDArray[np.int32]
+Int16Array = npt.NDArray[np.int16]
 IndexArray = npt.NDArray[np.intp]
 """Indices of another array's elements, as NumPy returns them."""
 

@@ -1,4 +1,4 @@
-"""`pavetwin world export`: everything of a world as one file that Blender and web pages open."""
+"""`pavetwin world export`: a world as one file that Blender and web pages open, or as tiles for browsers."""
 
 import os
 from pathlib import Path
@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pavetwin.cli.arguments import Plugins, WorldFolder, paths_of
-from pavetwin.cli.conditions import Date, Time, conditions_of
+from pavetwin.cli.conditions import Clouds, Date, Time, conditions_of
 from pavetwin.cli.console import out, progress
 from pavetwin.cli.parking import Parking, parking_of
 from pavetwin.errors import PaveTwinError, about
 
 if TYPE_CHECKING:
     from pavetwin.scene.export import TrafficSnapshot
+    from pavetwin.scene.scene import Scene
     from pavetwin.traffic.parked import ParkedVehicles
     from pavetwin.world.model import World
 
@@ -23,7 +24,10 @@ SEGMENT_AROUND_M = 25.0
 
 def export(
     world: WorldFolder,
-    target: Annotated[Path, typer.Argument(help="The file to write, ending in .glb.")],
+    target: Annotated[Path, typer.Argument(help="The file to write, ending in .glb; with --web a folder.")],
+    web: Annotated[
+        bool, typer.Option("--web", help="A folder of tiles that browsers load by distance, in place of one file.")
+    ] = False,
     bounds: Annotated[
         str | None, typer.Option(metavar="W,S,E,N", help="Only this part: west, south, east, north in metres.")
     ] = None,
@@ -31,7 +35,9 @@ def export(
         str | None,
         typer.Option(metavar="ID|STREET", help='Only the surroundings of a segment or street: s0003, "Bell Lane".'),
     ] = None,
-    detail: Annotated[str, typer.Option(help="Level of detail: low, medium or high.")] = "medium",
+    detail: Annotated[
+        str | None, typer.Option(help="Level of detail: low, medium or high; medium unless given.")
+    ] = None,
     texel: Annotated[
         float | None, typer.Option(help="Size of the ground's texels, in metres; by the level of detail unless given.")
     ] = None,
@@ -44,6 +50,7 @@ def export(
     parking: Parking = None,
     date: Date = None,
     time: Time = None,
+    clouds: Clouds = None,
     look: Annotated[
         str, typer.Option(metavar="NAME|FILE.yaml", help="Of the streets: varied, uniform, or a YAML file.")
     ] = "varied",
@@ -55,6 +62,7 @@ def export(
         4, os.cpu_count() or 1
     ),
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only estimate the size and the time.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace the folder of an earlier export.")] = False,
 ) -> None:
     """Write the scene as one binary glTF file: ground, defects, buildings, furniture, and traffic at a moment.
 
@@ -64,9 +72,10 @@ def export(
     pavetwin world export worlds/berlin street.glb --segment s0003 --detail high
     pavetwin world export worlds/berlin rush.glb --traffic high.parquet --at 60
     pavetwin world export worlds/berlin night.glb --parking by-time --time 23:00
+    pavetwin world export worlds/berlin web/berlin --web --time 17:30 --clouds 0.4
     """
     from pavetwin.plugins import load_plugins
-    from pavetwin.scene.export import estimate, export_scene, tiles_of
+    from pavetwin.scene.export import USUAL, estimate, export_scene, tiles_of
     from pavetwin.scene.scene import Scene
     from pavetwin.world.store import load_world
 
@@ -76,6 +85,16 @@ def export(
     load_plugins(plugins)
     loaded = load_world(world)
     part = _segment_bounds(loaded, segment) if segment is not None else _parsed(bounds)
+    if web:
+        of_one_file = {"detail": detail, "texel": texel, "traffic": traffic, "at": at, "parking": parking}
+        of_one_file["dry-run"] = dry_run or None
+        if wrong := [name for name, value in of_one_file.items() if value is not None]:
+            raise PaveTwinError(f"--{wrong[0]} is of an export to one file; leave it out, or --web.")
+        _to_folder(Scene(loaded, seed=seed, look=look), target, part, date, time, clouds, jobs, force, plugins)
+        return
+    if clouds is not None or force:
+        raise PaveTwinError(f"--{'force' if clouds is None else 'clouds'} is of an export with --web.")
+    detail = detail or USUAL
     moment = _moment(loaded, traffic, at)
     parked = _parked(loaded, parking, date, time, seed, moment)
     scene = Scene(loaded, seed=seed, look=look)
@@ -103,6 +122,35 @@ def export(
     held = f"{made.tiles} tiles of 32 m, {made.defects} defects, {made.buildings} buildings"
     held += f", {made.agents} agents and parked vehicles" if made.agents else ""
     out.line(f"Written to {target}: {made.bytes / 1e6:.1f} MB; {held}; {made.texel_m * 100:g} cm a texel.")
+
+
+def _to_folder(
+    scene: "Scene",
+    target: Path,
+    bounds: tuple[float, float, float, float] | None,
+    date: str | None,
+    time: str | None,
+    clouds: float | None,
+    jobs: int,
+    force: bool,
+    plugins: tuple[str, ...],
+) -> None:
+    from pavetwin.config import Conditions
+    from pavetwin.scene.web import export_web
+
+    conditions = Conditions.model_validate(conditions_of(date, time, clouds, None))
+    with progress("Exporting tiles", lines=True) as report:
+        made = export_web(
+            scene,
+            target,
+            bounds=bounds,
+            conditions=conditions,
+            jobs=jobs,
+            replace=force,
+            plugins=plugins,
+            on_progress=report,
+        )
+    out.line(f"Written to {target}: {made.tiles} tiles in {made.files} files, {made.bytes / 1e6:.1f} MB.")
 
 
 def _duration(seconds: float) -> str:

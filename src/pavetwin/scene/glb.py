@@ -98,6 +98,22 @@ class GlbWriter:
             accessor |= {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
         return _appended(self._lists["accessors"], accessor)
 
+    def packed(self, values: AnyArray, *, normalized: bool = False) -> int:
+        """A new accessor over (n, k) integers of 8 or 16 bits (KHR_mesh_quantization), each row filled up to a multiple
+        of four bytes; it states their least and greatest, as positions must."""
+        size = values.dtype.itemsize
+        filled = np.zeros((len(values), -(-values.shape[1] * size // 4) * 4 // size), dtype=values.dtype)
+        filled[:, : values.shape[1]] = values
+        accessor: dict[str, Any] = {
+            "bufferView": self._view(filled.tobytes(), VERTICES, filled.shape[1] * size),
+            "componentType": next(code for code, name in _COMPONENTS.items() if np.dtype(name) == values.dtype),
+            "count": len(values),
+            "type": _SHAPE_OF[values.shape[1]],
+            "min": values.min(axis=0).tolist(),
+            "max": values.max(axis=0).tolist(),
+        }
+        return _appended(self._lists["accessors"], accessor | ({"normalized": True} if normalized else {}))
+
     def texture(self, picture: bytes, mime: str, *, clamped: bool = False) -> int:
         """A new texture from a picture as it is in its file; it repeats unless it is clamped at its edges."""
         image = _appended(self._lists["images"], {"bufferView": self._view(picture, None), "mimeType": mime})
@@ -112,8 +128,17 @@ class GlbWriter:
     def node(self, **values: Any) -> int:
         return _appended(self.nodes, values)
 
-    def finish(self, target: BinaryIO, spool: BinaryIO, roots: Sequence[int], asset: Mapping[str, Any]) -> None:
+    def finish(
+        self,
+        target: BinaryIO,
+        spool: BinaryIO,
+        roots: Sequence[int],
+        asset: Mapping[str, Any],
+        extensions: Sequence[str] = (),
+    ) -> None:
         """Write the file: the document, then what `spool` holds from its beginning.
+
+        `extensions`: of glTF, that a reader must know.
 
         Raises:
             ValueError: it would be larger than a glb may be.
@@ -129,6 +154,8 @@ class GlbWriter:
             **{name: values for name, values in self._lists.items() if values},
             "buffers": [{"byteLength": self._size}],
         }
+        if extensions:
+            document |= {"extensionsUsed": list(extensions), "extensionsRequired": list(extensions)}
         text = json.dumps(document, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)
         total = 12 + 8 + len(text) + 8 + self._size
@@ -139,11 +166,13 @@ class GlbWriter:
         while chunk := spool.read(1 << 20):
             target.write(chunk)
 
-    def _view(self, raw: bytes, target: int | None) -> int:
-        digest = sha256(raw + str(target).encode()).digest()
+    def _view(self, raw: bytes, target: int | None, stride: int | None = None) -> int:
+        digest = sha256(raw + f"{target} {stride}".encode()).digest()
         if digest in self._known:
             return self._known[digest]
         view = {"buffer": 0, "byteOffset": self._size, "byteLength": len(raw)}
+        if stride is not None:
+            view["byteStride"] = stride
         padded = raw + b"\0" * (-len(raw) % 4)
         self._spool.write(padded)
         self._size += len(padded)

@@ -16,7 +16,7 @@ from pavetwin.scene import furniture, signals
 from pavetwin.scene.agents import Actors, upright
 from pavetwin.scene.branches import FORMS as BARE_FORMS
 from pavetwin.scene.branches import bare_tree_of, bare_trees
-from pavetwin.scene.buildings import Buildings, facade_textures
+from pavetwin.scene.buildings import Buildings, HouseDetail, facade_textures
 from pavetwin.scene.extras import StreetObject, StreetObjects
 from pavetwin.scene.ground import (
     GroundPlan,
@@ -34,8 +34,10 @@ from pavetwin.scene.model import (
     TILE_M,
     DefectPatch,
     Detail,
+    FacadePiece,
     GroundKind,
     GroundMaps,
+    GroundPiece,
     Instance,
     Model,
     Tile,
@@ -98,6 +100,10 @@ class Scene:
     def holes_on(self, key: TileKey) -> Mapping[int, Bounds]:
         """The holes in a tile's ground that defects fill, by the defects' places in the world's list."""
         return {number: self._holes[number].bounds for number in self._defects.get(key, [])}
+
+    def hole(self, number: int) -> Polygon:
+        """The hole in the ground that a defect fills, by the defect's place in the world's list; world frame."""
+        return self._holes[number]
 
     def patch_on(self, key: TileKey, number: int) -> DefectPatch | None:
         """The part of a defect's patch that lies on a tile; None if there is none."""
@@ -163,6 +169,24 @@ class Scene:
         """(n, 8): the strips of ground that a tile's wires and twigs shade (`thin.shaded_strips`), for a sun (3,)."""
         thin = self._thin(key)
         return shaded_strips(thin, to_sun, self.heights) if len(thin) else np.zeros((0, 8))
+
+    def level_ground(self, key: TileKey) -> tuple[GroundPiece, ...]:
+        """The ground of a tile without the holes that defects fill."""
+        return ground_pieces(self._plan, key, has_holes=False)
+
+    def houses_on(self, key: TileKey, detail: HouseDetail) -> tuple[FacadePiece, ...]:
+        """The houses of a tile at a level of detail, in its frame."""
+        origin = key[0] * TILE_M, key[1] * TILE_M
+        made = [self._builder.pieces(number, origin, detail) for number in self._buildings.get(key, [])]
+        return tuple(piece for pieces in made for piece in pieces)
+
+    def standing_on(self, key: TileKey) -> tuple[Instance, ...]:
+        """The furniture, objects, wires and covers of a tile."""
+        return (*self._standing(key), *self._wire_instances.get(key, ()), *fixtures(self._plan, key))
+
+    def extent(self, key: TileKey) -> Bounds:
+        """The bounds of all that a tile holds: its square, and what stands beyond it."""
+        return self._boxes.get(key, tile_bounds(key))
 
     def buildings_on(self, key: TileKey) -> Sequence[int]:
         """Places in the world's list of the buildings that a tile holds."""
@@ -268,13 +292,11 @@ class Scene:
         return Buildings(self.world, seed=self.seed)
 
     def _make(self, key: TileKey) -> Tile:
-        origin = key[0] * TILE_M, key[1] * TILE_M
-        facades = [self._builder.pieces(number, origin) for number in self._buildings.get(key, [])]
         return Tile(
             key=key,
             ground=ground_pieces(self._plan, key),
-            facades=tuple(piece for pieces in facades for piece in pieces),
-            instances=(*self._standing(key), *self._wire_instances.get(key, ()), *fixtures(self._plan, key)),
+            facades=self.houses_on(key, HouseDetail.FULL),
+            instances=self.standing_on(key),
             thin=self._thin(key),
         )
 

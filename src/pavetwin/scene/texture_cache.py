@@ -30,7 +30,7 @@ def kept(name: str, make: Callable[[], Mapping[str, AnyArray]], variant: int | s
         name: of the file; a hash of the code of scenes follows.
         variant: what else they depend on: a seed, or a hash of something.
     """
-    path = texture_folder() / f"{name}-{_code()}-{variant}.npz"
+    path = texture_folder() / f"{name}-{code_hash()}-{variant}.npz"
     with suppress(OSError, ValueError, KeyError, EOFError, BadZipFile), np.load(path) as file:
         return {column: file[column] for column in file.files}
     made: Mapping[str, Any] = make()
@@ -43,7 +43,7 @@ def kept(name: str, make: Callable[[], Mapping[str, AnyArray]], variant: int | s
 
 
 @cache
-def _code() -> str:
+def code_hash() -> str:
     """Hash of the code of scenes and of NumPy's version."""
     digest = hashlib.sha256(np.__version__.encode())
     for file in (*sorted(Path(__file__).parent.rglob("*.py")), Path(seeds.__file__)):

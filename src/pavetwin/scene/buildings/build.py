@@ -11,6 +11,7 @@ from shapely import Polygon, STRtree
 from shapely.geometry.polygon import orient
 
 from pavetwin.arrays import Float64Array
+from pavetwin.scene.buildings.detail import HouseDetail
 from pavetwin.scene.buildings.faces import Faces
 from pavetwin.scene.buildings.roofs import RoofPlan, build_roof, plan_roof
 from pavetwin.scene.buildings.styles import Situation, style_of
@@ -41,7 +42,9 @@ class Buildings:
         self._houses = STRtree([building.polygon for building in world.buildings])
         self._roads = STRtree([segment.polygon for segment in world.segments])
 
-    def pieces(self, number: int, origin: tuple[float, float]) -> tuple[FacadePiece, ...]:
+    def pieces(
+        self, number: int, origin: tuple[float, float], detail: HouseDetail = HouseDetail.FULL
+    ) -> tuple[FacadePiece, ...]:
         """The façade pieces of one building, by its place in the world's list, in the frame of a tile's origin."""
         building = self._world.buildings[number]
         rng = child(self._seed, Stream.SCENE, KEY, number)
@@ -53,8 +56,8 @@ class Buildings:
         faces = Faces()
         local = _moved(plan, moved, origin)
         for wall in self._walls(plan, touching, origin):
-            WallBuilder(faces, wall, style, rng).build()
-        build_roof(faces, local, style, rng)
+            WallBuilder(faces, wall, style, rng, detail).build()
+        build_roof(faces, local, style, rng, detail)
         return tuple(FacadePiece(building.id, mesh, int(layer)) for layer, mesh in faces.meshes().items())
 
     def _situation(self, footprint: Polygon, height_m: float, touching: Float64Array) -> Situation:

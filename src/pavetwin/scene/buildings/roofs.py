@@ -16,6 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from pavetwin.arrays import Float64Array
+from pavetwin.scene.buildings.detail import HouseDetail
 from pavetwin.scene.buildings.faces import Faces, corners_of
 from pavetwin.scene.buildings.layers import FacadeTexture
 from pavetwin.scene.buildings.styles import TOWER, FacadeStyle, Roof
@@ -25,6 +26,9 @@ STEP_M: Final = 0.35
 """Hipped roofs are cut into contours this far apart in plan; their ridge is flat over at most twice this."""
 
 MOST_STEPS: Final = 40
+BLANK_STEP_M: Final = 1.4
+"""The same of a roof in the coarsest detail."""
+
 FASCIA_M: Final = 0.14
 OVERHANG_M: Final = 0.30
 CORNER_M: Final = 0.25
@@ -86,14 +90,20 @@ def plan_roof(
     return RoofPlan(Roof.PITCHED, footprint, ridge - rise, ridge, chimney, rectangle, joined)
 
 
-def build_roof(faces: Faces, plan: RoofPlan, style: FacadeStyle, rng: np.random.Generator) -> None:
+def build_roof(
+    faces: Faces,
+    plan: RoofPlan,
+    style: FacadeStyle,
+    rng: np.random.Generator,
+    detail: HouseDetail = HouseDetail.FULL,
+) -> None:
     """Add a roof, with chimneys and all."""
     if plan.kind is Roof.FLAT:
-        _flat(faces, plan, style, rng)
+        _flat(faces, plan, style, rng, detail)
     elif plan.rectangle is not None:
-        _gable(faces, plan, style)
+        _gable(faces, plan, style, detail)
     else:
-        _hip(faces, plan, style)
+        _hip(faces, plan, style, detail)
     if plan.chimney_m > 0:
         _chimney(faces, plan, rng)
 
@@ -123,7 +133,7 @@ def _inradius(footprint: Polygon) -> float:
     return float(shapely.maximum_inscribed_circle(footprint, tolerance=0.2).length)
 
 
-def _gable(faces: Faces, plan: RoofPlan, style: FacadeStyle) -> None:
+def _gable(faces: Faces, plan: RoofPlan, style: FacadeStyle, detail: HouseDetail) -> None:
     assert plan.rectangle is not None
     a, b, c, d = plan.rectangle
     along, across = (b - a) / np.hypot(*(b - a)), (d - a) / np.hypot(*(d - a))
@@ -141,7 +151,8 @@ def _gable(faces: Faces, plan: RoofPlan, style: FacadeStyle) -> None:
         uv = np.array([(0, 0), (length, 0), (length, up), (0, up)])
         order = slice(None) if side < 0 else slice(None, None, -1)
         faces.quads(style.covering, np.array(ring)[order], style.covering_colour, uv=uv[None, order], roughness=0.85)
-        _edge(faces, np.array(ring)[order])
+        if detail is HouseDetail.FULL:
+            _edge(faces, np.array(ring)[order])
     for middle, (left, right) in (((b + c) / 2, (b, c)), ((a + d) / 2, (d, a))):
         triangle = np.array(
             [(*left, plan.eaves_m), (*right, plan.eaves_m), (*middle, plan.ridge_m), (*middle, plan.ridge_m)]
@@ -149,8 +160,8 @@ def _gable(faces: Faces, plan: RoofPlan, style: FacadeStyle) -> None:
         width = float(np.hypot(*(right - left)))
         uv = np.array([(0, plan.eaves_m), (width, plan.eaves_m), (width / 2, plan.ridge_m), (width / 2, plan.ridge_m)])
         faces.quads(style.wall, triangle, style.colour, uv=uv[None], roughness=0.9)
-    ridge = [start, end]
-    _ridge(faces, ridge, plan.ridge_m, style)
+    if detail is HouseDetail.FULL:
+        _ridge(faces, [start, end], plan.ridge_m, style)
 
 
 def _edge(faces: Faces, ring: Float64Array) -> None:
@@ -174,11 +185,11 @@ def _ridge(faces: Faces, ends: list[Float64Array], height_m: float, style: Facad
         faces.quads(FacadeTexture.PLAIN, quad if side < 0 else quad[::-1], colour, roughness=0.85)
 
 
-def _hip(faces: Faces, plan: RoofPlan, style: FacadeStyle) -> None:
+def _hip(faces: Faces, plan: RoofPlan, style: FacadeStyle, detail: HouseDetail) -> None:
     """Contours ever further inside the footprint, each higher by the slope; the strips between them are the roof."""
     inradius = max(_inradius(plan.footprint), 0.1)
     slope = (plan.ridge_m - plan.eaves_m) / inradius
-    step = max(STEP_M, inradius / MOST_STEPS)
+    step = max(BLANK_STEP_M if detail is HouseDetail.BLANK else STEP_M, inradius / MOST_STEPS)
     depths = step * np.arange(math.ceil(inradius / step) + 1)
     contours = np.array(shapely.buffer(plan.footprint, -depths, join_style="mitre", mitre_limit=8.0), dtype=object)
     strips = shapely.difference(contours[:-1], contours[1:])
@@ -189,7 +200,8 @@ def _hip(faces: Faces, plan: RoofPlan, style: FacadeStyle) -> None:
     uv = _slope_uv(plan.footprint, corners, inside, slope)
     faces.slopes(style.covering, corners, plan.eaves_m + slope * inside, style.covering_colour, 0.85, uv)
     ring = np.asarray(plan.footprint.exterior.coords)[:-1]
-    faces.walls(FacadeTexture.PLAIN, ring, plan.eaves_m - FASCIA_M, plan.eaves_m, (0.22, 0.215, 0.20), 0.8)
+    if detail is HouseDetail.FULL:
+        faces.walls(FacadeTexture.PLAIN, ring, plan.eaves_m - FASCIA_M, plan.eaves_m, (0.22, 0.215, 0.20), 0.8)
 
 
 def _slope_uv(footprint: Polygon, corners: Float64Array, inside: Float64Array, slope: float) -> Float64Array:
@@ -204,7 +216,7 @@ def _slope_uv(footprint: Polygon, corners: Float64Array, inside: Float64Array, s
     return np.stack([along, inside * math.hypot(1.0, slope)], axis=-1)
 
 
-def _flat(faces: Faces, plan: RoofPlan, style: FacadeStyle, rng: np.random.Generator) -> None:
+def _flat(faces: Faces, plan: RoofPlan, style: FacadeStyle, rng: np.random.Generator, detail: HouseDetail) -> None:
     large = plan.footprint.area > LARGE_M2
     parapet = PARAPET_M[1] if large else PARAPET_M[0]
     deck_m = plan.ridge_m - parapet
@@ -219,7 +231,8 @@ def _flat(faces: Faces, plan: RoofPlan, style: FacadeStyle, rng: np.random.Gener
         faces.level(style.covering, part, deck_m, style.covering_colour)
         for ring in (part.exterior, *part.interiors):
             faces.walls(FacadeTexture.PLAIN, np.asarray(ring.coords)[:0:-1], deck_m, plan.ridge_m, (0.33, 0.32, 0.30))
-        _equipment(faces, part, deck_m, large, rng)
+        if detail is not HouseDetail.BLANK:
+            _equipment(faces, part, deck_m, large, rng)
 
 
 def _equipment(faces: Faces, deck: Polygon, deck_m: float, large: bool, rng: np.random.Generator) -> None:

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from pavetwin.arrays import Float64Array
+from pavetwin.scene.buildings.detail import HouseDetail
 from pavetwin.scene.buildings.faces import Faces
 from pavetwin.scene.buildings.layers import CELL_M, CELLS, FACADE_REPEAT_M, FacadeTexture
 from pavetwin.scene.buildings.styles import FacadeStyle, GroundFloor, Windows
@@ -20,6 +21,12 @@ MARGIN_M, MARGIN_SHARE = 0.35, 0.12
 PLINTH_M = 0.45
 SILL_M = (0.06, 0.05)
 """Projection of a window sill, and its thickness."""
+
+PROUD_M = 0.03
+"""How far openings lie before their wall where it has no reveals."""
+
+BLANK_SHADE = 0.85
+"""Of a wall that stands for one with openings: a fifth of it is panes, which reflect a quarter of what walls do."""
 
 SHADE_BELOW_EAVES, SHADE_AT_FOOT, SHADE_IN_REVEAL = 0.86, 0.80, 0.62
 """Ambient occlusion in corners: factors on the colours there."""
@@ -81,6 +88,7 @@ class WallBuilder:
     wall: Wall
     style: FacadeStyle
     rng: np.random.Generator
+    detail: HouseDetail = HouseDetail.FULL
 
     def build(self) -> None:
         wall, style = self.wall, self.style
@@ -88,6 +96,10 @@ class WallBuilder:
         bays = _bays(style, wall)
         colour = np.array(style.colour)
         whole = np.array([0.0, wall.length_m])
+        if self.detail is not HouseDetail.FULL:
+            shade = BLANK_SHADE if self.detail is HouseDetail.BLANK and len(bays) and not wall.party else 1.0
+            left, right, low, high = np.array([[0.0], [wall.length_m], [0.0], [wall.top_m]])
+            self._rectangles(left, right, low, high, colour * shade)
         plinth = 0.0 if style.ground is GroundFloor.SHOP and wall.front else min(PLINTH_M, 0.2 * wall.top_m)
         if plinth and not wall.party:  # a darker band along the foot, two centimetres proud of the wall
             self._slab(whole, np.array([0.0, plinth]), 0.02, np.array(style.plinth), 0.9)
@@ -166,14 +178,22 @@ class WallBuilder:
         self._reveals(u0, u1, z0, z1, look.reveal_m)
         cells = self.rng.choice(look.cells, len(bays))
         u, z = np.stack([u0, u1, u1, u0], axis=1), np.stack([z0, z0, z1, z1], axis=1)
-        corners = self.wall.points(u, z, look.reveal_m)
-        self.faces.quads(look.layer, corners, (1.0, 1.0, 1.0), uv=_cell_uv(cells), roughness=0.2)
+        if self.detail is not HouseDetail.BLANK:
+            corners = self.wall.points(u, z, look.reveal_m if self.detail is HouseDetail.FULL else -PROUD_M)
+            self.faces.quads(look.layer, corners, (1.0, 1.0, 1.0), uv=_cell_uv(cells), roughness=0.2)
         if look.with_sill:
             out, thick = SILL_M
             ends, bands = np.stack([u0 - 0.05, u1 + 0.05], axis=1), np.stack([z0 - thick, z0], axis=1)
             self._slab(ends, bands, out, np.array(self.style.trim), 0.7)
 
     def _panels(
+        self, left: Float64Array, right: Float64Array, low: Float64Array, high: Float64Array, colour: Float64Array
+    ) -> None:
+        """Rectangles of wall around openings, where these are set back."""
+        if self.detail is HouseDetail.FULL:
+            self._rectangles(left, right, low, high, colour)
+
+    def _rectangles(
         self, left: Float64Array, right: Float64Array, low: Float64Array, high: Float64Array, colour: Float64Array
     ) -> None:
         """Rectangles of wall, one a row of the arguments; empty ones are left out."""
@@ -193,6 +213,8 @@ class WallBuilder:
 
     def _reveals(self, u0: Float64Array, u1: Float64Array, z0: Float64Array, z1: Float64Array, depth: float) -> None:
         """The four sides between the wall's face and the filling of the opening; the upper one is in shade."""
+        if self.detail is not HouseDetail.FULL:
+            return
         brick = self.style.wall is FacadeTexture.BRICK
         colour = np.array((0.24, 0.12, 0.08) if brick else self.style.colour) * 0.85
         for (ua, za), (ub, zb), dark in (
@@ -207,6 +229,8 @@ class WallBuilder:
 
     def _slab(self, u: Float64Array, z: Float64Array, out: float, colour: Float64Array, roughness: float) -> None:
         """Boxes on the wall's face, (2,) or (n, 2) ends along it and heights: front, top, underside and ends."""
+        if self.detail is not HouseDetail.FULL:
+            return
         u, z = u.reshape(-1, 2), z.reshape(-1, 2)
         depths = np.broadcast_to(np.where(SLAB_FRONT, -out, 0.0), (len(u), *SLAB_FRONT.shape))
         corners = self.wall.points(u[:, SLAB_ENDS], z[:, SLAB_HEIGHTS], depths)

@@ -15,10 +15,13 @@ from pavetwin.scene.ground.plan import GroundPlan
 from pavetwin.scene.model import TILE_M, GroundKind, GroundPiece, Mesh
 
 
-def ground_pieces(plan: GroundPlan, key: tuple[int, int]) -> tuple[GroundPiece, ...]:
-    """The meshes of a tile's ground, in the tile's frame, in the order of their kinds and finishs."""
+def ground_pieces(plan: GroundPlan, key: tuple[int, int], *, has_holes: bool = True) -> tuple[GroundPiece, ...]:
+    """The meshes of a tile's ground, in the tile's frame, in the order of their kinds and finishs.
+
+    `has_holes`: whether the holes that patches of defects fill are left out.
+    """
     relief = Relief(plan, tile_box(key))
-    faces = faces_of(plan, key, relief)
+    faces = faces_of(plan, key, relief, has_holes=has_holes)
     kinds = sorted({(face.kind, face.finish) for face in faces})
     alike = [[face for face in faces if (face.kind, face.finish) == each] for each in kinds]
     triangles = [_triangles(each) for each in alike]

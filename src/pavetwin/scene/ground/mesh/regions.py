@@ -67,11 +67,11 @@ class Face:
     finish: Finish = PLAIN_FINISH
 
 
-def faces_of(plan: GroundPlan, key: tuple[int, int], relief: Relief) -> list[Face]:
-    """The faces of a tile: together with the holes they cover it exactly."""
+def faces_of(plan: GroundPlan, key: tuple[int, int], relief: Relief, *, has_holes: bool = True) -> list[Face]:
+    """The faces of a tile: together with the holes, if it has them, they cover it exactly."""
     box = tile_box(key)
     wide = tile_box(key, _PAD_M)
-    cut = _Cut(plan, box, wide, relief)
+    cut = _Cut(plan, box, wide, relief, has_holes)
     # Lines that end on another one are cut there only up to rounding, unless all are snapped to a grid.
     net = shapely.union_all(
         [box.boundary, *(shapely.intersection(line, box) for line in cut.lines())], grid_size=_GRID_M
@@ -85,7 +85,7 @@ def faces_of(plan: GroundPlan, key: tuple[int, int], relief: Relief) -> list[Fac
 class _Cut:
     """The lines of a tile and the names of what lies between them."""
 
-    def __init__(self, plan: GroundPlan, box: Polygon, wide: Polygon, relief: Relief) -> None:
+    def __init__(self, plan: GroundPlan, box: Polygon, wide: Polygon, relief: Relief, has_holes: bool) -> None:
         self.plan, self.box, self.wide, self.relief = plan, box, wide, relief
         self.road = shapely.intersection(relief.road, wide)
         self.kerb = _grown(self.road, KERB_WIDTH_M)
@@ -101,7 +101,7 @@ class _Cut:
         self.paved = shapely.difference(_closed(shapely.union_all(walked)), self.kerb)
         self.gutter = shapely.union_all(plan.gutters.at(wide))
         self.pits = _tree_pits(plan, wide, self.paved)
-        self.holes = shapely.union_all(plan.holes.at(wide))
+        self.holes = shapely.union_all(plan.holes.at(wide) if has_holes else [])
         self.pavements = _pavements(plan, wide)
 
     def lines(self) -> list[BaseGeometry]:
