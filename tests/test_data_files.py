@@ -154,8 +154,9 @@ LEGAL: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
     },
     "look": {
         **dict.fromkeys(("main.*", "other.*", "*.pavements.*", "covers.*", "grates.*"), ("zero", "large")),
-        **dict.fromkeys(("*.kinds.*", "bridge_joints.*", "repairs.*.*"), ("zero", "large")),
-        **dict.fromkeys(("repairs", "former_markings", "overhead"), ("empty",)),  # the defaults
+        **dict.fromkeys(("*.kinds.*", "bridge_joints.*", "repairs.*.*", "sidewalks.pavings.*"), ("zero", "large")),
+        "sidewalks.red": ("zero",),
+        **dict.fromkeys(("repairs", "sidewalks", "former_markings", "overhead"), ("empty",)),  # the defaults
         **dict.fromkeys(("dirt", "marks"), ("empty", "all zero")),
         **dict.fromkeys(("dirt.*", "marks.*", "litter_per_100_m", "paint_wear"), ("zero",)),
         **dict.fromkeys(("repairs.connections", "repairs.renewed", "repairs.cold_patches_per_100_m"), ("zero",)),

@@ -31,6 +31,7 @@ from scenes import tiny
 KEY = (2, -1)
 ORIGIN = (KEY[0] * TILE_M, KEY[1] * TILE_M)
 STRIP_M = TILE_M / len(GroundKind)
+STREET_M = TILE_M / 8
 TURNED_RAD: Mapping[GroundKind, float] = {
     GroundKind.CONCRETE: 0.5,
     GroundKind.PAVING: 2.1,
@@ -77,11 +78,11 @@ def pyramids() -> MapPyramids:
 
 @cache
 def pothole() -> Defect:
-    """One within the strip of asphalt."""
-    south, middle = ORIGIN[1], ORIGIN[1] + STRIP_M / 2
-    street = tiny.street("street", (ORIGIN[0], middle), (ORIGIN[0] + TILE_M, middle), width_m=STRIP_M)
+    """One on a street of 4 m along the tile's south side."""
+    south, middle = ORIGIN[1], ORIGIN[1] + STREET_M / 2
+    street = tiny.street("street", (ORIGIN[0], middle), (ORIGIN[0] + TILE_M, middle), width_m=STREET_M)
     found = place([street], 4, DefectOptions(population="paper", per_segment=20))
-    inside = shapely.box(ORIGIN[0] + 1, south + 0.5, ORIGIN[0] + TILE_M - 1, south + STRIP_M - 0.5)
+    inside = shapely.box(ORIGIN[0] + 1, south + 0.5, ORIGIN[0] + TILE_M - 1, south + STREET_M - 0.5)
     return next(each for each in found if each.kind == "pothole" and inside.contains(each.polygon))
 
 
@@ -121,8 +122,9 @@ class Strips:
 
 
 def finish(kind: GroundKind) -> Finish:
-    """Another one for each kind."""
-    return Finish(1 + kind / 64, 1 - kind / 32, 0.5 + kind / 8, 0.75 + kind / 16)
+    """One of eight."""
+    number = kind % 8
+    return Finish(1 + number / 64, 1 - number / 32, 0.5 + number / 8, 0.75 + number / 16)
 
 
 def strip(kind: GroundKind) -> GroundPiece:

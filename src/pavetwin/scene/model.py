@@ -52,6 +52,11 @@ class Finish(NamedTuple):
     tone: float = 1.0
     """On the reflectance of all colours: of its pavement and its age."""
 
+    @classmethod
+    def rounded(cls, red: float, blue: float, grain: float, tone: float) -> "Finish":
+        """Factors rounded to steps, the largest below 2."""
+        return cls(*(min(255, round(128 * factor)) / 128 for factor in (red, blue, grain, tone)))
+
 
 PLAIN_FINISH: Final = Finish()
 
@@ -68,6 +73,9 @@ class GroundKind(IntEnum):
     CHIP_SEAL = 6
     SLABS = 7
     """Cement concrete of carriageways; its joints are drawn."""
+    BLOCKS = 8
+    TILES = 9
+    SETTS = 10
 
 
 @dataclass(frozen=True)

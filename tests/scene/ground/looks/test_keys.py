@@ -28,6 +28,7 @@ SOME_OF_ALL: dict[str, object] = {
     "former_markings.share": 1.0,
     "former_markings.kinds": {"worn": 1},
     "covers": {"cover_iron": 1},
+    "sidewalks.pavings": {"blocks": 1},
 }
 
 ALONG_A_STREET = {
@@ -58,6 +59,9 @@ IN_A_TOWN = {
     "covers": {"cover_square": 1},
     "grates": {"grate_slots": 1},
     "litter_per_100_m": 50.0,
+    "sidewalks.pavings": {"setts": 1},
+    "sidewalks.red": 1.0,
+    "sidewalks.tone": {"least": 0.5, "most": 0.6},
     "marks": {"survey_cross": 5.0},
     "markings": "united_states",
 }
@@ -168,6 +172,7 @@ def drawn(world: World, of: StreetLook) -> str:
     """All that lies on the ground of a world, in words."""
     plan = plan_ground(world, 3, look=of)
     surfaces = [asdict(plan.surface_of(street)) for street in plan.streets]
+    surfaces += [{str(kind): finish} for kind, finish in plan.walk_surfaces]
     return told([asdict(plan.repairs), asdict(plan.paint), [asdict(each) for each in plan.fixtures], surfaces])
 
 

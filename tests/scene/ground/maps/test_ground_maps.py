@@ -27,6 +27,9 @@ MEANS = {
     GroundKind.EARTH: (0.08, 0.25),
     GroundKind.CHIP_SEAL: (0.10, 0.20),
     GroundKind.SLABS: (0.25, 0.40),
+    GroundKind.BLOCKS: (0.20, 0.30),
+    GroundKind.TILES: (0.20, 0.30),
+    GroundKind.SETTS: (0.15, 0.25),
 }
 
 

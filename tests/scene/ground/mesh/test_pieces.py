@@ -16,11 +16,13 @@ from pavetwin.scene.ground import GroundPlan, fixture_models, fixtures, ground_p
 from pavetwin.scene.ground.distractors.fixtures import REACH_M
 from pavetwin.scene.ground.layout.relief import DROPPED, KERB_M, Relief
 from pavetwin.scene.ground.layout.surfaces import tile_box
+from pavetwin.scene.ground.looks.sidewalks import SidewalkPaving
 from pavetwin.scene.ground.mesh.regions import SPECK_M2, faces_of
 from pavetwin.scene.model import TILE_M, GroundKind, GroundPiece
 from pavetwin.world.model import LaneKind
 from scenes import built
 
+PAVED = frozenset(paving.ground for paving in SidewalkPaving)
 TOWNS = ("cross", "berlin_neukoelln", "seattle_roosevelt")
 ROAD = (GroundKind.ASPHALT, GroundKind.CONCRETE, GroundKind.CHIP_SEAL, GroundKind.SLABS)
 
@@ -141,7 +143,7 @@ def test_paving_lies_where_sidewalks_are() -> None:
     for key in (*keys(name), (4, 3)):  # the last has a sharp corner
         walks = shapely.union_all(plan(name).sidewalks.at(tile_box(key)))
         inner = shapely.difference(walks, plan(name).road.buffer(0.2)).buffer(-0.05).intersection(tile_box(key))
-        paved = [part for part in pieces(name, key) if part.kind in (GroundKind.PAVING, GroundKind.EARTH)]
+        paved = [part for part in pieces(name, key) if part.kind in (*PAVED, GroundKind.EARTH)]
         triangles = corners(paved)[..., :2] + np.array(key) * TILE_M if paved else np.zeros((0, 3, 2))
         cover = shapely.union_all([Polygon(triangle) for triangle in triangles])
         assert inner.difference(cover.buffer(1e-4)).area < 1e-3
@@ -157,7 +159,7 @@ def test_no_speck_of_lawn_lies_in_a_pavement(name: str) -> None:
         box = tile_box(key)
         faces = faces_of(plan(name), key, Relief(plan(name), box))
         soft = [face.polygon for face in faces if face.kind in (GroundKind.GRASS, GroundKind.EARTH) and not face.pit]
-        hard = [face.polygon for face in faces if face.kind in (GroundKind.PAVING, GroundKind.KERB)]
+        hard = [face.polygon for face in faces if face.kind in (*PAVED, GroundKind.KERB)]
         paved = shapely.union_all(hard)
         for land in shapely.get_parts(shapely.union_all(soft)):
             if land.area < SPECK_M2 and not land.intersects(box.boundary):

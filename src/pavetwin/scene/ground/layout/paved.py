@@ -15,9 +15,6 @@ REFLECTANCES: Final = {
 }
 """Means of the detail textures of carriageways."""
 
-FINISH_STEP: Final = 1 / 128
-"""Of factors on the device, 255 steps at most."""
-
 
 @dataclass(frozen=True)
 class PavedSurface:
@@ -33,7 +30,7 @@ class PavedSurface:
         """A pavement of a reflectance, with random numbers 0 … 1 for its tint and its grain."""
         kind = pavement.material.ground
         factors = (*pavement.tint.at(tint), pavement.grain.at(grain), reflectance / REFLECTANCES[kind])
-        return cls(kind, Finish(*(min(255, round(factor / FINISH_STEP)) * FINISH_STEP for factor in factors)))
+        return cls(kind, Finish.rounded(*factors))
 
     @property
     def material(self) -> tuple[GroundKind, Finish]:

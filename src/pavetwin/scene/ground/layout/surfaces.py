@@ -19,7 +19,7 @@ from pavetwin.scene.ground.layout.paved import PavedSurface
 from pavetwin.scene.ground.layout.streets import StreetPlan
 from pavetwin.scene.ground.layout.turns import Approach, Path, paths_of
 from pavetwin.scene.ground.looks import Pavement, StreetLook
-from pavetwin.scene.model import TILE_M
+from pavetwin.scene.model import TILE_M, Finish, GroundKind
 from pavetwin.world.joints import SLAB_SHARE, has_slabs
 from pavetwin.world.model import Direction, FurnitureKind, Lane, LaneKind, World
 
@@ -121,6 +121,21 @@ class SurfaceLayout:
     @cached_property
     def _sidewalk_lanes(self) -> tuple[Lane, ...]:
         return tuple(self.world.lanes_of(LaneKind.SIDEWALK))
+
+    @cached_property
+    def walk_surfaces(self) -> tuple[tuple[GroundKind, Finish], ...]:
+        """What each sidewalk is made of, in the order of `sidewalk_lines`: along a street it is the same."""
+        streets = {edge: street.street.name for street in self.streets for edge in street.street.edges}
+        names = [streets.get(lane.edge, lane.edge) for lane in self._sidewalk_lanes]
+        made = {
+            name: self.look.sidewalks.surface(
+                paving=self.chance(f"walk {name}"),
+                colour=self.chance(f"walk colour {name}"),
+                tone=self.chance(f"walk tone {name}"),
+            )
+            for name in set(names)
+        }
+        return tuple(made[name] for name in names)
 
     @cached_property
     def corners(self) -> SpatialIndex:

@@ -18,6 +18,7 @@ from pavetwin.scene.ground.looks.mark import mark
 from pavetwin.scene.ground.looks.marking_standard import marking_standard
 from pavetwin.scene.ground.looks.overhead import Overhead
 from pavetwin.scene.ground.looks.pavement import PACKAGE, Factor, Pavement, pavement
+from pavetwin.scene.ground.looks.sidewalks import SidewalkLook
 from pavetwin.scene.ground.looks.weights import pick
 
 DEFAULT_LOOK: Final = "varied"
@@ -60,6 +61,7 @@ class StreetLook(Settings):
     """Of all others."""
     stretches: Stretches
     repairs: RepairMaterials = RepairMaterials()
+    sidewalks: SidewalkLook = SidewalkLook()
     former_markings: FormerMarkings = FormerMarkings()
     overhead: Overhead = Overhead()
     dirt: Dirt = Dirt()

@@ -12,6 +12,7 @@ import numpy as np
 from pavetwin.arrays import AnyArray
 from pavetwin.memory import give_back
 from pavetwin.scene.ground.materials.asphalt import asphalt, chip_seal
+from pavetwin.scene.ground.materials.blocks import blocks, setts, tiles
 from pavetwin.scene.ground.materials.hardscape import concrete, kerb, paving, slabs
 from pavetwin.scene.ground.materials.softscape import earth, grass
 from pavetwin.scene.model import Detail, GroundKind
@@ -27,6 +28,9 @@ MAKERS: Final[Mapping[GroundKind, Callable[[np.random.Generator], Detail]]] = {
     GroundKind.EARTH: earth,
     GroundKind.CHIP_SEAL: chip_seal,
     GroundKind.SLABS: slabs,
+    GroundKind.BLOCKS: blocks,
+    GroundKind.TILES: tiles,
+    GroundKind.SETTS: setts,
 }
 
 _SEED: Final = 1

@@ -1,7 +1,7 @@
 """One tile partitioned into faces of one kind each, all from one set of lines, so that neighbours share corners."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Final
 
@@ -159,7 +159,7 @@ class _Cut:
             elif in_pit[index]:
                 faces.append(Face(polygon, GroundKind.EARTH, pit=True))
             elif on_walk[index]:
-                faces.append(Face(polygon, GroundKind.PAVING, self._walk_at(inner[index])))
+                faces.append(self._walk(polygon, self._walk_at(inner[index])))
             else:
                 faces.append(Face(polygon, self._land(inner[index], bool(kerbed[index]))))
         return _without_specks(faces, self.box)
@@ -170,6 +170,12 @@ class _Cut:
         away = [float(shapely.distance(shape, inner)) for shape in self.pavements.values()]
         kind, finish = list(self.pavements)[int(np.argmin(away))]
         return Face(polygon, kind, finish=finish)
+
+    def _walk(self, polygon: Polygon, walk: int) -> Face:
+        if walk < 0:
+            return Face(polygon, GroundKind.PAVING)
+        kind, finish = self.plan.walk_surfaces[walk]
+        return Face(polygon, kind, walk, finish=finish)
 
     def _walk_at(self, point: BaseGeometry) -> int:
         """The sidewalk lane that a paved place belongs to."""
@@ -208,7 +214,12 @@ def _pavements(plan: GroundPlan, wide: Polygon) -> dict[tuple[GroundKind, Finish
     return {material: shape for material, shape in found.items() if not shape.is_empty}
 
 
-_HARD: Final = frozenset({GroundKind.PAVING, GroundKind.CONCRETE, GroundKind.KERB})
+_HARD: Final = frozenset(
+    {
+        *(GroundKind.PAVING, GroundKind.CONCRETE, GroundKind.KERB),
+        *(GroundKind.BLOCKS, GroundKind.TILES, GroundKind.SETTS),
+    }
+)
 _SOFT: Final = frozenset({GroundKind.GRASS, GroundKind.EARTH})
 
 _BUILT_UP: Final = {GroundKind.PAVING: 0.4, GroundKind.CONCRETE: 0.25, GroundKind.GRASS: 0.25, GroundKind.EARTH: 0.1}
@@ -247,10 +258,14 @@ def _without_specks(faces: list[Face], box: Polygon) -> list[Face]:
     if not specks:
         return faces
     inside = shapely.union_all(specks).buffer(EXACT_M)
-    return [
-        Face(face.polygon, GroundKind.PAVING) if not face.pit and inside.contains(face.polygon) else face
-        for face in faces
-    ]
+    walks = [face for face in faces if face.walk >= 0]
+    shapes = np.array([face.polygon for face in walks], dtype=object)
+
+    def paved(polygon: Polygon) -> Face:
+        beside = replace(walks[int(shapely.distance(shapes, polygon).argmin())], polygon=polygon) if walks else None
+        return beside or Face(polygon, GroundKind.PAVING)
+
+    return [paved(face.polygon) if not face.pit and inside.contains(face.polygon) else face for face in faces]
 
 
 def _tree_pits(plan: GroundPlan, wide: Polygon, paved: BaseGeometry) -> BaseGeometry:
