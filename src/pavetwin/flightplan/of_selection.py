@@ -4,25 +4,20 @@ It is that of the policy baseline in any traffic, since that policy never reacts
 """
 
 from collections.abc import Callable, Sequence
-from typing import Final
 
-import numpy as np
 import polars as pl
 from shapely import Point
 
-from pavetwin._core import Trace
 from pavetwin.config import MissionSettings
 from pavetwin.flightplan.model import FlightPlan, Trigger
 from pavetwin.flightplan.of_mission import COLUMNS, check_place, plan_of_track
+from pavetwin.mission.empty_streets import EmptyStreets
 from pavetwin.mission.environment import prepare
 from pavetwin.mission.fly import fly_over
 from pavetwin.mission.reach import check_reach
 from pavetwin.mission.results import track_table
 from pavetwin.mission.targets import choose_targets
 from pavetwin.world.model import World
-
-_FIRST_S: Final = 3600.0
-_STEP_S: Final = 60.0
 
 
 def plan_of_selection(
@@ -52,35 +47,6 @@ def plan_of_selection(
     environment = prepare(world, bare, defects=(), base=base)
     targets = choose_targets(environment, names=segments, order=order)
     check_reach(environment, bare, targets)
-    flown = fly_over(environment, _EmptyStreets(), bare, targets, "baseline", on_progress=on_progress)
+    flown = fly_over(environment, EmptyStreets(), bare, targets, "baseline", on_progress=on_progress)
     rows = track_table(flown).select(COLUMNS).cast({"mode": pl.String}).to_dicts()
     return plan_of_track(rows, settings, world, name=world.name, trigger=trigger)
-
-
-class _EmptyStreets:
-    """Traffic without agents, as long as it is asked for."""
-
-    def __init__(self) -> None:
-        self.duration_s = _FIRST_S
-
-    def trace(self) -> Trace:
-        nothing, none = np.empty(0, dtype=np.float32), np.empty(0, dtype=np.uint32)
-        steps = round(self.duration_s / _STEP_S) + 1
-        return Trace(
-            step_s=_STEP_S,
-            step_offsets=np.zeros(steps + 1, dtype=np.uint32),
-            agent=none,
-            x_m=nothing,
-            y_m=nothing,
-            yaw_rad=nothing,
-            speed_mps=nothing,
-            length_m=nothing,
-            width_m=nothing,
-            height_m=nothing,
-            base_m=nothing,
-            is_pedestrian=np.empty(0, dtype=np.bool_),
-        )
-
-    def extend(self, needed_s: float) -> Trace:
-        self.duration_s = 2 * max(self.duration_s, needed_s)
-        return self.trace()
