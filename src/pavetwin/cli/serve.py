@@ -30,8 +30,7 @@ def serve(
     Only this machine is answered unless --host says otherwise; there is no password and no encryption.
     """
     path = named(model)
-    import asyncio
-
+    from pavetwin.listening import run_until_terminated
     from pavetwin.perception.inference import Detector
     from pavetwin.perception.serving.server import PredictionServer, serve_forever
     from pavetwin.perception.serving.uploads import ServerLimits
@@ -44,14 +43,5 @@ def serve(
         out.line(f"Listening at http://{shown}:{at}/, which says how to ask; Ctrl-C ends it.")
         sys.stdout.flush()  # whoever started it with a pipe waits for this line
 
-    async def until_terminated() -> None:
-        """SIGTERM cancels the task: an exception of its handler would be lost where it met the task of a request."""
-        task = asyncio.current_task()
-        assert task is not None
-        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)
-        await serve_forever(server, host, port, tell)
-
-    try:
-        asyncio.run(until_terminated())
-    except asyncio.CancelledError:
-        raise typer.Exit(128 + signal.SIGTERM) from None
+    if run_until_terminated(serve_forever(server, host, port, tell)):
+        raise typer.Exit(128 + signal.SIGTERM)

@@ -1,7 +1,6 @@
 """The HTTP server. Images are received at the same time and looked at one after the other."""
 
 import asyncio
-import errno
 import json
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -10,11 +9,10 @@ from typing import Any, Final
 
 from tornado.httpserver import HTTPServer
 from tornado.httputil import HTTPFile
-from tornado.netutil import bind_sockets
 from tornado.web import Application, HTTPError, RequestHandler, stream_request_body
 
 from pavetwin._core import __version__
-from pavetwin.errors import PaveTwinError
+from pavetwin.listening import listening_sockets
 from pavetwin.perception.inference.detector import Detector
 from pavetwin.perception.results.detected_image import DetectedImage, described
 from pavetwin.perception.serving.openapi import description, page
@@ -62,12 +60,7 @@ class PredictionServer:
         Raises:
             PaveTwinError: the address is in use, or not of this machine.
         """
-        try:
-            sockets = bind_sockets(port, host)
-        except (OSError, UnicodeError) as error:
-            if getattr(error, "errno", None) == errno.EADDRINUSE:
-                raise PaveTwinError(f"`port` {port}: it is in use at {host}; choose another.") from error
-            raise PaveTwinError(f"`host` {host}: no listening there ({error}); 127.0.0.1 is this machine.") from error
+        sockets, bound = listening_sockets(host, port)
         handlers = [
             (r"/", _PageHandler),
             (r"/openapi.json", _DocumentHandler),
@@ -89,7 +82,7 @@ class PredictionServer:
             idle_connection_timeout=self.limits.timeout_s,
         )
         self._http.add_sockets(sockets)
-        return int(sockets[0].getsockname()[1])
+        return bound
 
     async def stop(self) -> None:
         """Listen no more, close all connections, and end what the detector is doing after its present tiles."""
