@@ -17,7 +17,7 @@ PACKAGE = ROOT / "src" / "pavetwin"
 # From the ground up. A room imports from strictly lower layers, or from itself.
 LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"errors", "arrays"}),
-    frozenset({"_core", "seeds", "files", "memory", "registry", "workers"}),
+    frozenset({"_core", "seeds", "files", "memory", "registry", "workers", "listening"}),
     frozenset({"plugins"}),
     frozenset({"config"}),
     frozenset({"world", "uav"}),
@@ -29,7 +29,8 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"draw"}),
     frozenset({"experiments", "capture", "datasets", "flightplan", "inventory"}),
     frozenset({"handover"}),
-    frozenset({"cli", "app"}),
+    frozenset({"app"}),
+    frozenset({"cli"}),
 )
 LEVEL = {room: level for level, rooms in enumerate(LAYERS) for room in rooms}
 
@@ -41,7 +42,7 @@ HEAVY = frozenset(
     {
         *("matplotlib", "pygfx", "wgpu", "bpy", "cv2"),
         *("torch", "torchvision", "ultralytics", "onnxruntime", "supervision", "albumentations"),
-        *("fastapi", "starlette", "uvicorn", "flask", "typer"),
+        *("fastapi", "starlette", "uvicorn", "flask", "tornado", "typer"),
         *("sumo", "sumolib", "libsumo", "traci"),
         *("dask", "distributed", "statsmodels"),
     }

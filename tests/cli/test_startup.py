@@ -8,7 +8,7 @@ import pytest
 
 SLOW_TO_LOAD = {
     *("numpy", "scipy", "shapely", "pyproj", "pyogrio", "polars", "pyarrow", "duckdb", "pandas", "statsmodels"),
-    *("matplotlib", "PIL", "wgpu", "jinja2", "distributed", "libsumo", "traci", "sumolib", "osmium"),
+    *("matplotlib", "PIL", "wgpu", "jinja2", "distributed", "libsumo", "traci", "sumolib", "osmium", "tornado"),
 }
 PRINTING = {"rich"}
 NEEDED_BY_POLICIES = {"numpy", "shapely", "pyproj"}
@@ -34,6 +34,7 @@ except SystemExit as ended:
         (["world", "info", "nosuch"], 2, SLOW_TO_LOAD | PRINTING),
         (["world", "export", "nosuch", "-o", "town.glb"], 2, SLOW_TO_LOAD | PRINTING),
         (["traffic", "record", "nosuch", "--density", "high"], 2, SLOW_TO_LOAD | PRINTING),
+        (["app", "nosuch"], 2, SLOW_TO_LOAD - {"tornado"} | PRINTING),
         (["flyy"], 2, SLOW_TO_LOAD | PRINTING),
         (["--help"], 0, SLOW_TO_LOAD),
         (["fly", "--help"], 0, SLOW_TO_LOAD - NEEDED_BY_POLICIES),

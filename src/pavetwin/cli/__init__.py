@@ -28,11 +28,24 @@ TERMINATED = 143
 COMMANDS = (
     *("world", "traffic", "fly", "plan", "aircraft", "policy", "sensor", "defect", "pci", "inventory"),
     "handover",
-    *("capture", "data", "evaluate", "compare", "train", "export", "detect", "serve", "experiment", "demo", "doctor"),
+    *(
+        "capture",
+        "data",
+        "evaluate",
+        "compare",
+        "train",
+        "export",
+        "detect",
+        "serve",
+        "app",
+        "experiment",
+        "demo",
+        "doctor",
+    ),
 )
 """Each a module of this package with a group `app`, or a function of its own name."""
 
-MODULES = {"policy": "registered", "sensor": "registered"}
+MODULES = {"app": "page", "policy": "registered", "sensor": "registered"}
 """Of the commands whose module has another name."""
 
 

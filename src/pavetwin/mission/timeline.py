@@ -158,7 +158,7 @@ class Timeline:
                 altitude_m=float(self.interpolated("altitude_m", time_s)),
                 speed_mps=float(self.interpolated("speed_mps", time_s)),
                 battery=float(self.interpolated("battery", time_s)),
-                yaw_rad=float(np.interp(time_s, self.track["t_s"], self._yaw_rad)),
+                yaw_rad=float(np.interp(time_s, self.track["t_s"], self.yaw_rad)),
                 mode=MODES[int(self.activity[row])],
             ),
             segment=None if segment < 0 else segments[segment],
@@ -220,7 +220,8 @@ class Timeline:
         return float(self.track["t_s"][rows[0]]) if len(rows) else 0.0
 
     @cached_property
-    def _yaw_rad(self) -> Float64Array:
+    def yaw_rad(self) -> Float64Array:
+        """(n,) the yaw at each sample of the track, continuous over the mission, beyond ±π too."""
         return np.asarray(np.unwrap(self.track["yaw_rad"]))
 
     @cached_property

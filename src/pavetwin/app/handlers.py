@@ -1,0 +1,187 @@
+"""What the server answers over HTTP: the page and its files, worlds, missions to play, and results to keep."""
+
+import json
+from pathlib import Path
+from typing import Any, Final
+
+from tornado.web import HTTPError, RequestHandler, StaticFileHandler
+
+from pavetwin._core import __version__
+from pavetwin.app.guard import COOKIE, REFUSING, Guard
+from pavetwin.app.session import Session
+from pavetwin.errors import PaveTwinError
+
+STATIC: Final = Path(__file__).parent / "static"
+
+OPTIONAL: Final = {"town": "town.js"}
+"""Parts of the page that it does without, and the file each is in."""
+
+_BLOCK: Final = 1 << 16
+"""Bytes of a file that are sent before the client has to read them."""
+
+
+class RefusedError(HTTPError):
+    """A request that is answered with one plain line."""
+
+    def __init__(self, status: int, words: str) -> None:
+        super().__init__(status)
+        self.words = words
+
+
+class GuardedHandler(RequestHandler):
+    """Answers only who may ask, see `Guard`. Errors are JSON with one plain line."""
+
+    needs_token = True
+
+    def initialize(self, session: Session, guard: Guard) -> None:
+        self.session, self.guard = session, guard
+
+    def set_default_headers(self) -> None:
+        self.set_header("Server", "PaveTwin")
+        self.set_header("X-Content-Type-Options", "nosniff")
+        self.set_header("Referrer-Policy", "no-referrer")
+        self.set_header("Cross-Origin-Opener-Policy", "same-origin")
+        self.set_header("Cross-Origin-Resource-Policy", "same-origin")
+        self.set_header("Cache-Control", "no-store")
+        self.set_header("Content-Security-Policy", REFUSING)
+
+    def prepare(self) -> None:
+        check_request(self)
+        self.set_header("Content-Security-Policy", self.guard.policy(self.request.host))
+
+    def tell(self, content: Any) -> None:
+        """Answer with JSON."""
+        self.set_header("Content-Type", "application/json; charset=utf-8")
+        self.finish(json.dumps(content, ensure_ascii=False))
+
+    def write_error(self, status_code: int, **how: Any) -> None:  # noqa: ARG002 - Tornado's
+        error = how.get("exc_info", (None, None, None))[1]
+        words = error.words if isinstance(error, RefusedError) else f"{self._reason}."
+        self.tell({"error": words})
+
+    async def send_file(self, path: Path, kind: str, *, gzipped: bool = False, name: str | None = None) -> None:
+        """Send a file in blocks, each once the client has taken the one before.
+
+        Args:
+            kind: its content type.
+            gzipped: it is stored compressed, and the browser is to unpack it.
+            name: under which the browser is to save it.
+        """
+        self.set_header("Content-Type", kind)
+        if gzipped:
+            self.set_header("Content-Encoding", "gzip")
+        if name is not None:
+            self.set_header("Content-Disposition", f'attachment; filename="{name}"')
+        with path.open("rb") as file:
+            while block := file.read(_BLOCK):
+                self.write(block)
+                await self.flush()
+        await self.finish()
+
+
+def check_request(handler: Any) -> None:
+    """Raises:
+    RefusedError: 403 or 421, where the request is not from who may ask.
+    """
+    request, guard = handler.request, handler.guard
+    port = handler.application.settings["bound_port"]
+    if not guard.is_host(request.headers.get("Host", ""), port):
+        raise RefusedError(421, "This address is not the server's own; open the one that the command printed.")
+    if not guard.is_origin(request.headers.get("Origin"), request.host):
+        raise RefusedError(403, "Pages of other sites are not answered.")
+    if handler.needs_token and not guard.is_token(handler.get_cookie(f"{COOKIE}-{port}")):
+        raise RefusedError(403, "The token is missing; open the address that the command printed.")
+
+
+class PageHandler(GuardedHandler):
+    """The page itself. Its address has the token, which becomes a cookie."""
+
+    needs_token = False
+
+    async def get(self) -> None:
+        port = self.application.settings["bound_port"]
+        given = self.get_query_argument("token", None)
+        if not self.guard.is_token(given) and not self.guard.is_token(self.get_cookie(f"{COOKIE}-{port}")):
+            raise RefusedError(403, "The token is missing; open the address that the command printed.")
+        if given is not None:
+            self.set_cookie(f"{COOKIE}-{port}", self.guard.token, httponly=True, samesite="Strict", path="/")
+        await self.send_file(STATIC / "index.html", "text/html; charset=utf-8")
+
+
+class FileHandler(StaticFileHandler):
+    """The page's own scripts and styles."""
+
+    needs_token = True
+
+    def initialize(self, session: Session, guard: Guard, path: str) -> None:  # type: ignore[override]
+        self.session, self.guard = session, guard
+        super().initialize(path)
+
+    def prepare(self) -> None:
+        check_request(self)
+
+    def set_default_headers(self) -> None:
+        self.set_header("Server", "PaveTwin")
+        self.set_header("X-Content-Type-Options", "nosniff")
+        self.set_header("Cache-Control", "no-cache")
+        self.set_header("Cross-Origin-Resource-Policy", "same-origin")
+
+
+class StartHandler(GuardedHandler):
+    """What the page needs first: the worlds, what a mission may be made of, and which parts are installed."""
+
+    async def get(self) -> None:
+        try:
+            choices = await self.session.choices()
+        except PaveTwinError as error:
+            raise RefusedError(500, str(error)) from error
+        self.tell(
+            {
+                "version": __version__,
+                "worlds": [{"id": world.id, "name": world.name} for world in self.session.worlds],
+                "parts": {part: (STATIC / file).is_file() for part, file in OPTIONAL.items()},
+                **choices,
+            }
+        )
+
+
+class MapHandler(GuardedHandler):
+    async def get(self, world: str) -> None:
+        try:
+            file = await self.session.map_file(world)
+        except PaveTwinError as error:
+            raise RefusedError(404, str(error)) from error
+        await self.send_file(file, "application/json; charset=utf-8", gzipped=True)
+
+
+class PlayedHandler(GuardedHandler):
+    """The files that play a mission; a mission's key names what it is, so that they never change."""
+
+    kinds: Final = {".json.gz": "application/json; charset=utf-8", ".bin.gz": "application/octet-stream"}
+
+    async def get(self, key: str, name: str) -> None:
+        played = self.session.played(key)
+        path = None if played is None else played.folder / name
+        kind = next((kind for end, kind in self.kinds.items() if name.endswith(end)), None)
+        if path is None or kind is None or not path.is_file():
+            raise RefusedError(404, "There is no such mission any more; fly it again.")
+        self.set_header("Cache-Control", "private, max-age=86400, immutable")
+        await self.send_file(path, kind, gzipped=True)
+
+
+class ResultHandler(GuardedHandler):
+    """A file of a mission's results, as the command line wrote it."""
+
+    async def get(self, key: str, name: str) -> None:
+        played = self.session.played(key)
+        if played is None or name not in played.names or not (played.results / name).is_file():
+            raise RefusedError(404, "There is no such file.")
+        kind = "image/png" if name.endswith(".png") else "application/octet-stream"
+        shown = None if kind == "image/png" and self.get_query_argument("show", "") else name.replace("/", "-")
+        await self.send_file(played.results / name, kind, name=shown)
+
+
+class UnknownHandler(GuardedHandler):
+    def prepare(self) -> None:
+        super().prepare()
+        raise RefusedError(404, "There is no such page.")

@@ -1,0 +1,99 @@
+"""The WebSocket of a page: what it asks to be done, how far that is, and what came out.
+
+The page sends `{"id": 7, "do": "fly", "world": "w0", "request": {…}}` and gets `{"id": 7, "share": 0.4, "what": …}` as
+often as it reads, `{"id": 7, "ready": {…}}` when a mission can be played, and then `{"id": 7, "done": {…}}` or
+`{"id": 7, "error": "…"}`. `{"id": 7, "do": "cancel"}` ends a task.
+A page that goes away ends all of its tasks.
+"""
+
+import asyncio
+import json
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Any, Final
+
+from tornado.websocket import WebSocketClosedError, WebSocketHandler
+
+from pavetwin.app.guard import Guard
+from pavetwin.app.handlers import check_request
+from pavetwin.app.session import Session
+from pavetwin.errors import PaveTwinError
+
+LARGEST_MESSAGE: Final = 1 << 17
+"""Bytes that a page may send at once."""
+
+TASKS: Final = 4
+"""Of one page at a time."""
+
+PAGES: Final = 64
+"""Open at a time."""
+
+
+class LiveHandler(WebSocketHandler):
+    """One page."""
+
+    needs_token = True
+    open_pages = 0
+
+    def initialize(self, session: Session, guard: Guard) -> None:
+        self.session, self.guard = session, guard
+        self._tasks: dict[int, asyncio.Task[None]] = {}
+        self._sending: asyncio.Future[None] | None = None
+        self._is_open = False
+
+    def prepare(self) -> None:
+        check_request(self)
+
+    def check_origin(self, origin: str) -> bool:
+        return self.guard.is_origin(origin, self.request.host)
+
+    def open(self, *_: str, **__: str) -> None:
+        if LiveHandler.open_pages >= PAGES:
+            self.close(1013, "Too many pages are open.")
+            return
+        LiveHandler.open_pages += 1
+        self._is_open = True
+
+    def on_close(self) -> None:
+        if self._is_open:
+            LiveHandler.open_pages -= 1
+            self._is_open = False
+        for task in self._tasks.values():
+            task.cancel()
+
+    def on_message(self, message: str | bytes) -> None:
+        try:
+            asked = json.loads(message)
+            number = asked["id"]
+            if not isinstance(number, int) or isinstance(number, bool):
+                raise TypeError
+        except (ValueError, KeyError, TypeError, RecursionError):
+            self.close(1003, "A message is an object with a whole number as its id.")
+            return
+        if asked.get("do") == "cancel":
+            if task := self._tasks.get(number):
+                task.cancel()
+        elif number in self._tasks or len(self._tasks) >= TASKS:
+            self._send({"id": number, "error": "Too much is being done already; wait for it, or cancel it."})
+        else:
+            self._tasks[number] = asyncio.create_task(self._do(number, asked))
+
+    async def _do(self, number: int, asked: dict[str, Any]) -> None:
+        try:
+            done = await self.session.run(asked, lambda told: self._report(number, told))
+            self._send({"id": number, "done": done})
+        except PaveTwinError as error:
+            self._send({"id": number, "error": str(error)})
+        except asyncio.CancelledError:
+            self._send({"id": number, "cancelled": True})
+        finally:
+            del self._tasks[number]
+
+    def _report(self, number: int, told: Mapping[str, Any]) -> None:
+        """Progress; left out while the page has not taken what it was sent before."""
+        if "ready" in told or self._sending is None or self._sending.done():
+            self._send({"id": number, **told})
+
+    def _send(self, message: dict[str, Any]) -> None:
+        with suppress(WebSocketClosedError):
+            self._sending = self.write_message(json.dumps(message, ensure_ascii=False))

@@ -1,0 +1,238 @@
+"""Flown missions as the browser plays them: one file of tracks, events, defects and tables, and the agents by the
+minute.
+
+All of it is read from `Timeline` and from the results that the command line writes; the browser interpolates the track
+as `Timeline.at` does. World frame: metres, radians; seconds since take-off.
+"""
+
+import gzip
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from pavetwin._core import Trace
+from pavetwin.app.agent_minutes import minutes
+from pavetwin.draw.marks import footprint_m, outcomes
+from pavetwin.draw.mission_style import AGENT_COLOURS, agent_group
+from pavetwin.draw.readings import DOING
+from pavetwin.mission.environment import window_m
+from pavetwin.mission.events import (
+    ActionTaken,
+    BatteryRanLow,
+    BatterySwapped,
+    DefectsConfirmed,
+    MissionEvent,
+    NoteVisited,
+    OcclusionStarted,
+    SegmentFinished,
+    SegmentStarted,
+)
+from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.inspected_defects import InspectedDefect
+from pavetwin.mission.results import totals
+from pavetwin.mission.summary import (
+    TableColumn,
+    comparison_columns,
+    has_street_table,
+    remarks,
+    segment_columns,
+    sentence,
+    street_columns,
+)
+from pavetwin.mission.timeline import Timeline
+from pavetwin.mission.track import MODES
+from pavetwin.policies import Displace, Revisit, Wait
+from pavetwin.world.model import World
+
+FLIGHT: Final = "flight.json.gz"
+
+GROUPS: Final = tuple(AGENT_COLOURS)
+
+
+def minute_file(number: int) -> str:
+    """The name of a minute of agents."""
+    return f"agents-{number:04d}.bin.gz"
+
+
+def write_playback(results: Sequence[MissionResult], folder: Path, *, step_s: float) -> None:
+    """Write what the browser plays of missions over the same traffic.
+
+    Args:
+        folder: exists.
+        step_s: of the traffic's trace.
+    """
+    longest = max(results, key=lambda result: result.duration_s)
+    written = 0
+    for number, content in enumerate(minutes(longest.trace, step_s, longest.duration_s)):
+        (folder / minute_file(number)).write_bytes(gzip.compress(content, 6, mtime=0))
+        written = number + 1
+    flight = {
+        "step_s": step_s,
+        "minutes": written,
+        "agents": _bodies(longest.trace, step_s, longest.duration_s),
+        "missions": [mission_values(result) for result in results],
+        "tables": tables(results),
+        "sentence": sentence(results),
+        "remarks": remarks(results),
+    }
+    written_flight = json.dumps(flight, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    (folder / FLIGHT).write_bytes(gzip.compress(written_flight.encode(), 6, mtime=0))
+
+
+def tables(results: Sequence[MissionResult]) -> list[dict[str, Any]]:
+    """Those that the command line prints, column by column."""
+    first = comparison_columns(results) if len(results) > 1 else segment_columns(results[0])
+    shown: list[tuple[str, tuple[TableColumn, ...]]] = [("policies" if len(results) > 1 else "segments", first)]
+    if has_street_table(results):
+        shown.append(("streets", street_columns(results)))
+    return [
+        {"of": of, "columns": [asdict(column) | {"best": sorted(column.best)} for column in columns]}
+        for of, columns in shown
+    ]
+
+
+def mission_values(result: MissionResult) -> dict[str, Any]:
+    """A mission over time, and what came out of it."""
+    timeline, settings, environment = Timeline(result), result.settings, result.environment
+    track, captures = timeline.track, timeline.captures
+    segments = environment.world.segments
+    return {
+        "policy": result.policy,
+        "sensor": result.sensor,
+        "altitude_m": settings.altitude_m,
+        "threshold": settings.visibility.threshold,
+        "window_m": [round(each, 3) for each in window_m(settings)],
+        "footprint_m": [round(each, 3) for each in footprint_m(result)],
+        "duration_s": round(result.duration_s, 3),
+        "targets": list(result.spec.targets),
+        "totals": asdict(totals(result)),
+        "modes": [{"name": mode.value, "words": DOING[mode]} for mode in MODES],
+        "track": {
+            **{name: _rounded(track[name], 3) for name in ("t_s", "x_m", "y_m", "altitude_m", "speed_mps")},
+            "yaw_rad": _rounded(timeline.yaw_rad, 4),
+            "battery": _rounded(track["battery"], 5),
+            "visibility": _rounded(track["visibility"], 4),
+            "mode": timeline.activity.tolist(),
+            "segment": track["segment"].tolist(),
+        },
+        "captures": {
+            **{name: _rounded(captures[name], 3) for name in ("t_s", "x_m", "y_m", "visibility")},
+            "yaw_rad": _rounded(captures["yaw_rad"], 4),
+            "segment": captures["segment"].tolist(),
+        },
+        "events": [
+            {"t_s": round(event.time_s, 3), **told}
+            for event in timeline.events()
+            if (told := _told(event, environment.world))
+        ],
+        "defects": _defects(result),
+        "parked": {
+            **{name: _rounded(timeline.parked[name], 3) for name in ("x_m", "y_m", "yaw_rad", "length_m", "width_m")},
+            "height_m": _rounded(timeline.parked["height_m"], 2),
+        },
+        "segments": [segments[index].id for index in range(len(segments))],
+    }
+
+
+def _told(event: MissionEvent, world: World) -> Mapping[str, Any]:
+    """An event in plain values; empty for those that the page does not show."""
+    match event:
+        case OcclusionStarted(segment=segment, visibility=visibility):
+            return {
+                "kind": "occlusion",
+                "segment": world.segments[segment].id,
+                "visibility": round(visibility, 4),
+            }
+        case ActionTaken(position=position, action=action):
+            seconds = action.seconds if isinstance(action, Wait) else 0.0
+            if isinstance(action, Displace | Revisit):
+                seconds = action.stay_s
+            return {"kind": type(action).__name__.lower(), "place_m": _place(position), "seconds": round(seconds, 2)}
+        case DefectsConfirmed(defects=defects, on_revisit=on_revisit):
+            return {"kind": "found", "defects": list(defects), "on_revisit": on_revisit}
+        case NoteVisited(note=note):
+            return {"kind": "return", "place_m": _place(note.place)}
+        case BatteryRanLow(position=position):
+            return {"kind": "battery", "place_m": _place(position)}
+        case BatterySwapped():
+            return {"kind": "swap"}
+        case SegmentStarted(segment=segment):
+            return {"kind": "start", "segment": world.segments[segment].id}
+        case SegmentFinished(segment=segment):
+            return {"kind": "finish", "segment": world.segments[segment].id}
+    return {}
+
+
+def _defects(result: MissionResult) -> list[dict[str, Any]]:
+    """Every defect of the inspected segments, and those found elsewhere in passing."""
+    judged = {outcome.defect.id: outcome for outcome in result.inspected_defects}
+    confirmed = result.memory.confirmed
+    shown = []
+    for number, outcome in outcomes(result).items():
+        defect, inspected = result.environment.defects[number], judged.get(number)
+        shown.append(
+            {
+                "id": number,
+                "segment": defect.segment,
+                "class": defect.kind,
+                "severity": defect.severity.value,
+                "length_m": round(defect.length_m, 3),
+                "width_m": round(defect.width_m, 4),
+                "area_m2": round(defect.area_m2, 4),
+                "place_m": _place((defect.centre.x, defect.centre.y)),
+                "outcome": outcome.value,
+                "found_s": round(confirmed[number].time_s, 3) if number in confirmed else None,
+                **({} if inspected is None else _why(inspected)),
+            }
+        )
+    return shown
+
+
+def _why(inspected: InspectedDefect) -> dict[str, Any]:
+    """Why a defect was found or missed."""
+    hidden = inspected.hidden_by or {}
+    return {
+        "reason": None if inspected.reason is None else inspected.reason.words,
+        "captures": inspected.captures,
+        "time_s": _number(inspected.time_s, 3),
+        "visible": _number(inspected.visible_fraction, 3),
+        "hidden_by": {reason.words: round(share, 3) for reason, share in hidden.items() if share > 0},
+        "responses": [response.value for response in inspected.responses],
+    }
+
+
+def _bodies(trace: Trace, step_s: float, until_s: float) -> dict[str, Any]:
+    """The size of each agent that is there at some step, and its group; by its number, 0 for those that are not."""
+    sizes: dict[int, tuple[float, float, float, bool]] = {}
+    for time_s in np.arange(0.0, min(until_s, trace.duration_s) + step_s / 2, step_s):
+        poses = trace.agents_at(min(float(time_s), trace.duration_s))
+        unknown = [row for row, agent in enumerate(poses["agent"].tolist()) if agent not in sizes]
+        for row in unknown:
+            size = (float(poses[name][row]) for name in ("length_m", "width_m", "height_m"))
+            length_m, width_m, height_m = size
+            sizes[int(poses["agent"][row])] = (length_m, width_m, height_m, bool(poses["is_pedestrian"][row]))
+    count = max(sizes, default=-1) + 1
+    rows = [sizes.get(agent) for agent in range(count)]
+    groups = [0 if row is None else GROUPS.index(agent_group(row[0], row[2], row[3])) for row in rows]
+    names = ("length_m", "width_m", "height_m")
+    columns = {name: [0 if row is None else round(float(row[at]), 2) for row in rows] for at, name in enumerate(names)}
+    return {"groups": list(GROUPS), "group": groups, **columns}
+
+
+def _place(place: Sequence[float]) -> list[float]:
+    return [round(float(place[0]), 3), round(float(place[1]), 3)]
+
+
+def _number(value: float | None, digits: int) -> float | None:
+    return None if value is None else round(value, digits)
+
+
+def _rounded(values: Any, digits: int) -> list[float | None]:
+    """A column; None where a value is not defined."""
+    rounded = np.round(np.asarray(values, dtype=np.float64), digits)
+    listed: list[float | None] = rounded.tolist()
+    return listed if np.isfinite(rounded).all() else [None if each != each else each for each in listed]

@@ -1,0 +1,141 @@
+"""What a running server knows: the worlds it shows, the missions it can play, and a folder for what the browser
+fetches, which is gone when the server ends."""
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Self
+
+from pavetwin.app.task_pool import OnReport, TaskPool
+from pavetwin.errors import PaveTwinError, no_such
+from pavetwin.world.folder import DESCRIPTION, check_world
+
+WORLDS: Final = "worlds"
+"""The folder here whose worlds are shown where none is named."""
+
+
+@dataclass(frozen=True, slots=True)
+class ShownWorld:
+    """A world that the page may name."""
+
+    id: str
+    folder: Path
+
+    @property
+    def name(self) -> str:
+        return self.folder.name
+
+
+@dataclass(frozen=True, slots=True)
+class Played:
+    """Missions that the browser can play: their files, and where their results are."""
+
+    folder: Path
+    results: Path
+    names: tuple[str, ...]
+    """Of the results that can be fetched."""
+
+
+class Session:
+    """The state of a server. The browser names worlds and missions by keys of it, never by paths."""
+
+    def __init__(self, worlds: Sequence[Path]) -> None:
+        """Raises:
+        PaveTwinError: a folder is not a world.
+        """
+        for folder in worlds:
+            check_world(folder)
+        self._worlds = {world.id: world for world in map(_shown, enumerate(worlds))}
+        self._held = tempfile.TemporaryDirectory(prefix="pavetwin-app-")
+        self.folder = Path(self._held.name)
+        self.tasks = TaskPool()
+        self._played: dict[str, Played] = {}
+
+    @property
+    def worlds(self) -> list[ShownWorld]:
+        return list(self._worlds.values())
+
+    def world(self, key: Any) -> ShownWorld:
+        """Raises:
+        PaveTwinError: there is none of this key.
+        """
+        found = self._worlds.get(key) if isinstance(key, str) else None
+        if found is None:
+            raise PaveTwinError(no_such("town", str(key)[:40], self._worlds, key="`world`"))
+        return found
+
+    def played(self, key: str) -> Played | None:
+        return self._played.get(key)
+
+    async def map_file(self, key: str) -> Path:
+        """The map of a world; made when it is asked for first, and again when the world was built again.
+
+        Raises:
+            PaveTwinError: there is no such world, or it cannot be read.
+        """
+        world = self.world(key)
+        try:
+            changed_ns = (world.folder / DESCRIPTION).stat().st_mtime_ns
+        except OSError as error:
+            raise PaveTwinError(f"The world '{world.folder}' is not there any more.") from error
+        file = self.folder / f"{world.id}-{changed_ns}.json.gz"
+        if not file.is_file():
+            await self.tasks.run({"do": "map", "world": str(world.folder), "file": str(file)})
+        return file
+
+    async def choices(self) -> Mapping[str, Any]:
+        """What a mission may be made of: names of policies, sensors, aircraft, traffic; and its usual values."""
+        return await self.tasks.run({"do": "choices"})
+
+    async def run(self, asked: Mapping[str, Any], on_progress: OnReport) -> Mapping[str, Any]:
+        """Do what a browser asked for: `estimate`, `fly`, `play`, or list the `missions`.
+
+        Raises:
+            PaveTwinError: it is none of these, names what is not there, or cannot be done.
+        """
+        world = self.world(asked.get("world"))
+        task: dict[str, Any] = {"do": asked.get("do"), "world": str(world.folder), "folder": str(self.folder)}
+        match task["do"]:
+            case "estimate" | "fly":
+                task["request"] = asked.get("request")
+            case "play":
+                task["mission"] = asked.get("mission")
+            case "missions":
+                pass
+            case other:
+                raise PaveTwinError(f"The page asked for '{str(other)[:40]}', which the server does not do.")
+
+        def told(message: Mapping[str, Any]) -> None:
+            on_progress({"ready": self._kept(message["ready"])} if "ready" in message else message)
+
+        return self._kept(await self.tasks.run(task, told))
+
+    def _kept(self, result: Mapping[str, Any]) -> Mapping[str, Any]:
+        """A result as the browser gets it: what it may fetch of missions is noted here."""
+        if "key" not in result:
+            return result
+        key, results, names = result["key"], Path(result["results"]), tuple(result["names"])
+        self._played[key] = Played(self.folder / key, results, names)
+        return {"key": key, "folder": str(results), "files": names}
+
+    async def close(self) -> None:
+        """End all tasks and remove what was made for the browser."""
+        await self.tasks.close()
+        self._held.cleanup()
+
+    @classmethod
+    def of(cls, worlds: Sequence[Path]) -> Self:
+        """Of these worlds, or of those in the folder `worlds` here where none is named.
+
+        Raises:
+            PaveTwinError: a folder is not a world.
+        """
+        place = Path(WORLDS)
+        here = sorted(place.iterdir()) if not worlds and place.is_dir() else []
+        return cls(worlds or [folder for folder in here if (folder / DESCRIPTION).is_file()])
+
+
+def _shown(numbered: tuple[int, Path]) -> ShownWorld:
+    number, folder = numbered
+    return ShownWorld(f"w{number}", folder.absolute())

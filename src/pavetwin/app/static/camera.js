@@ -1,0 +1,108 @@
+// What the camera covers at a moment, from above and in the camera's own orientation: the image's rows run along the track.
+
+import { drawAgents, drawDefect, drawTown, drawUav, parkedAgents, rectangle, townPaths } from './shapes.js';
+import { visibilityColour } from './theme.js';
+
+export class Camera {
+  #root; #canvas; #readings; #doing; #map = null; #paths = null; #colours = null; #flight = null; #mission = null; #parked = [];
+  #time = 0; #cells = new Map();
+
+  constructor(root) {
+    this.#root = root;
+    this.#canvas = root.querySelector('canvas');
+    this.#readings = root.querySelector('#readings');
+    this.#doing = root.querySelector('#doing');
+    for (const name of ['time', 'speed', 'height', 'battery', 'visibility o']) {
+      const cell = document.createElement('div'), term = document.createElement('dt'), value = document.createElement('dd');
+      term.textContent = name;
+      cell.append(term, value);
+      this.#readings.append(cell);
+      this.#cells.set(name, value);
+    }
+    new ResizeObserver(() => this.#draw()).observe(this.#canvas);
+    this.setFlight(null, null);
+  }
+
+  setWorld(map) { this.#map = map; this.#paths = townPaths(map); this.setFlight(null, null); }
+  setColours(colours) { this.#colours = colours; this.#draw(); }
+
+  setFlight(flight, mission) {
+    this.#flight = flight;
+    this.#mission = mission;
+    this.#parked = mission ? parkedAgents(mission.parked) : [];
+    this.#root.querySelector('.empty').hidden = Boolean(mission);
+    this.#canvas.hidden = this.#readings.hidden = !mission;
+    this.#doing.textContent = '';
+    this.#draw();
+  }
+
+  setTime(t) {
+    this.#time = t;
+    this.#draw();
+  }
+
+  #draw() {
+    if (!this.#mission || !this.#colours || !this.#map || !this.#canvas.clientWidth) return;
+    const now = this.#mission.at(this.#time), colours = this.#colours;
+    this.#tell(now);
+    const ratio = devicePixelRatio || 1, width = this.#canvas.clientWidth, height = this.#canvas.clientHeight;
+    if (this.#canvas.width !== Math.round(width * ratio) || this.#canvas.height !== Math.round(height * ratio)) {
+      this.#canvas.width = Math.round(width * ratio);
+      this.#canvas.height = Math.round(height * ratio);
+    }
+    const pen = this.#canvas.getContext('2d'), share = Math.max(0.05, now.altitude / this.#mission.altitude_m);
+    const [across, along] = this.#mission.footprint_m.map(side => side * share);
+    const k = Math.min(width / across, height / along) * 0.97;
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    pen.fillStyle = colours.ground;
+    pen.fillRect(0, 0, width, height);
+    pen.translate(width / 2, height / 2);
+    pen.scale(k, -k);
+    pen.rotate(Math.PI / 2 - now.yaw);
+    pen.translate(-now.x, -now.y);
+    drawTown(pen, this.#paths, colours, { pixel: 1 / k, trees: this.#map.trees, layers: new Set(['buildings', 'trees']) });
+    for (const defect of this.#mission.defects) {
+      const radius = Math.max(6 / k, Math.min(1, Math.sqrt(defect.area_m2) / 2));
+      drawDefect(pen, ...defect.place_m, radius, this.#mission.outcomeAt(defect, this.#time), colours);
+    }
+    drawAgents(pen, this.#parked, colours, 0);
+    drawAgents(pen, this.#flight.agentsAt(this.#time), colours, 0);
+    this.#frame(pen, now, across, along, k);
+  }
+
+  #frame(pen, now, across, along, k) {
+    const footprint = new Path2D(), around = new Path2D(), [wide, deep] = this.#mission.window_m;
+    rectangle(around, now.x, now.y, now.yaw, 20 * along, 20 * across);
+    rectangle(footprint, now.x, now.y, now.yaw, along, across);
+    around.addPath(footprint);
+    pen.fillStyle = this.#colours.ground;
+    pen.globalAlpha = 0.8;
+    pen.fill(around, 'evenodd');
+    pen.globalAlpha = 1;
+    if (now.visibility === null) {
+      drawUav(pen, now.x, now.y, now.yaw, 26 / k, this.#colours.uav, this.#colours.halo);
+      return;
+    }
+    const window = new Path2D();
+    rectangle(window, now.x, now.y, now.yaw, deep, wide);
+    pen.strokeStyle = this.#colours.halo;
+    pen.lineWidth = 5 / k;
+    pen.stroke(window);
+    pen.strokeStyle = visibilityColour(this.#colours, now.visibility);
+    pen.lineWidth = 3 / k;
+    pen.stroke(window);
+  }
+
+  #tell(now) {
+    const seconds = this.#time % 60, values = {
+      time: `${Math.floor(this.#time / 60)}:${seconds.toFixed(1).padStart(4, '0')}`,
+      speed: `${now.speed.toFixed(1)} m/s`,
+      height: `${now.altitude.toFixed(1)} m`,
+      battery: `${Math.round(100 * now.battery)} %`,
+      'visibility o': now.visibility === null ? '–' : now.visibility.toFixed(2),
+    };
+    for (const [name, text] of Object.entries(values)) this.#cells.get(name).textContent = text;
+    this.#doing.textContent = now.mode.words;
+    this.#canvas.setAttribute('aria-label', `What the camera covers, from above: the UAV ${now.mode.words}, visibility ${values['visibility o']}`);
+  }
+}

@@ -1,0 +1,363 @@
+// The page: wires the controls, the map, the camera, the timeline and the results to one flight and one clock.
+
+import { Camera } from './camera.js';
+import { by, element } from './dom.js';
+import { MissionForm } from './form.js';
+import { StreetMap } from './map.js';
+import { Flight, clock } from './playback.js';
+import { Results } from './results.js';
+import { Selection } from './selection.js';
+import { CancelledError, Tasks, fetchJson } from './server.js';
+import { isDark, palette, setTheme, startTheme } from './theme.js';
+import { Timeline } from './timeline.js';
+
+const LAYERS = { buildings: 'buildings', trees: 'trees', names: 'street names', traffic: 'traffic', parked: 'parked vehicles', route: 'route', windows: 'seen surface', defects: 'defects' };
+const KEYS = [
+  ['Enter', 'start the mission'], ['C', 'compare two policies'], ['Escape', 'cancel, or choose none'], ['Space', 'play or pause'],
+  ['← →', 'a second back or on (shift: ten), away from the map'], ['N P', 'next or previous occlusion'], ['[ ]', 'slower, faster'],
+  ['V', 'the other policy'], ['arrows', 'move the map, when it has the focus'], ['+ − 0', 'zoom the map; the whole town'],
+  ['B', 'drag a box around streets'], ['F', 'follow the UAV'], ['D', 'light or dark'], ['?', 'these keys'],
+];
+
+startTheme();
+const page = {
+  flight: null, mission: null, time: 0, playing: false, last: 0, map: null, task: null, shownWorld: null, town: null,
+};
+const [map, camera, timeline, results] = [
+  new StreetMap(by('map'), { pick: (ids, how) => selection?.pick(ids, how), hover: tell, defect: showDefect, view: drawScale }),
+  new Camera(by('camera')),
+  new Timeline(by('plots'), by('key'), seek),
+  new Results(by('results'), showDefect),
+];
+let form = null, selection = null, tasks = null, start = null;
+
+boot().catch(error => notice(error.message));
+
+async function boot() {
+  history.replaceState(null, '', location.pathname + location.hash); // the token is in a cookie now
+  listen();
+  setPlayer();
+  tasks = new Tasks(isThere => { if (!isThere && start) notice('The server does not answer; is `pavetwin app` still running?'); });
+  start = await fetchJson('api/start');
+  form = new MissionForm(by('mission'), start, changed);
+  selection = new Selection(by('selection'), tasks, form, (chosen, drawn) => {
+    map.setSelection(chosen);
+    map.setDrawn(drawn);
+    if (page.map) history.replaceState(null, '', form.address(selection.segments, selection.count));
+  });
+  if (!start.worlds.length) {
+    by('selection').textContent = 'There is no town yet. Build one with `pavetwin world build --generate town -o worlds/town`, and start the page again.';
+    by('start').disabled = by('compare').disabled = true;
+    return;
+  }
+  const shared = form.read(location.hash);
+  await showWorld();
+  selection.set(shared.segments.filter(id => map.segment(id)), shared.count);
+  document.documentElement.dataset.ready = 'yes';
+}
+
+async function showWorld() {
+  page.shownWorld = form.world;
+  by('selection').classList.add('busy');
+  page.map = await fetchJson(`api/worlds/${form.world}/map`);
+  document.title = `${page.map.name} – PaveTwin`;
+  by('credit').textContent = page.map.credit;
+  setFlight(null);
+  map.setWorld(page.map);
+  camera.setWorld(page.map);
+  by('streets').replaceChildren(...[...new Set(page.map.segments.map(segment => segment.street))].sort().map(name => new Option(name)));
+  setColours();
+  await listFlown();
+}
+
+async function changed(event) {
+  if (!by('mission').elements) return;
+  if (event?.target.name === 'world') {
+    await showWorld().catch(error => notice(error.message));
+    selection.set([]);
+    return;
+  }
+  selection.update();
+}
+
+function setColours() {
+  if (!page.map) return;
+  const colours = palette(page.map.colours);
+  for (const part of [map, camera, timeline, results]) part.setColours(colours);
+}
+
+// Flying.
+
+async function fly() {
+  if (page.task || !form.isValid) return by('mission').reportValidity();
+  await follow({ do: 'fly', world: form.world, request: form.request(selection.segments, selection.count) });
+}
+
+/** Start a task that ends in a flight, and show it as soon as it can be played. */
+async function follow(task) {
+  let shown = null;
+  const busy = by('progress'), [words, bar] = [busy.querySelector('span'), busy.querySelector('progress')];
+  words.textContent = 'Starting …';
+  bar.removeAttribute('value');
+  const late = setTimeout(() => { busy.hidden = false; }, 300);
+  by('start').disabled = true;
+  const asked = page.task = tasks.ask(task, told => {
+    if (told.ready) {
+      clearTimeout(late);
+      busy.hidden = true;
+      shown = showFlight(told.ready).catch(error => notice(error.message));
+      return;
+    }
+    if (shown) return results.tellFiles(`${told.what} …`);
+    words.textContent = told.what;
+    if (told.share > 0) bar.value = told.share;
+  });
+  try {
+    const done = await asked.promise;
+    await (shown ?? showFlight(done));
+    results.setFiles(done.key, done.folder, done.files);
+    await listFlown();
+  } catch (error) {
+    notice(error instanceof CancelledError ? 'Cancelled.' : error.message, error instanceof CancelledError);
+  } finally {
+    clearTimeout(late);
+    busy.hidden = true;
+    by('start').disabled = false;
+    page.task = null;
+  }
+}
+
+async function showFlight({ key, folder, files }) {
+  const flight = await Flight.load(key);
+  await flight.fetchAgents(0);
+  setFlight(flight);
+  results.setFiles(key, folder, files);
+  const targets = flight.missions[0].targets.map(id => map.segment(id)).filter(Boolean), base = page.map.base_m;
+  const boxes = [...targets.map(segment => segment.box), [...base, ...base]];
+  map.show(...[0, 1].map(i => Math.min(...boxes.map(box => box[i]))), ...[2, 3].map(i => Math.max(...boxes.map(box => box[i]))), 1.3);
+}
+
+async function listFlown() {
+  const { missions } = await tasks.ask({ do: 'missions', world: form.world }).promise;
+  const entries = missions.map(name => {
+    const button = element('button', { type: 'button' }, name);
+    button.addEventListener('click', () => { by('flown').open = false; follow({ do: 'play', world: form.world, mission: name }); });
+    return element('li', {}, button);
+  });
+  by('flown').querySelector('ul').replaceChildren(...entries.length ? entries : [element('li', { className: 'empty' }, 'No mission of this town yet.')]);
+}
+
+function setFlight(flight) {
+  page.flight = flight;
+  page.playing = false;
+  page.time = 0;
+  setMission(flight?.missions[0] ?? null);
+  const choices = flight && flight.missions.length > 1 ? flight.missions : [];
+  by('policies').hidden = !choices.length;
+  by('policies').replaceChildren(...choices.map(mission => {
+    const button = element('button', { type: 'button' }, mission.policy);
+    button.setAttribute('role', 'radio');
+    button.addEventListener('click', () => setMission(mission));
+    return button;
+  }));
+  tellPolicy();
+}
+
+function setMission(mission) {
+  page.mission = mission;
+  map.setFlight(page.flight, mission);
+  camera.setFlight(page.flight, mission);
+  timeline.setMission(mission);
+  if (mission) results.setFlight(page.flight, mission);
+  else results.clear();
+  document.querySelector('footer .empty').hidden = Boolean(mission);
+  by('scrub').max = mission?.duration_s ?? 0;
+  setPlayer();
+  tellPolicy();
+  seek(Math.min(page.time, mission?.duration_s ?? 0));
+}
+
+function tellPolicy() {
+  for (const button of by('policies').children) button.setAttribute('aria-checked', button.textContent === page.mission?.policy);
+}
+
+// The clock.
+
+function seek(t) {
+  page.time = Math.max(0, Math.min(t, page.mission?.duration_s ?? 0));
+  showTime();
+  const { flight, time } = page;
+  flight?.fetchAgents(time).then(isNew => { if (isNew && page.flight === flight) showTime(); }, error => notice(error.message));
+  by('scrub').value = page.time;
+  const words = `${clock(page.time)} / ${clock(page.mission?.duration_s ?? 0)}`;
+  by('clock').textContent = words;
+  by('scrub').setAttribute('aria-valuetext', words);
+}
+
+function showTime() {
+  map.setTime(page.time);
+  camera.setTime(page.time);
+  timeline.setTime(page.time);
+}
+
+function play(on) {
+  page.playing = on && Boolean(page.mission);
+  if (page.playing && page.time >= page.mission.duration_s - 0.05) seek(0);
+  page.last = performance.now();
+  setPlayer();
+  if (page.playing) requestAnimationFrame(tick);
+}
+
+function tick(now) {
+  if (!page.playing) return;
+  const t = page.time + ((now - page.last) / 1000) * Number(by('speed').value);
+  page.last = now;
+  seek(t);
+  if (t >= page.mission.duration_s) return play(false);
+  requestAnimationFrame(tick);
+}
+
+function jump(direction) {
+  const moments = page.mission?.occlusions ?? [];
+  const found = direction > 0 ? moments.find(t => t > page.time + 0.05) : moments.findLast(t => t < page.time - 0.05);
+  if (found !== undefined) seek(found);
+  else if (page.mission) notice(`There is no ${direction > 0 ? 'later' : 'earlier'} occlusion.`, true);
+}
+
+function setPlayer() {
+  const has = Boolean(page.mission);
+  for (const id of ['play', 'previous', 'next', 'speed', 'scrub']) by(id).disabled = !has;
+  by('play').textContent = page.playing ? '❚❚' : '▶';
+  by('play').setAttribute('aria-label', page.playing ? 'Pause' : 'Play');
+}
+
+// What is shown of the map.
+
+function showDefect(id) {
+  const defect = page.mission?.byId.get(id);
+  if (!defect) return;
+  map.setDefect(id);
+  results.showDefect(id);
+  map.showPlace(...defect.place_m);
+  const moment = defect.found_s ?? defect.time_s;
+  if (moment !== null && moment !== undefined) { play(false); seek(moment); }
+}
+
+function tell(segment, defect, x, y) {
+  const tip = by('tip'), root = by('map');
+  tip.hidden = !segment && !defect;
+  if (defect) tip.textContent = `${defect.class.replaceAll('_', ' ')} ${defect.id}\n${defect.outcome}${defect.reason ? `: ${defect.reason}` : ''}`;
+  if (segment) tip.textContent = `${segment.street}, ${segment.id}\n${segment.length_m.toFixed(0)} m × ${segment.width_m} m, ${segment.lanes} lane${segment.lanes === 1 ? '' : 's'}, ${segment.area_m2} m²`;
+  tip.style.left = `${Math.min(x + 14, root.clientWidth - tip.offsetWidth - 6)}px`;
+  tip.style.top = `${Math.min(y + 14, root.clientHeight - tip.offsetHeight - 6)}px`;
+}
+
+function drawScale() {
+  const { k } = map.view, power = 10 ** Math.floor(Math.log10(110 / k)), metres = [5, 2, 1].find(factor => factor * power * k <= 110) * power;
+  by('scale').style.width = `${metres * k}px`;
+  by('scale').firstElementChild.textContent = metres >= 1000 ? `${metres / 1000} km` : `${+metres.toPrecision(3)} m`;
+}
+
+function find(name) {
+  const found = map.segments.filter(segment => segment.street === name || segment.id === name || segment.latin === name);
+  if (!found.length) return;
+  selection.pick(found.map(segment => segment.id), { toggle: false });
+  const boxes = found.map(segment => segment.box);
+  map.show(...[0, 1].map(i => Math.min(...boxes.map(box => box[i]))), ...[2, 3].map(i => Math.max(...boxes.map(box => box[i]))), 1.8);
+}
+
+function notice(words, isTold = false) {
+  by('notice').firstElementChild.textContent = words;
+  by('notice').classList.toggle('told', isTold);
+  by('notice').hidden = false;
+  clearTimeout(notice.timer);
+  if (isTold) notice.timer = setTimeout(() => { by('notice').hidden = true; }, 3500);
+}
+
+function toggle(id, on = by(id).getAttribute('aria-pressed') !== 'true') {
+  by(id).setAttribute('aria-pressed', on);
+  return on;
+}
+
+function box(on) { map.boxing = toggle('box', on); by('map').classList.toggle('boxing', map.boxing); }
+
+function followUav(on) { map.following = toggle('follow', on); seek(page.time); }
+
+function theme() { setTheme(isDark() ? 'light' : 'dark'); setColours(); map.redraw(); }
+
+async function share() {
+  const address = location.origin + location.pathname + form.address(selection.segments, selection.count);
+  try {
+    await navigator.clipboard.writeText(address);
+    notice('The address of this mission is copied.', true);
+  } catch {
+    notice(address, false);
+  }
+}
+
+function listen() {
+  by('mission').addEventListener('submit', event => { event.preventDefault(); fly(); });
+  const actions = {
+    compare: () => { form.compare(!form.isCompared); selection.update(); }, share, theme, help: () => by('keys').showModal(),
+    play: () => play(!page.playing), previous: () => jump(-1), next: () => jump(1), cancel: () => page.task?.cancel(),
+    in: () => map.zoom(1.4), out: () => map.zoom(1 / 1.4), fit: () => map.fit(), box: () => box(), follow: () => followUav(),
+  };
+  for (const [id, act] of Object.entries(actions)) by(id).addEventListener('click', act);
+  by('scrub').addEventListener('input', () => { play(false); seek(Number(by('scrub').value)); });
+  by('find').addEventListener('change', () => { find(by('find').value.trim()); by('find').value = ''; });
+  by('notice').querySelector('button').addEventListener('click', () => { by('notice').hidden = true; });
+  by('layers').querySelector('ul').append(...Object.entries(LAYERS).map(([layer, words]) => {
+    const check = element('input', { type: 'checkbox', checked: map.layers.has(layer) });
+    check.addEventListener('change', () => { map.layers[check.checked ? 'add' : 'delete'](layer); map.redraw(); });
+    return element('li', {}, element('label', {}, check, words));
+  }));
+  by('keys').querySelector('dl').append(...KEYS.flatMap(([key, words]) => [element('dt', {}, element('kbd', {}, key)), element('dd', {}, words)]));
+  document.addEventListener('pointerdown', event => {
+    for (const menu of document.querySelectorAll('details[open]')) if (!menu.contains(event.target)) menu.open = false;
+  });
+  document.addEventListener('keydown', key);
+}
+
+function key(event) {
+  const typed = event.target.matches('input:not([type="checkbox"], [type="range"]), select, textarea, dialog *');
+  if (event.ctrlKey || event.metaKey || event.altKey || typed || !form) return;
+  const onMap = event.target === by('map').querySelector('.moving'), onButton = event.target.matches('button, summary, a, [type="range"], [role="tab"]');
+  const arrow = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
+  const acts = {
+    Enter: onButton ? null : fly, ' ': onButton ? null : () => play(!page.playing), Escape: escape, n: () => jump(1), p: () => jump(-1),
+    c: () => by('compare').click(), v: otherPolicy, b: () => box(), f: () => followUav(), d: theme, '?': () => by('keys').showModal(),
+    '+': () => map.zoom(1.4), '=': () => map.zoom(1.4), '-': () => map.zoom(1 / 1.4), 0: () => map.fit(), '[': () => speed(-1), ']': () => speed(1),
+  };
+  let act = acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+  if (arrow && onMap) act = () => map.move(0.12 * arrow[0], 0.12 * arrow[1]);
+  else if (arrow && arrow[0] && !onButton) act = () => { play(false); seek(page.time + arrow[0] * (event.shiftKey ? 10 : 1)); };
+  if (!act) return;
+  event.preventDefault();
+  act();
+}
+
+function escape() {
+  if (page.task) page.task.cancel();
+  else if (selection.segments.length) selection.set([]);
+}
+
+function speed(step) {
+  const { options } = by('speed');
+  by('speed').selectedIndex = Math.max(0, Math.min(options.length - 1, by('speed').selectedIndex + step));
+}
+
+function otherPolicy() {
+  const { missions = [] } = page.flight ?? {};
+  if (missions.length > 1) setMission(missions[(missions.indexOf(page.mission) + 1) % missions.length]);
+}
+
+// For tests and for the console: the state at a moment, as it is drawn.
+window.pavetwin = {
+  get time() { return page.time; },
+  seek,
+  fetchAgents: t => page.flight.fetchAgents(t),
+  agentsAt: t => page.flight.agentsAt(t),
+  stateAt: t => page.mission.at(t),
+  get mission() { return page.mission; },
+  screenOf: id => map.screenOf(id),
+};

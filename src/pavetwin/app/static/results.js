@@ -1,0 +1,146 @@
+// The results of a flight: the tables of the command line, every defect with why it was found or missed, and the files.
+
+import { element } from './dom.js';
+import { clock } from './playback.js';
+
+const RESPONSES = {
+  not_asked: 'enough of the window was visible, so the policy was not asked', go_on: 'the policy flew on', wait: 'the policy waited',
+  displace: 'the UAV stepped aside', revisit: 'the UAV came back later',
+};
+
+export class Results {
+  #panels; #onDefect; #colours = null; #mission = null; #filter = 'all';
+
+  constructor(root, onDefect) {
+    this.#panels = Object.fromEntries(['table', 'defects', 'files'].map(id => [id, root.querySelector(`#${id}`)]));
+    this.#onDefect = onDefect;
+    this.#tabs([...root.querySelectorAll('[role="tab"]')]);
+    this.clear();
+  }
+
+  setColours(colours) { this.#colours = colours; this.#tellDefects(); }
+
+  clear() {
+    this.#mission = null;
+    this.#panels.table.replaceChildren(element('p', {}, 'Nothing is flown yet. Choose streets on the map, or let them be drawn, and press Start.'));
+    this.#panels.defects.replaceChildren(element('p', {}, 'Each defect of the inspected streets is listed here after the flight: found, or missed and why.'));
+    this.#panels.files.replaceChildren(element('p', {}, 'The files of a mission are listed here after the flight.'));
+  }
+
+  setFlight(flight, mission) {
+    this.#mission = mission;
+    const remarks = flight.remarks.map(text => element('p', { className: 'remark' }, text));
+    this.#panels.table.replaceChildren(element('p', { className: 'sentence' }, flight.sentence), ...flight.tables.map(tableOf), ...remarks);
+    this.#tellDefects();
+  }
+
+  setFiles(key, folder, names) {
+    const links = names.map(name => {
+      const link = element('a', { href: `api/played/${key}/files/${name}`, download: name.replaceAll('/', '-') }, name);
+      return element('li', {}, link);
+    });
+    this.#panels.files.replaceChildren(
+      element('p', { className: 'remark' }, `In ${folder}, as \`pavetwin fly\` writes them.`),
+      element('ul', { className: 'list' }, ...links),
+    );
+  }
+
+  /** What is still being written. */
+  tellFiles(words) {
+    const told = this.#panels.files.querySelector('.told') ?? element('p', { className: 'told' });
+    told.textContent = words;
+    this.#panels.files.prepend(told);
+  }
+
+  showDefect(id) {
+    this.#panels.defects.parentElement.querySelector('#tab-defects').click();
+    for (const button of this.#panels.defects.querySelectorAll('.list button')) {
+      const is = Number(button.dataset.id) === id;
+      button.setAttribute('aria-current', is);
+      if (is) button.scrollIntoView({ block: 'nearest' });
+    }
+  }
+
+  #tellDefects() {
+    if (!this.#mission || !this.#colours) return;
+    const counts = new Map();
+    for (const { outcome } of this.#mission.defects) counts.set(outcome, (counts.get(outcome) ?? 0) + 1);
+    const filters = [['all', this.#mission.defects.length], ...counts].map(([name, count]) => {
+      const button = element('button', { type: 'button' }, `${name} ${count}`);
+      button.setAttribute('aria-pressed', name === this.#filter);
+      button.addEventListener('click', () => { this.#filter = name; this.#tellDefects(); });
+      return button;
+    });
+    const shown = this.#mission.defects.filter(({ outcome }) => this.#filter === 'all' || this.#filter === outcome);
+    this.#panels.defects.replaceChildren(
+      element('div', { className: 'filter' }, ...filters),
+      element('ul', { className: 'list' }, ...shown.map(defect => element('li', {}, this.#row(defect)))),
+    );
+  }
+
+  #row(defect) {
+    const mark = element('i', { className: defect.found_s === null ? 'missed' : '' });
+    mark.style.background = this.#colours.outcomes[defect.outcome];
+    const moment = defect.found_s ?? defect.time_s;
+    const button = element('button', { type: 'button' }, mark,
+      element('span', {}, `${defect.class.replaceAll('_', ' ')}, ${sizeOf(defect)}, ${defect.severity}`),
+      element('span', {}, moment === null || moment === undefined ? '' : clock(moment)),
+      element('small', {}, `${defect.segment}: ${why(defect)}`));
+    button.dataset.id = defect.id;
+    button.addEventListener('click', () => this.#onDefect(defect.id));
+    return button;
+  }
+
+  #tabs(tabs) {
+    const choose = chosen => {
+      for (const tab of tabs) {
+        tab.setAttribute('aria-selected', tab === chosen);
+        tab.tabIndex = tab === chosen ? 0 : -1;
+        this.#panels[tab.getAttribute('aria-controls')].hidden = tab !== chosen;
+      }
+    };
+    tabs.forEach((tab, at) => {
+      tab.addEventListener('click', () => choose(tab));
+      tab.addEventListener('keydown', event => {
+        const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+        if (!step) return;
+        const next = tabs[(at + step + tabs.length) % tabs.length];
+        choose(next);
+        next.focus();
+        event.stopPropagation();
+      });
+    });
+  }
+}
+
+function sizeOf({ class: kind, length_m, width_m, area_m2 }) {
+  return kind.includes('crack') && length_m ? `${length_m.toFixed(1)} m × ${(1000 * width_m).toFixed(0)} mm` : `${area_m2.toFixed(2)} m²`;
+}
+
+/** Why a defect was found or missed, in words. */
+export function why(defect) {
+  if (defect.found_s !== null) {
+    const seen = defect.visible === null || defect.visible === undefined ? '' : `, ${Math.round(100 * defect.visible)} % of it visible`;
+    return `${defect.outcome}${seen}`;
+  }
+  const captures = `${defect.captures} capture${defect.captures === 1 ? '' : 's'}`;
+  const shares = Object.entries(defect.hidden_by ?? {}).map(([words, share]) => `${Math.round(100 * share)} % ${words}`);
+  const said = (defect.responses ?? []).map(response => RESPONSES[response] ?? response);
+  return [`missed: ${defect.reason}`, ...shares.length ? [shares.join(', ')] : [], captures, ...said].join('; ');
+}
+
+function tableOf({ of, columns }) {
+  const side = column => (column.is_left ? 'left' : '');
+  const heads = columns.map(column => element('th', { className: side(column), scope: 'col' }, column.heading));
+  const rows = columns[0].cells.map((_, row) => element('tr', {}, ...columns.map(column => {
+    const classes = [side(column), column.best.includes(row) ? 'best' : ''].filter(Boolean).join(' ');
+    return element('td', { className: classes }, column.cells[row]);
+  })));
+  const parts = [element('caption', {}, `By ${{ segments: 'segment', streets: 'street', policies: 'policy' }[of]}`), element('thead', {}, element('tr', {}, ...heads)), element('tbody', {}, ...rows)];
+  if (columns.some(column => column.total)) {
+    parts.push(element('tfoot', {}, element('tr', {}, ...columns.map(column => element('td', { className: side(column) }, column.total)))));
+  }
+  const table = element('table', {}, ...parts);
+  table.dataset.of = of;
+  return table;
+}

@@ -1,0 +1,99 @@
+// The streets that are chosen, what inspecting them takes and shows at best, and how many are drawn where none is chosen.
+
+import { element } from './dom.js';
+import { CancelledError } from './server.js';
+
+const PATIENCE_MS = 250;
+
+export class Selection {
+  #root; #tasks; #form; #changed; #timer = 0; #asked = null; #numbers; #words; #row; #note;
+  segments = [];
+  count = 8;
+  isDrawable = true;
+
+  /** @param changed told the segments that a mission would inspect: the chosen ones, or those drawn */
+  constructor(root, tasks, form, changed) {
+    this.#root = root;
+    this.#tasks = tasks;
+    this.#form = form;
+    this.#changed = changed;
+    this.#words = element('div');
+    this.#numbers = element('div', { className: 'numbers' });
+    this.#note = element('small');
+    this.#row = element('div', { className: 'row' });
+    root.append(this.#words, this.#numbers, this.#note, this.#row);
+  }
+
+  set(segments, count = this.count) {
+    this.segments = segments;
+    this.count = count;
+    this.update();
+  }
+
+  pick(ids, { toggle }) {
+    const chosen = new Set(this.segments);
+    for (const id of ids) {
+      if (toggle && chosen.has(id)) chosen.delete(id);
+      else chosen.add(id);
+    }
+    this.set([...chosen]);
+  }
+
+  /** Tell what is chosen, and ask what it takes. */
+  update() {
+    this.#tellChoice();
+    this.#changed(this.segments, []);
+    clearTimeout(this.#timer);
+    this.#timer = setTimeout(() => this.#estimate(), PATIENCE_MS);
+  }
+
+  #tellChoice() {
+    const { segments, count } = this;
+    this.#words.replaceChildren(...segments.length
+      ? [element('b', {}, `${segments.length} segment${segments.length === 1 ? '' : 's'} chosen`)]
+      : [element('b', {}, `${count} segments chosen by the seed.`), ' Click streets on the map to choose them yourself.']);
+    if (segments.length) {
+      const clear = element('button', { type: 'button', title: 'Choose none (Escape)' }, 'Clear');
+      clear.addEventListener('click', () => this.set([]));
+      this.#row.replaceChildren(clear);
+      return;
+    }
+    const number = element('input', { type: 'number', min: 1, max: 2000, value: count, id: 'count' });
+    number.addEventListener('change', () => { if (number.checkValidity()) this.set([], Number(number.value)); });
+    this.#row.replaceChildren(element('label', { htmlFor: 'count' }, 'Number of segments'), number);
+  }
+
+  async #estimate() {
+    this.#asked?.cancel();
+    if (!this.#form.world || !this.#form.isValid) return this.#numbers.replaceChildren();
+    this.#root.classList.add('busy');
+    const asked = this.#asked = this.#tasks.ask({
+      do: 'estimate', world: this.#form.world, request: this.#form.request(this.segments, this.count),
+    });
+    try {
+      const known = await asked.promise;
+      if (asked !== this.#asked) return;
+      this.#tellEstimate(known);
+      this.#changed(this.segments, known.targets);
+    } catch (error) {
+      if (error instanceof CancelledError || asked !== this.#asked) return;
+      this.#numbers.replaceChildren(element('span', { className: 'bad' }, error.message));
+      this.#note.textContent = '';
+    } finally {
+      if (asked === this.#asked) {
+        this.#asked = null;
+        this.#root.classList.remove('busy');
+      }
+    }
+  }
+
+  #tellEstimate(known) {
+    const minutes = known.time_s / 60, batteries = known.batteries > 1 ? `${known.batteries} batteries` : `${Math.round(100 * known.energy)} % of a battery`;
+    const numbers = [
+      ['', `${Math.round(known.length_m)} m`], ['', `${minutes.toFixed(1)} min`], ['', batteries], ['', `${known.images} images`],
+      ['', `${known.pixel_mm.toFixed(1)} mm a pixel`], ['at most', `${(100 * known.surface_coverage).toFixed(1)} % of the surface`],
+    ];
+    this.#numbers.replaceChildren(...numbers.map(([words, value]) => element('span', {}, words ? `${words} ` : '', element('strong', {}, value))));
+    this.#note.textContent = 'Estimated over empty streets: traffic makes it longer and hides some.';
+  }
+}

@@ -1,0 +1,65 @@
+// What the page asks of the server: files over HTTP, tasks over one WebSocket. A task is cancelled by `cancel()`, and by
+// leaving the page.
+
+export async function fetchJson(path) {
+  const answer = await fetch(path);
+  const values = await answer.json();
+  if (!answer.ok) throw new Error(values.error ?? answer.statusText);
+  return values;
+}
+
+export async function fetchBytes(path) {
+  const answer = await fetch(path);
+  if (!answer.ok) throw new Error((await answer.json()).error ?? answer.statusText);
+  return answer.arrayBuffer();
+}
+
+export class CancelledError extends Error {}
+
+export class Tasks {
+  #socket = null;
+  #number = 0;
+  #asked = new Map();
+  #onConnection;
+
+  /** @param onConnection told whether the server answers */
+  constructor(onConnection) {
+    this.#onConnection = onConnection;
+    this.#connect();
+  }
+
+  /** Start a task. Returns `{ promise, cancel }`; `told` gets `{ share, what }` and `{ ready }`. */
+  ask(task, told = () => {}) {
+    const id = ++this.#number;
+    const promise = new Promise((resolve, reject) => this.#asked.set(id, { resolve, reject, told }));
+    this.#send({ ...task, id });
+    return { promise, cancel: () => this.#send({ id, do: 'cancel' }) };
+  }
+
+  #send(message) {
+    const text = JSON.stringify(message);
+    if (this.#socket.readyState === WebSocket.OPEN) this.#socket.send(text);
+    else this.#socket.addEventListener('open', () => this.#socket.send(text), { once: true });
+  }
+
+  #connect() {
+    this.#socket = new WebSocket(`ws://${location.host}/live`);
+    this.#socket.addEventListener('open', () => this.#onConnection(true));
+    this.#socket.addEventListener('message', event => this.#take(JSON.parse(event.data)));
+    this.#socket.addEventListener('close', () => {
+      for (const { reject } of this.#asked.values()) reject(new Error('The server has ended, or was not reached.'));
+      this.#asked.clear();
+      this.#onConnection(false);
+      setTimeout(() => this.#connect(), 2000);
+    });
+  }
+
+  #take(message) {
+    const task = this.#asked.get(message.id);
+    if (!task) return;
+    if ('share' in message || 'ready' in message) return task.told(message);
+    this.#asked.delete(message.id);
+    if ('done' in message) task.resolve(message.done);
+    else task.reject(message.cancelled ? new CancelledError() : new Error(message.error));
+  }
+}

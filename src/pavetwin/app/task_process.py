@@ -1,0 +1,95 @@
+"""The process that runs tasks for the page: `python -m pavetwin.app.task_process`.
+
+It reads a task a line from its input and writes lines of JSON: progress, then a result or an error. It ends with its
+input, so that it does not outlive the server, and takes what it has started with it: it leads a session of its own.
+"""
+
+import json
+import os
+import queue
+import signal
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from types import FrameType
+from typing import IO, Any, Final, NoReturn
+
+GRACE_S: Final = 5.0
+"""To remove temporary files when it is told to end, before it is killed."""
+
+EVERY_S: Final = 0.1
+"""Least time between two reports of progress of one stage."""
+
+
+def main() -> None:
+    """Run tasks until the input ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which then ends this process
+    signal.signal(signal.SIGTERM, _exit)
+    replies = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no reply
+    tasks: queue.SimpleQueue[str] = queue.SimpleQueue()
+    threading.Thread(target=_read, args=(tasks,), daemon=True).start()
+    from pavetwin.app import tasks as known  # loads what flies, while the server waits for the first task
+
+    while True:
+        reply = _reply(known, json.loads(tasks.get()), _Progress(replies))
+        _write(replies, reply)
+
+
+def _reply(known: Any, task: Mapping[str, Any], progress: "_Progress") -> Mapping[str, Any]:
+    from pavetwin.errors import PaveTwinError
+
+    try:
+        return {"result": known.run(task, progress)}
+    except PaveTwinError as error:
+        return {"error": str(error)}
+    except MemoryError:
+        return {"error": "It needs more memory than the page may use."}
+    except Exception as error:
+        return {"error": f"Unexpected failure: {type(error).__name__}: {error}. Please report it."}
+
+
+class _Progress:
+    """Writes progress, and not more often than anybody reads it."""
+
+    def __init__(self, replies: IO[str]) -> None:
+        self._replies, self._what, self._told_s = replies, "", 0.0
+
+    def __call__(self, share: float, what: str) -> None:
+        now_s = time.monotonic()
+        if what == self._what and now_s - self._told_s < EVERY_S:
+            return
+        self._what, self._told_s = what, now_s
+        _write(self._replies, {"share": round(share, 3), "what": what})
+
+    def ready(self, values: Mapping[str, Any]) -> None:
+        _write(self._replies, {"ready": values})
+
+
+def _write(replies: IO[str], message: Mapping[str, Any]) -> None:
+    with suppress(BrokenPipeError):  # the server is gone; the end of the input ends this process
+        replies.write(json.dumps(message, ensure_ascii=False) + "\n")
+        replies.flush()
+
+
+def _read(tasks: "queue.SimpleQueue[str]") -> None:
+    """Take tasks as they come; at the end of the input, end."""
+    for line in sys.stdin:
+        tasks.put(line)
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(GRACE_S)
+    if os.getpgid(0) == os.getpid():
+        os.killpg(0, signal.SIGKILL)
+    os._exit(1)
+
+
+def _exit(number: int, frame: FrameType | None) -> NoReturn:  # noqa: ARG001 - the signature of a handler
+    """Leave through the `finally` blocks, once: a second signal must not interrupt these."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    raise SystemExit(128 + number)
+
+
+if __name__ == "__main__":
+    main()

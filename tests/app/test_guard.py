@@ -1,0 +1,144 @@
+"""Who is answered: every request without the token, under another address or from another page is refused."""
+
+import asyncio
+import http.client
+import re
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from tornado.httpclient import HTTPClientError
+
+from pavetwin.app.guard import COOKIE, Guard
+from pavetwin.app.handlers import STATIC
+from scenes.page import RunningPage, running_page
+
+ADDRESSES = ("/api/start", "/api/worlds/w0/map", "/api/played/x/flight.json.gz", "/static/main.js", "/nothing", "/live")
+
+
+@pytest.fixture(scope="module")
+def page() -> Iterator[RunningPage]:
+    with running_page([]) as running:
+        yield running
+
+
+def test_the_printed_address_gives_a_cookie_and_the_page(page: RunningPage) -> None:
+    answer = page.get(f"/?token={page.guard.token}", Cookie="")
+    assert answer.status == 200
+    assert answer.body == (STATIC / "index.html").read_bytes()
+    cookie = answer.headers["Set-Cookie"]
+    assert cookie.startswith(f"{COOKIE}-{page.port}={page.guard.token};")
+    assert "HttpOnly" in cookie
+    assert "SameSite=Strict" in cookie
+    assert page.get("/").status == 200, "a page that is loaded again has its cookie"
+
+
+@pytest.mark.parametrize("path", ADDRESSES)
+@pytest.mark.parametrize(
+    "cookie", ["", "pavetwin=x", "pavetwin-{port}=", "pavetwin-{port}=ä", "pavetwin-{port}={token}x"]
+)
+def test_without_the_token_nothing_is_answered(page: RunningPage, path: str, cookie: str) -> None:
+    value = cookie.format(port=page.port, token=page.guard.token)
+    answer = page.get(path, Cookie=value.encode().decode("latin-1"))
+    assert answer.status == 403
+    assert page.guard.token.encode() not in answer.body
+
+
+def test_a_wrong_token_opens_no_page(page: RunningPage) -> None:
+    for query in ("", "?token=", "?token=x", f"?token={page.guard.token[:-1]}"):
+        assert page.get(f"/{query}", Cookie="").status == 403
+
+
+@pytest.mark.parametrize("path", ["/", *ADDRESSES])
+@pytest.mark.parametrize(
+    "host",
+    ["evil.example:{port}", "localhost.evil.example:{port}", "127.0.0.1", "127.0.0.1:1", "a@127.0.0.1:{port}", ""],
+)
+def test_another_host_is_refused(page: RunningPage, path: str, host: str) -> None:
+    assert page.get(path, Host=host.format(port=page.port)).status in (400, 421)
+
+
+@pytest.mark.parametrize("path", ["/", *ADDRESSES])
+@pytest.mark.parametrize(
+    "origin",
+    ["http://evil.example", "null", "https://127.0.0.1:{port}", "http://127.0.0.1:1", "http://localhost:{port}"],
+)
+def test_another_origin_is_refused(page: RunningPage, path: str, origin: str) -> None:
+    assert page.get(path, Origin=origin.format(port=page.port)).status == 403
+
+
+def test_its_own_origin_is_answered(page: RunningPage) -> None:
+    for host in (f"127.0.0.1:{page.port}", f"localhost:{page.port}", f"[::1]:{page.port}"):
+        assert page.get("/static/main.js", Host=host, Origin=f"http://{host}").status == 200
+
+
+@pytest.mark.parametrize("header", [{"Origin": "http://evil.example"}, {"Host": "evil.example"}, {"Cookie": "a=b"}])
+def test_a_foreign_websocket_is_refused(page: RunningPage, header: dict[str, str]) -> None:
+    with pytest.raises(HTTPClientError, match=r"403|421"):
+        asyncio.run(page.connect(**header))
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/static/../guard.py",
+        "/static/%2e%2e/guard.py",
+        "/static/..%2fguard.py",
+        "/static//etc/passwd",
+        "/static/",
+        "/api/played/../../../etc/passwd",
+        "/api/played/x/files/..%2f..%2fetc%2fpasswd",
+        "/api/worlds/..%2f..%2f/map",
+        "/api/worlds/w0/map",
+    ],
+)
+def test_no_path_leads_out(page: RunningPage, path: str) -> None:
+    answer = page.get(path)
+    assert answer.status in (403, 404)
+    assert b"root:" not in answer.body
+    assert b"import " not in answer.body
+
+
+def test_every_answer_forbids_other_hosts_scripts_and_frames(page: RunningPage) -> None:
+    policy = page.get("/").headers["Content-Security-Policy"]
+    rules = dict(rule.strip().split(" ", 1) for rule in policy.split(";"))
+    assert rules["default-src"] == "'none'"
+    assert rules["script-src"] == "'self'"
+    assert rules["style-src"] == "'self'"
+    assert rules["connect-src"] == f"'self' ws://127.0.0.1:{page.port}"
+    assert rules["frame-ancestors"] == "'none'"
+    refused = page.get("/nothing").headers
+    assert refused["X-Content-Type-Options"] == "nosniff"
+    assert "frame-ancestors 'none'" in refused["Content-Security-Policy"]
+
+
+def test_only_loopback_listens(page: RunningPage) -> None:
+    listed = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+    ours = [
+        row[1].partition(":")[0] for row in listed if row[3] == "0A" and int(row[1].partition(":")[2], 16) == page.port
+    ]
+    assert ours == [socket.inet_aton("127.0.0.1")[::-1].hex().upper()]
+
+
+def test_a_large_body_is_refused_and_the_server_goes_on(page: RunningPage) -> None:
+    connection = http.client.HTTPConnection("127.0.0.1", page.port, timeout=20)
+    try:
+        connection.request("POST", "/api/start", b"x" * 1_000_000, page.cookie)
+        assert connection.getresponse().status in (400, 405, 413)
+    except OSError:
+        pass  # it may close before all is sent
+    finally:
+        connection.close()
+    assert page.get("/").status == 200
+
+
+def test_the_page_and_its_parts_name_no_other_host() -> None:
+    for path in STATIC.glob("*.*"):
+        text = path.read_text(encoding="utf-8")
+        if not path.name.startswith("vendor"):
+            assert set(re.findall(r"https?://[\w.]+", text)) <= {"http://www.w3.org"}, path  # the namespace of SVG
+
+
+def test_tokens_differ() -> None:
+    assert Guard("127.0.0.1").token != Guard("127.0.0.1").token
