@@ -19,6 +19,7 @@ from benchmarks import __main__ as program
 from benchmarks import (
     commands,
     coverage,
+    day,
     frames,
     images,
     machine,
@@ -213,6 +214,25 @@ def test_every_line_function_is_measured() -> None:
     }
     assert len(line_functions()) >= 11
     assert line_functions() - called == set()
+
+
+def test_what_a_bar_tells_is_compared_with_what_came() -> None:
+    shown = (
+        "\x1b[2KFlying skip, recording more traffic \x1b[91m━━━\x1b[0m\x1b[90m╺━━\x1b[0m  52 % \x1b[36m0:02:05\x1b[0m"
+    )
+    said = [(10.0, "Recording traffic ━━━  99 % 0:00:01"), (20.0, shown), (120.0, "Flying skip ━━━ 100 % 0:00:00")]
+    assert day.times_left(said) == [(20.0, 125.0, 100.0), (120.0, 0.0, 0.0)]
+
+
+def test_memory_of_a_command_is_drawn_and_kept(tmp_path: Path) -> None:
+    kept, picture = tmp_path / "day.json", tmp_path / "day.png"
+    assert day.main(["-o", str(picture), "--json", str(kept), "fly", "--help"]) == 0
+    measured = json.loads(kept.read_text())
+    assert max(own for _, own, _ in measured["memory"]) > 5
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    picture.unlink()
+    assert day.main(["-o", str(picture), "--from", str(kept)]) == 0
+    assert picture.exists()
 
 
 def test_pairs_give_the_median_ratio_with_its_interval() -> None:
