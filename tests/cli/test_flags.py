@@ -93,6 +93,7 @@ NEEDS_RESULTS = {
     "evaluate --run",
     "experiment recommend --traffic",
     "experiment recommend --world",
+    "export --int8",
     "export --licence",
     "serve --host",
     "train --device",

@@ -15,6 +15,10 @@ def export(
     half: Annotated[
         bool, typer.Option("--half", help="Store the weights in half precision: half the size, the same speed.")
     ] = False,
+    int8: Annotated[
+        Path | None,
+        typer.Option(metavar="PICTURES", help="Convolutions in int8, with ranges from a folder of pictures: smaller."),
+    ] = None,
     licence: Annotated[str, typer.Option(help="Of the weights, as the file shall say it, such as Apache-2.0.")] = "",
 ) -> None:
     """Write a trained detector as one ONNX file, which runs without PyTorch.
@@ -22,6 +26,7 @@ def export(
     \b
     pavetwin export runs/first -o model.onnx
     pavetwin export runs/first/best.pt -o small.onnx --half --licence Apache-2.0
+    pavetwin export runs/first -o int8.onnx --int8 datasets/town/images/train
 
     Needs PyTorch (`pip install pavetwin[train]`); `pavetwin detect` and `pavetwin serve` run the file without it.
     """
@@ -29,13 +34,24 @@ def export(
         raise PaveTwinError("Say where the model goes with -o, for example -o model.onnx.")
     if output.is_dir():
         raise PaveTwinError(f"`output` '{output}' is a folder; name a file in it, for example {output}/model.onnx.")
+    if int8 is not None and half:
+        raise PaveTwinError("`int8`: weights are stored in int8 or in half precision; leave `half` out.")
+    if int8 is not None and not int8.is_dir():
+        raise PaveTwinError(f"`int8`: there is no folder of pictures '{int8}'.")
     if not run.exists():
         raise PaveTwinError(f"There is no run '{run}'; `pavetwin train` makes one.")
     _check_installed()
     from pavetwin.perception.training.export import export as exported
 
     with progress("Exporting"):
-        facts = exported(run, output, licence=licence, half=half)
+        if int8 is None:
+            facts = exported(run, output, licence=licence, half=half)
+        else:
+            from pavetwin.perception.training.quantise import pictures_in, store_in_int8
+
+            pictures = pictures_in(int8)
+            facts = exported(run, output, licence=licence)
+            store_in_int8(output, pictures)
     masks = "with masks" if facts.mask_px else "without masks"
     out.line(f"Model: {output}, {output.stat().st_size / 1e6:.1f} MB, {masks}, for images of {facts.image_px} px.")
 

@@ -1,13 +1,17 @@
 """The ONNX file of a network says what the network says, on any number of images of any size."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import onnx
 import onnxruntime
 import pytest
 import torch
+from onnx import numpy_helper
+from PIL import Image
 from torch import nn
 from torchvision.ops import box_iou
 
@@ -165,6 +169,40 @@ def test_the_file_knows_what_it_is_and_runs_without_torch(tmp_path: Path) -> Non
     assert abs(len(found[0]) - len(found[1])) <= 2
     text = (tmp_path / "whole.onnx").read_bytes()
     assert str(Path(__file__).parents[3]).encode() not in text  # no path of this machine
+
+
+def test_convolutions_are_stored_in_int8_and_find_nearly_the_same(tmp_path: Path) -> None:
+    run = saved(lively_network(), tmp_path / "run")
+    shown = images_of(9, (96, 96), np.random.default_rng(1))
+    (tmp_path / "pictures").mkdir()
+    for at, pixels in enumerate(shown[1:]):
+        Image.fromarray(pixels).save(tmp_path / "pictures" / f"{at}.png")
+    export(run, tmp_path / "whole.onnx")
+    words = ("export", run, "-o", tmp_path / "int8.onnx", "--licence", "Apache-2.0", "--int8")
+    done = pavetwin(*words, tmp_path / "pictures")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "int8.onnx").stat().st_size < 0.6 * (tmp_path / "whole.onnx").stat().st_size
+    model = onnx.load(tmp_path / "int8.onnx")
+    weights = {each.name: numpy_helper.to_array(each) for each in model.graph.initializer}
+    stored = {
+        node.input[0]: weights[node.input[0]]
+        for node in model.graph.node
+        if node.op_type == "DequantizeLinear" and node.input[0] in weights and weights[node.input[0]].ndim == 4
+    }
+    assert len(stored) == sum(node.op_type == "Conv" for node in model.graph.node) > 40
+    assert {each.dtype for each in stored.values()} == {np.dtype(np.int8)}
+    assert max(int(np.abs(each.astype(int)).max()) for each in stored.values()) <= 64  # seven bits
+    one, other = (Detector(tmp_path / f"{name}.onnx", confidence=0.3) for name in ("whole", "int8"))
+    assert other.facts == replace(one.facts, licence="Apache-2.0")
+    found, said = one.detect([shown[0]])[0], other.detect([shown[0]])[0]
+    assert len(found) > 0
+    best = box_iou(torch.tensor(found.boxes), torch.tensor(said.boxes)).amax(dim=1)
+    assert float(best.median()) > 0.6  # of a network that nothing has taught to be robust
+
+    refused = plain_refusal(pavetwin(*words, tmp_path / "run"))
+    assert "holds 0 pictures; int8 needs at least 8" in refused
+    assert "--int8: there is no folder" in plain_refusal(pavetwin(*words, tmp_path / "none"))
+    assert "leave --half out" in plain_refusal(pavetwin(*words, tmp_path / "pictures", "--half"))
 
 
 def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
