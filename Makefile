@@ -79,6 +79,7 @@ test: setup  ## All tests but the slow ones
 	@rc=0; cargo test --release --locked --quiet --package pavetwin-core || rc=1; $(PYTEST) || rc=1; exit $$rc
 
 test-all: setup  ## All tests, the slow ones too, and with new random examples
+	@scripts/setup.sh browser
 	@rc=0; cargo test --release --locked --quiet --package pavetwin-core || rc=1; \
 		$(PYTEST) -m '' --hypothesis-profile explore || rc=1; $(MAKE) --no-print-directory test-train || rc=1; exit $$rc
 

@@ -3,6 +3,7 @@
 #
 #   scripts/setup.sh            all three
 #   scripts/setup.sh packages   the Python packages alone
+#   scripts/setup.sh browser    all three, and a browser for the tests of the page
 #
 # What a step was made from is kept as a hash beside its result, so a second run takes a fraction of a second.
 set -euo pipefail
@@ -154,6 +155,14 @@ install_adapter() {
     has_adapter || echo "Installed mesa-vulkan-drivers, and still no adapter answers: frames will not be drawn."
 }
 
+has_browser() {
+    command -v chromium || command -v chromium-browser || command -v google-chrome
+}
+
+install_browser() {
+    apt_install "a browser" chromium || true # without one the tests that need it are skipped
+}
+
 # What `maturin develop --release --locked` does, less its own look at the index for packages that are here already.
 build_kernels() {
     PATH=$venv/bin:$PATH "$venv/bin/python" -m pip install --disable-pip-version-check --verbose \
@@ -186,7 +195,7 @@ if ! is_current packages "$key"; then
     step "[1/3] Python packages" eval 'make_venv && install_packages'
     echo "$key" >"$venv/.made-packages"
 fi
-[ "$wanted" = all ] || exit 0
+[ "$wanted" != packages ] || exit 0
 
 if ! is_current libraries "$key"; then
     if [ -n "$(missing_libraries)" ] && ! may_apt; then install_libraries; fi
@@ -206,4 +215,13 @@ key=$(kernels_key)
 if ! is_current kernels "$key" || ! ls src/pavetwin/_core*.so >/dev/null 2>&1; then
     step "[3/3] Rust kernels (a minute or two the first time)" build_kernels
     echo "$key" >"$venv/.made-kernels"
+fi
+
+if [ "$wanted" = browser ] && ! has_browser >/dev/null; then
+    if may_apt; then
+        step "A browser for the tests of the page, by apt" install_browser
+    else
+        echo "No browser: the tests of the page in a browser are skipped. On Debian or Ubuntu:"
+        echo "  sudo apt-get install --yes chromium"
+    fi
 fi

@@ -1,0 +1,283 @@
+"""The page in Chromium: streets are clicked, a mission is started, and what is shown is what the command line says."""
+
+import json
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from pavetwin.mission.again import read_mission
+from pavetwin.mission.fly import MissionResult, fly
+from pavetwin.mission.timeline import Timeline
+from pavetwin.world.store import save_world
+from scenes import damaged
+from scenes.command_line import pavetwin
+from scenes.page import RunningPage, running_page
+
+playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed (make setup)")
+
+PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
+PATIENCE_S = 120
+
+pytestmark = pytest.mark.slow
+
+
+@dataclass
+class BrowserTab:
+    """A tab with the page, and what went wrong in it."""
+
+    page: Any
+    server: RunningPage
+    errors: list[str] = field(default_factory=list)
+    hosts: set[str] = field(default_factory=set)
+
+    def value(self, expression: str) -> Any:
+        return self.page.evaluate(expression)
+
+    def wait(self, expression: str) -> None:
+        """Until an expression is true. The page's policy forbids what Playwright's own waiting evaluates."""
+        for _ in range(PATIENCE_S * 10):
+            if self.value(f"Boolean({expression})"):
+                return
+            self.page.wait_for_timeout(100)
+        raise AssertionError(f"never: {expression}")
+
+    def open(self, address: str = "") -> None:
+        place = f"http://127.0.0.1:{self.server.port}/?token={self.server.guard.token}{address}"
+        self.page.goto(place, timeout=1000 * PATIENCE_S)
+
+    def ready(self) -> None:
+        self.page.wait_for_selector("html[data-ready=yes]", timeout=1000 * PATIENCE_S)
+
+    def click_street(self, segment: str) -> None:
+        box = self.page.locator("#map .moving").bounding_box()
+        x, y = self.value(f"pavetwin.screenOf('{segment}')")
+        self.page.mouse.click(box["x"] + x, box["y"] + y)
+
+    def fly(self) -> None:
+        self.page.click("#start")
+        self.wait("pavetwin.mission && !document.querySelector('#start').disabled")
+
+    def picture(self, selector: str) -> np.ndarray:
+        with Image.open(BytesIO(self.page.locator(selector).screenshot())) as image:
+            return np.asarray(image.convert("RGB"), dtype=np.float64)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    program = next(filter(None, map(shutil.which, PROGRAMS)), None)
+    if program is None:
+        pytest.skip(f"no browser: none of {', '.join(PROGRAMS)}")
+    with playwright.sync_playwright() as driver:
+        started = driver.chromium.launch(executable_path=program, args=["--no-sandbox", "--disable-gpu"])
+        yield started
+        started.close()
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("browser") / "cross"
+    save_world(damaged("cross", 8), folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def server(world: Path) -> Iterator[RunningPage]:
+    with running_page([world]) as running:
+        yield running
+
+
+def tab_of(browser: Any, server: RunningPage) -> BrowserTab:
+    tab = BrowserTab(browser.new_page(viewport={"width": 1366, "height": 768}), server)
+    tab.page.on("console", lambda message: tab.errors.append(message.text) if message.type == "error" else None)
+    tab.page.on("pageerror", lambda error: tab.errors.append(str(error)))
+    tab.page.on("request", lambda request: tab.hosts.add(urlsplit(request.url).netloc))
+    return tab
+
+
+@pytest.fixture
+def tab(browser: Any, server: RunningPage) -> Iterator[BrowserTab]:
+    """Closed with the proof that nothing went wrong, and that no other host was asked."""
+    made = tab_of(browser, server)
+    yield made
+    made.page.close()
+    assert made.errors == []
+    assert made.hosts == {f"127.0.0.1:{server.port}"}
+
+
+@dataclass(frozen=True)
+class Flown:
+    tab: BrowserTab
+    folder: Path
+    result: MissionResult
+
+
+@pytest.fixture(scope="module")
+def flown(browser: Any, server: RunningPage, world: Path) -> Iterator[Flown]:
+    """Two streets that were clicked, and their mission flown from the page; and again in this process."""
+    tab = tab_of(browser, server)
+    tab.open("#world=cross&traffic=low&seed=1")
+    tab.ready()
+    for segment in SEGMENTS:
+        tab.click_street(segment)
+    tab.fly()
+    (folder,) = (world / "missions").iterdir()
+    yield Flown(tab, folder, fly(read_mission(folder / "mission.yaml").spec))
+    tab.page.close()
+    assert tab.errors == []
+    assert tab.hosts == {f"127.0.0.1:{server.port}"}
+
+
+SEGMENTS = ("s0002", "s0001")
+
+
+def test_two_clicked_streets_are_the_command_lines_mission(flown: Flown, world: Path, tmp_path: Path) -> None:
+    chosen = [word for segment in SEGMENTS for word in ("--segment", segment)]
+    done = pavetwin("fly", world, "--density", "low", "--seed", "1", *chosen, "-o", tmp_path / "m", "--no-map")
+    assert done.returncode == 0, done.stderr
+    assert (flown.folder / "mission.yaml").read_bytes() == (tmp_path / "m" / "mission.yaml").read_bytes()
+    printed = [" ".join(line.split()) for line in done.stdout.splitlines()]
+    cells = "row => [...row.cells].map(cell => cell.textContent)"
+    rows = flown.tab.value(f"[...document.querySelectorAll('#table tbody tr, #table tfoot tr')].map({cells})")
+    assert len(rows) == len(SEGMENTS) + 1
+    assert all(" ".join(" ".join(row).split()) in printed for row in rows)
+    for selector in (".sentence", ".remark"):
+        assert all(text in done.stdout for text in flown.tab.page.locator(f"#table {selector}").all_inner_texts())
+
+
+def test_agents_and_uav_are_where_the_trace_and_the_timeline_have_them(flown: Flown) -> None:
+    timeline, result = Timeline(flown.result), flown.result
+    assert flown.tab.value("pavetwin.mission.duration_s") == pytest.approx(result.duration_s, abs=1e-3)
+    for time_s in np.linspace(0.0, result.duration_s, 10):
+        moment = float(time_s)
+        flown.tab.value(f"pavetwin.seek({moment!r})")
+        flown.tab.value(f"pavetwin.fetchAgents({moment!r}).then(() => null)")
+        shown = {agent["agent"]: agent for agent in flown.tab.value("pavetwin.agentsAt(pavetwin.time)")}
+        true = result.trace.agents_at(min(moment, result.trace.duration_s))
+        assert sorted(shown) == sorted(true["agent"].tolist())
+        for row, agent in enumerate(true["agent"].tolist()):
+            away = np.hypot(shown[agent]["x"] - true["x_m"][row], shown[agent]["y"] - true["y_m"][row])
+            assert away < 0.05
+            assert shown[agent]["length"] == pytest.approx(true["length_m"][row], abs=0.01)
+        uav, state = flown.tab.value("pavetwin.stateAt(pavetwin.time)"), timeline.at(min(moment, timeline.duration_s))
+        assert np.hypot(uav["x"] - state.uav.position[0], uav["y"] - state.uav.position[1]) < 0.01
+        assert uav["battery"] == pytest.approx(state.uav.battery, abs=1e-4)
+        assert uav["mode"]["name"] == state.uav.mode.value
+        assert uav["captures"] == state.captures
+
+
+def test_the_map_and_the_curves_are_drawn_and_follow_the_clock(flown: Flown) -> None:
+    tab = flown.tab
+    tab.value("pavetwin.seek(0)")
+    tab.page.wait_for_timeout(500)
+    before = {place: tab.picture(place) for place in ("#map", "#camera canvas", "#plots")}
+    assert all(picture.std() > 5 for picture in before.values()), "a blank canvas"
+    tab.value("pavetwin.seek(pavetwin.mission.duration_s / 2)")
+    tab.page.wait_for_timeout(500)
+    for place, picture in before.items():
+        assert np.abs(tab.picture(place) - picture).max() > 50, place
+
+
+def test_keys_play_pause_seek_and_show_the_keys(flown: Flown) -> None:
+    tab = flown.tab
+    tab.value("(pavetwin.seek(10), document.activeElement.blur())")
+    tab.page.keyboard.press("ArrowRight")
+    assert tab.value("pavetwin.time") == pytest.approx(11)
+    tab.page.keyboard.press("Shift+ArrowLeft")
+    assert tab.value("pavetwin.time") == pytest.approx(1)
+    tab.page.keyboard.press("Space")
+    tab.wait("pavetwin.time > 3")
+    tab.page.keyboard.press("Space")
+    stopped = tab.value("pavetwin.time")
+    tab.page.wait_for_timeout(300)
+    assert tab.value("pavetwin.time") == stopped
+    tab.page.keyboard.press("?")
+    assert tab.page.locator("dialog#keys").is_visible()
+    tab.page.keyboard.press("Escape")
+
+
+def test_a_defect_says_why_and_leads_to_its_moment(flown: Flown) -> None:
+    tab = flown.tab
+    tab.page.click("#tab-defects")
+    listed = tab.page.locator("#defects .list button")
+    assert listed.count() == len(flown.result.inspected_defects)
+    missed = next(
+        each for each in flown.result.inspected_defects if each.reason is not None and each.time_s is not None
+    )
+    row = tab.page.locator(f"#defects .list button[data-id='{missed.defect.id}']")
+    assert missed.reason is not None
+    assert missed.reason.words in row.inner_text()
+    row.click()
+    assert tab.value("pavetwin.time") == pytest.approx(missed.time_s, abs=1e-3)
+
+
+def test_an_address_makes_the_same_choices(tab: BrowserTab) -> None:
+    tab.open("#world=cross&altitude_m=14&policy=skip&traffic=los-D&seed=7&segments=s0003,s0001")
+    tab.ready()
+    values = "Object.fromEntries(new FormData(document.getElementById('mission')))"
+    chosen = tab.value(values)
+    wanted = {"altitude_m": "14", "policy": "skip", "traffic": "los-D", "seed": "7"}
+    assert wanted.items() <= chosen.items()
+    tab.wait("location.hash.includes('s0003')")
+    assert "2 segments chosen" in tab.page.locator("#selection").inner_text()
+    assert "token" not in tab.value("location.href")
+    tab.page.reload()
+    tab.ready()
+    assert tab.value(values) == chosen
+
+
+def test_streets_are_chosen_by_a_box_and_by_name_and_let_go(tab: BrowserTab) -> None:
+    tab.open("#world=cross&traffic=low&seed=1")
+    tab.ready()
+    box = tab.page.locator("#map .moving").bounding_box()
+    tab.page.keyboard.down("Shift")
+    tab.page.mouse.move(box["x"] + 2, box["y"] + 60)
+    tab.page.mouse.down()
+    tab.page.mouse.move(box["x"] + box["width"] - 2, box["y"] + box["height"] - 2, steps=4)
+    tab.page.mouse.up()
+    tab.page.keyboard.up("Shift")
+    names = tab.value("[...document.querySelectorAll('#streets option')].map(each => each.value)")
+    assert "segments chosen" in tab.page.locator("#selection").inner_text()
+    tab.page.locator("#map .moving").focus()
+    tab.page.keyboard.press("Escape")
+    assert "chosen by the seed" in tab.page.locator("#selection").inner_text()
+    tab.page.fill("#find", names[0])
+    tab.page.keyboard.press("Enter")
+    assert "chosen by the seed" not in tab.page.locator("#selection").inner_text()
+    tab.wait("document.querySelectorAll('#selection .numbers span').length == 6")
+    assert "empty streets" in tab.page.locator("#selection small").inner_text()
+
+
+def test_what_cannot_be_flown_is_told_in_the_page(tab: BrowserTab) -> None:
+    tab.open("#world=cross&traffic=low&seed=1&count=2000")
+    tab.ready()
+    tab.wait("document.querySelector('#selection .bad')")
+    assert "2000" in tab.page.locator("#selection .bad").inner_text()
+
+
+def test_without_a_town_the_page_says_how_to_make_one(browser: Any) -> None:
+    with running_page([]) as empty:
+        tab = tab_of(browser, empty)
+        tab.open()
+        tab.wait("document.getElementById('start').disabled")
+        assert "pavetwin world build" in tab.page.locator("#selection").inner_text()
+        assert tab.errors == []
+        tab.page.close()
+
+
+def test_controls_have_names(tab: BrowserTab) -> None:
+    tab.open("#world=cross")
+    tab.ready()
+    unnamed = tab.value(
+        "[...document.querySelectorAll('button, input, select, canvas[tabindex], summary')]"
+        ".filter(each => !(each.getAttribute('aria-label') || each.labels?.length || each.textContent.trim()))"
+        ".map(each => each.outerHTML)"
+    )
+    assert json.dumps(unnamed) == "[]"
