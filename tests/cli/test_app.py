@@ -1,0 +1,70 @@
+"""`pavetwin app` as a process: it prints its address, answers, and ends with all that it started."""
+
+import re
+import signal
+import socket
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.error import HTTPError
+from urllib.request import urlopen
+
+import pytest
+
+from scenes.command_line import command, pavetwin, plain_refusal
+from scenes.processes import children, command_line, is_gone, is_over
+
+
+@contextmanager
+def started(folder: Path, *words: object) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """The process, and the address that it prints."""
+    typed = command("app", *words, "--port", 0, "--no-browser")
+    with subprocess.Popen(typed, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder) as process:
+        try:
+            assert process.stdout is not None
+            line = process.stdout.readline()
+            found = re.search(r"The page is at (http://127\.0\.0\.1:\d+/\?token=[\w-]{20,});", line)
+            assert found is not None, line
+            yield process, found[1]
+        finally:
+            process.kill()
+
+
+def task_processes(owner: int) -> list[int]:
+    return [child for child in children(owner) if b"app.task_process" in command_line(child)]
+
+
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
+def test_it_answers_who_has_the_address_and_ends_with_its_processes(tmp_path: Path, how: signal.Signals) -> None:
+    with started(tmp_path) as (process, address):
+        with urlopen(address, timeout=20) as answer:
+            assert b"PaveTwin" in answer.read()
+        with pytest.raises(HTTPError, match="403"):
+            urlopen(address.partition("?")[0], timeout=20)
+        assert is_over(lambda: bool(task_processes(process.pid)))
+        mine = task_processes(process.pid)
+        process.send_signal(how)
+        assert process.wait(30) == {signal.SIGTERM: 143, signal.SIGINT: 130, signal.SIGKILL: -9}[how]
+    assert is_over(lambda: all(map(is_gone, mine)))
+
+
+def test_worlds_are_found_in_the_folder_of_that_name(tmp_path: Path) -> None:
+    (tmp_path / "worlds" / "notes").mkdir(parents=True)
+    with started(tmp_path) as (_, address), urlopen(address, timeout=20) as answer:
+        assert answer.status == 200
+
+
+def test_what_is_no_world_is_said_in_one_line(tmp_path: Path) -> None:
+    assert "make one with `pavetwin world build" in plain_refusal(pavetwin("app", "gone", cwd=tmp_path))
+    (tmp_path / "empty").mkdir()
+    assert "is not a world" in plain_refusal(pavetwin("app", "empty", cwd=tmp_path))
+
+
+def test_an_address_that_cannot_be_taken_is_told(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        told = plain_refusal(pavetwin("app", "--port", port, "--no-browser", cwd=tmp_path))
+        assert f"--port {port}: it is in use" in told
+    told = plain_refusal(pavetwin("app", "--host", "256.0.0.1", "--no-browser", cwd=tmp_path))
+    assert "--host 256.0.0.1: no listening there" in told
