@@ -78,5 +78,15 @@ def test_what_cannot_be_fitted_is_one_plain_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["none.json", "none.onnx", "none-1"])
 def test_a_file_that_is_not_there_is_told_before_flying(name: str) -> None:
     line = plain_refusal(pavetwin("fly", "--sensor", "calibrated", "--model", name, "--settings"))
-    assert f"here is no {'file' if name.endswith('json') else 'model'} '{name}'" in line
-    assert ("pavetwin sensor fit" in line) == name.endswith("json")
+    kind = {"none.json": "file", "none.onnx": "model", "none-1": "fitted sensor"}[name]
+    assert f"here is no {kind} '{name}'" in line
+    assert ("pavetwin sensor fit" in line) == (name != "none.onnx")
+
+
+def test_the_fitted_sensor_that_ships_is_named_as_its_detector() -> None:
+    named = pavetwin("fly", "--sensor", "calibrated", "--model", "synthetic-1", "--settings")
+    assert named.returncode == 0, named.stderr
+    assert "fitted: synthetic-1" in named.stdout
+    other = pavetwin("fly", "--sensor", "detector", "--model", "synthetic-1", "--settings")
+    assert "model: synthetic-1" in other.stdout
+    assert "fitted" not in other.stdout

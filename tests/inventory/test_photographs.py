@@ -1,5 +1,6 @@
 """The inventory of a folder of photographs, whose places are known from what they say of themselves."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,9 @@ from pavetwin.inventory.entry import Entry
 from pavetwin.inventory.listing import entries_of
 from pavetwin.inventory.of_photographs import photographed
 from pavetwin.inventory.reading import Reading
+from pavetwin.perception.inference import Detector
 from pavetwin.perception.results.photograph import PhotographPose, pose_of
+from pavetwin.perception.shipped import DEFAULT
 from pavetwin.world.georeference import from_wgs84
 from scenes.aerial import aerial_photograph
 from scenes.spots import SpotDetector
@@ -157,3 +160,20 @@ def test_a_photograph_lies_where_the_view_that_took_it_looks(tmp_path: Path) -> 
     assert places is not None
     assert from_wgs84(PLACE, places) == pytest.approx(frame.view.ground(corners), abs=0.02)
     assert pose.height_m == ALTITUDE_M
+
+
+def test_real_photographs_without_position_are_listed_in_pixels(shared_file: Callable[[str], Path]) -> None:
+    """Of drones, 512 px across; nothing is known of where and from how high."""
+    folder = shared_file("real/uapd_samples/Sample images")
+    detector = Detector(DEFAULT)
+    reading = photographed(detector, folder)
+    (remark,) = reading.remarks
+    count = len(list(folder.glob("*.JPG")))
+    assert remark.startswith(f"{count} of {count} photographs, such as '")
+    assert remark.endswith("no position; its defects are given in pixels, sizes with `gsd_mm` only.")
+    assert reading.images == count
+    assert reading.observations
+    assert all(each.box_px and each.footprint is None and not each.sizes for each in reading.observations)
+    sized = photographed(detector, folder, gsd_mm=2.5)
+    assert len(sized.observations) == len(reading.observations)
+    assert any(each.sizes for each in sized.observations)

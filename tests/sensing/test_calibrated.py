@@ -16,11 +16,13 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.mission.fly import MissionResult, fly_over
 from pavetwin.mission.look_table import LOOKS, look_table, read_looks
 from pavetwin.mission.results import save_mission
+from pavetwin.perception.shipped import model_path
 from pavetwin.sensing import Outcome, Sighting
 from pavetwin.sensing.calibrated import Calibrated
 from pavetwin.sensing.conformance import trial_defect, trial_frames
 from pavetwin.sensing.looks import LookMeter
 from pavetwin.sensing.sensor_model import SensorModel
+from pavetwin.sensing.shipped import DEFAULT, sensor_path
 from scenes import drawn_detector, fitted
 from scenes.fitted import stated
 from scenes.spots import fly_over_spots
@@ -126,13 +128,14 @@ def test_false_alarms_are_as_many_as_the_model_has_and_the_same_whenever_asked()
     assert corners[1] == pytest.approx(corners[0], abs=1e-3)
 
 
-def test_without_a_file_it_says_how_to_name_one(tmp_path: Path) -> None:
+def test_the_fitted_sensor_that_ships_is_used_unless_another_is_named(tmp_path: Path) -> None:
     def opened(**options: str) -> Calibrated:
         return Calibrated(SensingSettings(sensor="calibrated", options=options), 0)
 
-    with pytest.raises(PaveTwinError, match=r"'calibrated' needs a file of `pavetwin sensor fit`: name it by `model`"):
-        opened()
-    with pytest.raises(PaveTwinError, match=r"Cannot read '.*none.json'"):
+    shipped = opened()
+    assert shipped.model == opened(fitted=DEFAULT).model == SensorModel.read(sensor_path(DEFAULT), model_path(DEFAULT))
+    assert set(shipped.model.classes) == {"single_crack", "crocodile_crack", "pothole"}
+    with pytest.raises(PaveTwinError, match=r"There is no fitted sensor '.*none.json': name one \w+ ships \("):
         opened(fitted=str(tmp_path / "none.json"))
     assert opened(fitted=str(fitted.FILE), model=str(drawn_detector.FILE)).model == stated()
     (tmp_path / "other.onnx").write_bytes(b"x")

@@ -69,6 +69,15 @@ def test_a_sensor_is_recovered_from_what_it_found() -> None:
     assert fitted.fitted_to.repeated == 400
 
 
+def test_captures_that_missions_share_count_once() -> None:
+    """Else the same image would be taken for looks that always agree."""
+    source = drawn_looks(stated(spread=0.5), 200, 2)
+    once, twice = fit_sensor([source]), fit_sensor([source, replace(source, name="another policy")])
+    assert twice.fitted_to.looks == once.fitted_to.looks == 400
+    assert twice.terms == once.terms
+    assert twice.log_spread == once.log_spread
+
+
 def test_repeated_looks_follow_the_model_and_not_independence() -> None:
     true = stated(spread=1.5)
     looks = drawn_looks(true, 900, 3, seed=3).looks

@@ -27,6 +27,10 @@ from pavetwin.sensing.sensor_model import FittedDetector
 LEAST_VISIBLE: Final = 0.35
 """As missions have it unless set otherwise (`sensing.min_visible_fraction`): what shows less of a defect is no look."""
 
+LEAST_INSIDE: Final = 0.98
+"""Images of missions show nearly whole what counts as a look, since its centre lies in the inspection window. Where two
+thirds of the looks were at parts, chances depended too little on the resolution."""
+
 LEVEL_DEG: Final = 5.0
 """Images that look further from straight down are left out: missions take none."""
 
@@ -48,6 +52,8 @@ def looks_of(folder: Path, model: Path, confidence: float, tell: Callable[[float
         PaveTwinError: the dataset or the model is damaged, or no image looks straight down.
     """
     detector = Detector(model, confidence=confidence)
+    if detector.tiled:  # the larger images of missions are always looked at in tiles, at their own resolution
+        detector = Detector(model, confidence=confidence, tiled=True)
     place, paths = _place(folder), record_paths(folder)
     looks: list[tuple[Any, ...]] = []
     images: list[tuple[float, float]] = []
@@ -109,7 +115,8 @@ def _judged(record: Record, found: Detections) -> tuple[list[tuple[Any, ...]], l
     looks = []
     for index, each in enumerate(objects):
         off_centre = _off_centre(record, each)
-        if each.visible_fraction >= LEAST_VISIBLE and off_centre is not None:
+        is_whole = each.inside_fraction is None or each.inside_fraction >= LEAST_INSIDE
+        if each.visible_fraction >= LEAST_VISIBLE and is_whole and off_centre is not None:
             looks.append((each.id, index in hit, *_look(record, each, pixel_m, off_centre)))
     wrong = [
         (shape.kind, sqrt(shape.ground().area) / pixel_m)

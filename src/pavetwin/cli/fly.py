@@ -364,7 +364,8 @@ def _settings(
     if sensor is not None:
         given["sensing"] = {"sensor": sensor}
     if model is not None:
-        given.setdefault("sensing", {})["options"] = model_option(model)
+        chosen = load_settings(preset, overrides or (), **given).sensing.sensor
+        given.setdefault("sensing", {})["options"] = model_option(model, chosen)
     if aircraft is not None:
         given["aircraft"] = aircraft
     if plugins:

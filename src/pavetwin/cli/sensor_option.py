@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pavetwin.cli.detect import named
-from pavetwin.errors import PaveTwinError
+from pavetwin.errors import PaveTwinError, about
 
 if TYPE_CHECKING:
     from pavetwin.config import MissionSettings
@@ -18,29 +18,33 @@ SensorModel = Annotated[
         "--model",
         metavar="NAME|FILE",
         help="Of --sensor detector: one that ships, or a file of `pavetwin export`; synthetic-1 unless given. "
-        "Of --sensor calibrated: a file of `pavetwin sensor fit`.",
+        "Of --sensor calibrated: one that ships, or a file of `pavetwin sensor fit`; synthetic-1 unless given.",
     ),
 ]
 
 
-def model_option(model: str) -> dict[str, str]:
-    """The option of a sensor that --model sets, by the kind of its file.
+def model_option(model: str, sensor: str) -> dict[str, str]:
+    """The option of a sensor that --model sets: of `calibrated` the fitted sensor, unless it names an ONNX file.
 
-    A detector that ships keeps its name, which holds on any machine.
+    One that ships keeps its name, which holds on any machine.
 
     Raises:
         PaveTwinError: there is no such file, and none that ships has this name.
     """
     from pavetwin.perception.shipped import FOLDER
+    from pavetwin.sensing.registered import sensor_class
+    from pavetwin.sensing.shipped import sensor_path
 
-    if not model.endswith(".json"):
-        file = named(model)
-        return {"model": file.stem if file.parent == FOLDER else str(file)}
-    if not Path(model).is_file():
+    if model.endswith(".json") and not Path(model).is_file():
         raise PaveTwinError(
             f"`model`: there is no file '{model}'; `pavetwin sensor fit MISSIONS output={model}` writes one."
         )
-    return {"fitted": model}
+    if model.endswith(".json") or ("fitted" in sensor_class(sensor).default_options and not model.endswith(".onnx")):
+        with about("model"):
+            sensor_path(model)
+        return {"fitted": model}
+    file = named(model)
+    return {"model": file.stem if file.parent == FOLDER else str(file)}
 
 
 def check_has_model(settings: "MissionSettings") -> None:

@@ -14,7 +14,6 @@ from shapely import Polygon
 from pavetwin.arrays import Complex128Array, Float64Array
 from pavetwin.config.mission import SensingSettings
 from pavetwin.config.options import OptionValue
-from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256
 from pavetwin.perception.shipped import model_path
 from pavetwin.seeds import Stream, child
@@ -25,6 +24,7 @@ from pavetwin.sensing.frame import Frame
 from pavetwin.sensing.looks import Look, LookMeter
 from pavetwin.sensing.registered import sensor
 from pavetwin.sensing.sensor_model import SensorModel
+from pavetwin.sensing.shipped import DEFAULT, sensor_path
 
 _BLOCK: Final = 128
 """Frames whose false alarms are drawn together."""
@@ -34,7 +34,8 @@ _CORNERS: Final = np.array(((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)))
 
 @sensor("calibrated")
 class Calibrated(Sensor):
-    """Finds defects with the chances of a file of `pavetwin sensor fit`, and reports as many false alarms.
+    """Finds defects with the chances of a fitted sensor, one that ships or a file of `pavetwin sensor fit`, and reports
+    as many false alarms.
 
     A look finds its defect by class, severity, size in pixels, visible fraction, place in the image, motion blur and
     light; what a defect keeps from look to look is drawn once for it (`pavetwin.sensing.sensor_model`). False alarms
@@ -44,15 +45,15 @@ class Calibrated(Sensor):
     every_capture = True
     sees_confirmed = True
     is_fitted = True
-    default_options: ClassVar[Mapping[str, OptionValue]] = MappingProxyType({"fitted": "", "model": ""})
+    default_options: ClassVar[Mapping[str, OptionValue]] = MappingProxyType({"fitted": DEFAULT, "model": ""})
 
     def __init__(self, settings: SensingSettings, seed: int, model: SensorModel | None = None) -> None:
         """Args:
             model: in place of the one that the option `fitted` names.
 
         Raises:
-            PaveTwinError: none is named, its file is damaged, or it was fitted for another detector than the one that
-                the option `model` names.
+            PaveTwinError: there is none of that name, its file is damaged, or it was fitted for another detector than
+                the one that the option `model` names.
         """
         super().__init__(settings, seed)
         self.model = model or self._opened()
@@ -62,12 +63,8 @@ class Calibrated(Sensor):
         self._alarms_at: dict[tuple[float, tuple[int, int]], _Alarms] = {}
 
     def _opened(self) -> SensorModel:
-        fitted, detector = str(self.options["fitted"]), str(self.options["model"])
-        if not fitted:
-            raise PaveTwinError(
-                "The sensor 'calibrated' needs a file of `pavetwin sensor fit`: name it by `model`, as in sensor.json."
-            )
-        return _read(fitted, file_sha256(Path(fitted)), detector)
+        file, detector = sensor_path(str(self.options["fitted"])), str(self.options["model"])
+        return _read(file, file_sha256(file), detector)
 
     def detect(self, frame: Frame) -> Sequence[Detection]:
         correlation = self.model.correlation
@@ -145,6 +142,6 @@ def _block(seed: int, number: int, alarms: _Alarms) -> dict[int, tuple[list[str]
 
 
 @lru_cache(maxsize=16)
-def _read(fitted: str, content: str, detector: str) -> SensorModel:  # noqa: ARG001 - it is of the cache's key
+def _read(fitted: Path, content: str, detector: str) -> SensorModel:  # noqa: ARG001 - it is of the cache's key
     """A fitted sensor, read again only when its content has changed."""
-    return SensorModel.read(Path(fitted), model_path(detector) if detector else None)
+    return SensorModel.read(fitted, model_path(detector) if detector else None)

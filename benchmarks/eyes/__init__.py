@@ -1,0 +1,1 @@
+"""`python -m benchmarks.eyes`: the fitted sensor that ships, and the paper's study with a detector's eyes."""

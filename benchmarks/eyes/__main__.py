@@ -1,0 +1,76 @@
+"""`python -m benchmarks.eyes STUDY [--plot FILE]` or `… --missions FOLDER [--captures DATASET …]`: answers by sensor.
+
+    python -m benchmarks.eyes out/eyes/study --plot docs/images/eyes.svg
+
+prints the tables of docs/explanation/results.md, of a study by `recipes/eyes.yaml`;
+
+    python -m benchmarks.eyes --fly out/eyes/missions town:201 berlin.osm
+    python -m benchmarks.eyes --missions out/eyes/missions --captures datasets/town-test --plot agreement.png
+
+flies the sensor `detector` over a street of each town in each density, and compares what it found with the fitted
+sensor, of each town with one that was fitted to the others and to datasets of `pavetwin capture`.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmarks.eyes import agreement, grid, plot, tables
+from pavetwin.capture.looks import looks_of
+from pavetwin.cli.console import fail, out, progress
+from pavetwin.errors import PaveTwinError
+from pavetwin.experiments.store import Store
+from pavetwin.perception.shipped import DEFAULT, model_path
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The exit code."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.eyes", description=__doc__.splitlines()[0])
+    parser.add_argument("study", nargs="?", type=Path, help="folder of a study by recipes/eyes.yaml")
+    parser.add_argument("--fly", nargs="+", metavar="FOLDER TOWN", help="fly over these towns: KIND:SEED, or a map")
+    parser.add_argument("--policies", nargs="+", default=["baseline", "hover", "micro", "skip"], help="to fly")
+    parser.add_argument("--missions", type=Path, help="what --fly flew")
+    parser.add_argument("--captures", nargs="*", type=Path, default=[], help="datasets to fit to as well")
+    parser.add_argument("--plot", type=Path, help="also draw the picture")
+    asked = parser.parse_args(arguments)
+    try:
+        if asked.fly:
+            _fly(Path(asked.fly[0]), asked.fly[1:], asked.policies)
+        if asked.missions is not None:
+            _compare(asked.missions, asked.captures, asked.plot)
+        if asked.study is not None:
+            table = Store(asked.study).table()
+            out.print(tables.answers(table), markup=False)
+            if asked.plot is not None:
+                plot.save_answers(tables.by_sensor(table), asked.plot)
+    except PaveTwinError as error:
+        return fail(error)
+    return 0
+
+
+def _fly(folder: Path, towns: Sequence[str], policies: Sequence[str]) -> None:
+    with progress("Flying", lines=True) as tell:
+        for text in towns:
+            town = grid.town_of(text)
+            world = grid.built(town, folder.with_name("worlds"))
+            for number, density in enumerate(grid.DENSITIES):
+                grid.flown(world, density, grid.FIRST_SEED + number, folder, policies, tell)
+
+
+def _compare(missions: Path, captures: Sequence[Path], picture: Path | None) -> None:
+    with progress("Searching", lines=True) as tell:
+        sets = [looks_of(each, model_path(DEFAULT), 0.25, lambda share: tell(share, "Searching")) for each in captures]
+    flown, models = agreement.predicted(missions, sets)
+    cells = agreement.cells(flown)
+    out.print(agreement.markdown(cells), markup=False)
+    for by in (agreement.CELL, ("traffic", "altitude_m"), ("altitude_m",)):
+        out.print(f"By {', '.join(by)}: {agreement.summary(agreement.cells(flown, by))}", markup=False)
+    for town, model in models.items():
+        out.print(f"Without {town}: {model.fitted_to.looks} looks, correlation {model.correlation:.2f}", markup=False)
+    if picture is not None:
+        plot.save_agreement(cells, picture)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,36 @@
+"""The fitted sensors that ship, by name: each has the name of the detector that it stands for.
+
+A sensor is fitted again for the same detector with another name alone, so that a name always means the same sensor.
+"""
+
+from pathlib import Path
+from typing import Final
+
+from pavetwin.errors import PaveTwinError
+
+FOLDER: Final = Path(__file__).parent / "fitted"
+
+DEFAULT: Final = "synthetic-1"
+"""Where no fitted sensor is named."""
+
+
+def shipped_sensors() -> list[str]:
+    """Their names."""
+    return sorted(file.stem for file in FOLDER.glob("*.json"))
+
+
+def sensor_path(fitted: str | Path) -> Path:
+    """The file of a fitted sensor: a JSON file, or one that ships, by name. A file comes first.
+
+    Raises:
+        PaveTwinError: there is neither.
+    """
+    file = Path(fitted)
+    if file.is_file():
+        return file
+    if str(fitted) in shipped_sensors():
+        return FOLDER / f"{fitted}.json"
+    raise PaveTwinError(
+        f"There is no fitted sensor '{fitted}': name one that ships ({', '.join(shipped_sensors())}), or a file of "
+        f"`pavetwin sensor fit MISSIONS output=sensor.json`."
+    )
