@@ -292,7 +292,8 @@ export class StreetMap {
     }
     this.#drawReactions(pen, mission, t);
     this.#metres(pen);
-    for (const other of this.#flight.missions) {
+    const others = this.#flight.missions.filter(other => other !== mission);
+    for (const other of [...others, mission]) {
       const { x, y, yaw, visibility } = other.at(Math.min(t, other.duration_s));
       const size = Math.max(1.9, 17 * pixel), several = this.#flight.missions.length > 1;
       if (other === mission && visibility !== null) {

@@ -3,7 +3,7 @@
 import { uPlot } from './vendor.js';
 import { clock } from './playback.js';
 
-const LANES = { occlusion: 'hidden', wait: 'wait', displace: 'displace', revisit: 'revisit', swap: 'battery' };
+const LANES = { occlusion: 'hides', wait: 'wait', displace: 'displace', revisit: 'revisit', swap: 'battery' };
 const WORDS = { occlusion: 'hidden', wait: 'waits', displace: 'steps aside', revisit: 'revisits', swap: 'swaps the battery' };
 const LANE_PX = 5;
 
@@ -43,10 +43,10 @@ export class Timeline {
     const line = getComputedStyle(document.documentElement).getPropertyValue('--line').trim();
     const percent = share => (share === null ? null : 100 * share);
     const data = [
-      track.t_s, track.visibility.map(percent), track.battery.map(percent),
-      track.t_s.map(t => (all ? (100 * this.#mission.foundUpTo(t)) / all : null)),
+      track.t_s, track.battery.map(percent), track.t_s.map(t => (all ? (100 * this.#mission.foundUpTo(t)) / all : null)),
+      track.visibility.map(percent),
     ];
-    const curves = [['visibility o', colours.visibility.at(-1)], ['battery', colours.battery], ['defects found', colours.outcomes.found]];
+    const curves = [['battery', colours.battery], ['defects found', colours.outcomes.found], ['visibility o', colours.seeing]];
     const font = '11px system-ui, "DejaVu Sans", sans-serif';
     const axis = { stroke: ink, font, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1, size: 4 } };
     this.#plot = new uPlot({
@@ -72,8 +72,8 @@ export class Timeline {
     const pen = plot.ctx, ratio = devicePixelRatio || 1, { left, top, height, width } = plot.bbox;
     const threshold = plot.valToPos(100 * this.#mission.threshold, 'y', true);
     pen.save();
-    pen.strokeStyle = this.#colours.visibility[0];
-    pen.globalAlpha = 0.5;
+    pen.strokeStyle = this.#colours.hides;
+    pen.globalAlpha = 0.6;
     pen.setLineDash([3 * ratio, 3 * ratio]);
     pen.beginPath();
     pen.moveTo(left, threshold);
@@ -94,7 +94,7 @@ export class Timeline {
     pen.restore();
   }
 
-  #colour(what) { return what === 'occlusion' ? this.#colours.visibility[2] : this.#colours[LANES[what]]; }
+  #colour(what) { return this.#colours[LANES[what]]; }
 
   #tellKey(curves) {
     const there = new Set(this.#spans.map(span => span.what));
