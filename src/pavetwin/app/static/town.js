@@ -1,0 +1,266 @@
+// A town in 3-D on a canvas: tiles by distance, traffic, the UAV, four cameras. Places are metres of the world frame
+// (x east, y north, z up), yaw is counter-clockwise from east in radians; see docs/reference/town-client.md.
+import { ACESFilmicToneMapping, Raycaster, Scene, Vector2, Vector3, WebGLRenderer } from "./vendor.js";
+import { Agents } from "./town/agents.js";
+import { Cameras } from "./town/cameras.js";
+import { Files } from "./town/files.js";
+import { Materials } from "./town/materials.js";
+import { Models, Pools } from "./town/models.js";
+import { Sky } from "./town/sky.js";
+import { Tiles } from "./town/tiles.js";
+
+const FORMAT = 1;
+const MOVED_M = 1.0;
+const CLICK_PX = 4;
+const NO_WEBGL = "This browser offers no WebGL 2, so the town cannot be drawn in 3-D. Everything else works.";
+
+// What stands in for a town where none can be drawn: every call does nothing.
+function nothing(message) {
+  const idle = () => {};
+  return {
+    available: false, message, ready: Promise.resolve(false), setAgents: idle, setUav: idle, setCamera: idle,
+    setLayers: idle, setLight: idle, lookAt: idle, resize: idle, render: idle, dispose: idle,
+    stats: () => ({ available: false, message }),
+  };
+}
+
+export function createTown(canvas, { base, fetch = globalThis.fetch.bind(globalThis), onPick, onMessage } = {}) {
+  let renderer;
+  try {
+    if (!canvas.getContext("webgl2", { antialias: true, powerPreference: "high-performance" })) throw new Error();
+    renderer = new WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
+  } catch {
+    onMessage?.(NO_WEBGL);
+    return nothing(NO_WEBGL);
+  }
+  return new Town(canvas, renderer, base.endsWith("/") ? base : `${base}/`, fetch, onPick, onMessage);
+}
+
+class Town {
+  constructor(canvas, renderer, base, fetch, onPick, onMessage) {
+    Object.assign(this, { canvas, renderer, onPick, onMessage });
+    this.available = true;
+    this.message = "";
+    renderer.toneMapping = ACESFilmicToneMapping;
+    this.scene = new Scene();
+    this.files = new Files(base, fetch);
+    this.materials = new Materials();
+    this.sky = new Sky(this.scene, this.materials);
+    this.uav = null;
+    this.dirty = true;
+    this.frames = [];
+    this.started = performance.now();
+    this.ready = this.#open().catch((error) => {
+      this.message = `The town cannot be shown: ${error.message}`;
+      this.onMessage?.(this.message);
+      return false;
+    });
+  }
+
+  async #open() {
+    const manifest = await this.files.json("manifest.json");
+    if (manifest.format !== FORMAT) throw new Error(`its files have format ${manifest.format}, not ${FORMAT}`);
+    const [models, facades, leaves] = await Promise.all([
+      this.files.meshes(manifest.models.file), this.files.layers(manifest.facades.file),
+      this.files.texture(manifest.leaves.file),
+    ]);
+    if (this.gone) return false;
+    this.manifest = manifest;
+    this.materials.facades.value = facades;
+    this.materials.facadeSteps = manifest.facades.steps;
+    leaves.flipY = false;
+    this.models = new Models(models, leaves, manifest.leaves.cut, this.materials);
+    this.sky.set(manifest.light);
+    this.cameras = new Cameras(this.canvas, manifest, () => (this.dirty = true));
+    if (this.asked) this.cameras.set(...this.asked);
+    this.tiles = new Tiles(this.scene, manifest, this.files, this.materials, this.models);
+    this.tiles.setOutlines(Boolean(this.layers?.defects));
+    this.agents = new Agents(this.scene, this.models);
+    this.agents.set(this.list ?? []);
+    this.craft = new Pools(this.scene, this.models);
+    this.#listen();
+    this.resize();
+    this.setLayers(this.layers ?? {});
+    this.request = requestAnimationFrame(this.#frame);
+    return true;
+  }
+
+  // All agents of a moment: {id, x, y, yaw, z?, kind?, pedestrian?, length_m?, width_m?, height_m?, model?, tints?,
+  // moving?, brakes?}. What an agent looks like is settled the first time that its id appears.
+  setAgents(list) {
+    this.list = list;
+    this.agents?.set(list);
+    this.moved = this.dirty = true;
+  }
+
+  // {x, y, z, yaw, pitch}: pitch of the camera, −π/2 straight down. null for none.
+  setUav(pose) {
+    this.uav = pose;
+    this.dirty = true;
+  }
+
+  // "orbit", "follow", "uav", "car"; options {agent} for the car, {fov_deg}, {back_m, up_m} to follow.
+  setCamera(mode, options = {}) {
+    this.asked = [mode, options];
+    this.cameras?.set(mode, options);
+    this.moved = this.dirty = true;
+  }
+
+  // Orbit around a place, from a distance.
+  lookAt(x, y, away_m = 60) {
+    this.cameras?.look(x, y, away_m);
+    this.dirty = true;
+  }
+
+  // {defects, agents, uav, objects}: outlines of defects, traffic, the UAV, trees and street furniture.
+  setLayers(layers) {
+    this.layers = { defects: false, agents: true, uav: true, objects: true, ...this.layers, ...layers };
+    if (this.tiles) {
+      this.tiles.setOutlines(this.layers.defects);
+      this.tiles.objects.visible = this.layers.objects;
+      this.agents.group.visible = this.layers.agents;
+    }
+    this.dirty = true;
+  }
+
+  // The light of other conditions, as `light` of a manifest.
+  setLight(light) {
+    this.sky.set(light);
+    this.dirty = true;
+  }
+
+  resize() {
+    const { clientWidth: wide, clientHeight: tall } = this.canvas;
+    if (!wide || !tall) return;
+    this.renderer.setPixelRatio(Math.min(globalThis.devicePixelRatio ?? 1, 2));
+    this.renderer.setSize(wide, tall, false);
+    this.cameras?.resize(wide, tall);
+    this.dirty = true;
+  }
+
+  stats() {
+    const { render } = this.renderer.info, gl = this.renderer.getContext();
+    const named = gl.getExtension("WEBGL_debug_renderer_info");
+    return {
+      available: true, message: this.message, renderer: gl.getParameter(named?.UNMASKED_RENDERER_WEBGL ?? gl.RENDERER),
+      drawCalls: render.calls, triangles: render.triangles, tiles: this.tiles?.counts() ?? [0, 0, 0],
+      pending: this.tiles ? this.tiles.pending : 1, failed: this.tiles?.failed?.message ?? null,
+      bytes: this.files.bytes, agents: this.list?.length ?? 0, agents_ms: this.agents?.median ?? 0,
+      frame_ms: this.frames.length ? [...this.frames].sort((a, b) => a - b)[this.frames.length >> 1] : 0,
+      ready_ms: this.settled ?? null,
+    };
+  }
+
+  // Draw at once.
+  render() {
+    if (!this.tiles || this.lost) return;
+    const start = performance.now();
+    this.cameras.update(this.uav, this.#car());
+    const eye = this.cameras.camera.position;
+    if (!this.last || this.last.distanceTo(eye) > MOVED_M || this.tiles.pending) {
+      this.tiles.update(eye);
+      this.last = eye.clone();
+      this.moved = true;
+    }
+    if (this.moved) this.agents.update(eye, this.cameras.mode === "car" ? this.cameras.options.agent : undefined);
+    this.moved = false;
+    this.#placeUav();
+    this.renderer.render(this.scene, this.cameras.camera);
+    this.frames.push(performance.now() - start);
+    if (this.frames.length > 60) this.frames.shift();
+    if (this.tiles.failed && !this.message) {
+      this.message = `Parts of the town cannot be loaded: ${this.tiles.failed.message}`;
+      this.onMessage?.(this.message);
+    }
+    if (!this.tiles.pending) this.settled ??= performance.now() - this.started;
+  }
+
+  dispose() {
+    this.gone = true;
+    cancelAnimationFrame(this.request);
+    this.listening?.abort();
+    for (const part of [this.tiles, this.agents, this.craft, this.models, this.cameras, this.sky]) part?.dispose();
+    this.materials.facades.value?.dispose();
+    this.renderer.dispose();
+  }
+
+  #frame = () => {
+    this.request = requestAnimationFrame(this.#frame);
+    if (this.dirty || this.tiles.pending) {
+      this.dirty = false;
+      this.render();
+    }
+  };
+
+  #car() {
+    return this.cameras.mode === "car" ? this.agents.get(this.cameras.options.agent) ?? null : null;
+  }
+
+  #placeUav() {
+    this.craft.begin();
+    if (this.uav && this.layers.uav && this.cameras.mode !== "uav") {
+      const { x, y, z, yaw } = this.uav, cos = Math.cos(yaw), sin = Math.sin(yaw);
+      this.craft.add("quadrotor:body:0", [cos, 0, -sin, 0, 1, 0, sin, 0, cos, y, z, x]);
+    }
+    this.craft.finish();
+  }
+
+  #listen() {
+    this.listening = new AbortController();
+    const { signal } = this.listening;
+    let down = null;
+    this.canvas.addEventListener("pointerdown", (event) => (down = [event.clientX, event.clientY]), { signal });
+    this.canvas.addEventListener("pointerup", (event) => {
+      if (down && Math.hypot(event.clientX - down[0], event.clientY - down[1]) < CLICK_PX) this.#pick(event);
+      down = null;
+    }, { signal });
+    this.canvas.addEventListener("webglcontextlost", (event) => {
+      event.preventDefault();
+      this.lost = true;
+      this.message = "The graphics processor was reset; the town comes back when it is ready.";
+      this.onMessage?.(this.message);
+    }, { signal });
+    this.canvas.addEventListener("webglcontextrestored", () => {
+      this.lost = false;
+      this.message = "";
+      this.dirty = true;
+    }, { signal });
+  }
+
+  // The place on the ground under the pointer, and the agent and the defect there.
+  #pick(event) {
+    if (!this.onPick) return;
+    const box = this.canvas.getBoundingClientRect(), caster = new Raycaster();
+    caster.setFromCamera(new Vector2(2 * (event.clientX - box.left) / box.width - 1,
+      1 - 2 * (event.clientY - box.top) / box.height), this.cameras.camera);
+    const { origin, direction } = caster.ray;
+    let agent = null, nearest = Infinity;
+    const middle = new Vector3();
+    for (const each of this.list ?? []) {
+      const { size, scale } = this.agents.look(each), half = each.pedestrian ? 0.9 * scale[2] : 0.8;
+      middle.set(each.y, (each.z ?? 0) + half, each.x);
+      const away = origin.distanceTo(middle), reach = each.pedestrian ? 0.6 : 0.5 * Math.min(size[0], 2 * size[1]);
+      if (away >= nearest || caster.ray.distanceToPoint(middle) > Math.max(reach, 0.004 * away)) continue;
+      [agent, nearest] = [each.id, away];
+    }
+    const ahead = direction.y < -1e-6 ? -origin.y / direction.y : null;
+    if (ahead === null && agent === null) return;
+    const x = ahead === null ? null : origin.z + ahead * direction.z;
+    const y = ahead === null ? null : origin.x + ahead * direction.x;
+    let defect = null;
+    if (ahead !== null)
+      for (const each of this.tiles.defects()) if (within(each.outline, x, y)) defect = each.id;
+    this.onPick({ x, y, agent, defect: agent === null || nearest > (ahead ?? 0) ? defect : null });
+  }
+}
+
+// Whether a point is inside an outline, or 0.2 m from one of its corners.
+function within(outline, x, y) {
+  let inside = false;
+  for (let index = 0, last = outline.length - 1; index < outline.length; last = index++) {
+    const [ax, ay] = outline[index], [bx, by] = outline[last];
+    if (ay > y !== by > y && x < ((bx - ax) * (y - ay)) / (by - ay) + ax) inside = !inside;
+    if (Math.hypot(ax - x, ay - y) < 0.2) return true;
+  }
+  return inside;
+}

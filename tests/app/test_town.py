@@ -1,0 +1,212 @@
+"""The town in 3-D in a real browser without a GPU: tiles, traffic, cameras, picks, and a browser without WebGL."""
+
+import functools
+import json
+import shutil
+import threading
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from pavetwin.scene.scene import Scene
+from pavetwin.scene.web import WebTown
+from pavetwin.scene.web.town import MANIFEST
+from pavetwin.world.store import load_world, save_world
+from scenes import built
+
+playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed (make setup)")
+
+STATIC = Path(__file__).resolve().parents[2] / "src" / "pavetwin" / "app" / "static"
+CHROMIUM = shutil.which("chromium")
+POLICY = "default-src 'self'; script-src 'self' 'unsafe-inline'; style-src 'self' 'unsafe-inline'"
+SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.timeout(900),
+    pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed"),
+]
+
+
+class TownHandler(SimpleHTTPRequestHandler):
+    """Serves the client, a page and a town's files, which are made when they are asked for."""
+
+    def __init__(self, *arguments: Any, town: WebTown, **options: Any) -> None:
+        self.town = town
+        super().__init__(*arguments, **options)
+
+    def do_GET(self) -> None:
+        path = self.path.partition("?")[0]
+        try:
+            if path == f"/web/{MANIFEST}":
+                body = json.dumps(self.town.manifest()).encode()
+            elif path.startswith("/web/"):
+                body = self.town.file(path.removeprefix("/web/"))
+            elif path.startswith("/static/"):
+                body = (STATIC / path.removeprefix("/static/")).read_bytes()
+            else:
+                body = b"" if path == "/favicon.ico" else Path(__file__).with_name("town.html").read_bytes()
+        except (KeyError, OSError):
+            self.send_error(404)
+            return
+        kind = {".js": "text/javascript", "": "text/html"}.get(Path(path).suffix, "application/octet-stream")
+        self.send_response(200)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Security-Policy", POLICY)
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        with suppress(BrokenPipeError, ConnectionResetError):  # the page may be gone
+            self.wfile.write(body)
+
+    def log_message(self, *_: Any) -> None:
+        pass
+
+
+@dataclass
+class Shown:
+    """A page with a town, and what the browser complained of."""
+
+    page: Any
+    complaints: list[str] = field(default_factory=list)
+    hosts: set[str] = field(default_factory=set)
+
+    def settle(self) -> dict[str, Any]:
+        # `wait_for_function` evaluates texts, which the Content-Security-Policy refuses.
+        while self.page.evaluate("town.stats().pending > 0 && !town.stats().failed"):
+            self.page.wait_for_timeout(200)
+        self.page.evaluate("town.render()")
+        stats: dict[str, Any] = self.page.evaluate("town.stats()")
+        assert stats["failed"] is None
+        return stats
+
+    def picture(self) -> np.ndarray[Any, np.dtype[np.uint8]]:
+        return np.asarray(Image.open(BytesIO(self.page.screenshot())).convert("RGB"))
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    folder = tmp_path_factory.mktemp("town")
+    save_world(built("cross"), folder / "cross")
+    world = load_world(folder / "cross")
+    at = world.base
+    town = WebTown(Scene(world, seed=1), bounds=(at.x - 20, at.y - 20, at.x + 20, at.y + 20))
+    server = ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(TownHandler, town=town))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+
+
+def opened(browser: Any, address: str) -> Shown:
+    shown = Shown(browser.new_page(viewport={"width": 640, "height": 360}))
+    page = shown.page
+    page.on("console", lambda line: shown.complaints.append(line.text) if line.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: shown.complaints.append(str(error)))
+    page.on("request", lambda request: shown.hosts.add(request.url.split("/")[2]))
+    page.goto(address)
+    page.evaluate("town.ready")
+    return shown
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    with playwright.sync_playwright() as started:
+        yield started.chromium
+
+
+@pytest.fixture(scope="module")
+def shown(chromium: Any, address: str) -> Iterator[Shown]:
+    browser = chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
+    yield opened(browser, address)
+    browser.close()
+
+
+def test_the_town_is_drawn(shown: Shown, address: str) -> None:
+    stats = shown.settle()
+    assert "SwiftShader" in stats["renderer"] or "llvmpipe" in stats["renderer"]
+    assert 0 < stats["drawCalls"] <= 400
+    assert 1000 < stats["triangles"] <= 400_000
+    assert stats["bytes"] <= 15e6
+    assert shown.picture().std(axis=(0, 1)).mean() > 10, "the canvas is blank"
+    assert shown.hosts == {address.removeprefix("http://")}
+    assert shown.complaints == []
+
+
+def test_levels_come_with_the_distance(shown: Shown) -> None:
+    west, south, east, north = shown.page.evaluate("town.manifest.bounds")
+    x, y = shown.page.evaluate("town.manifest.base")
+    shown.page.evaluate(f"town.lookAt({x}, {y}, 25)")
+    near = shown.settle()
+    assert near["tiles"][0] > 0
+    shown.page.evaluate(f"town.lookAt({(west + east) / 2}, {(south + north) / 2}, 2000)")
+    far = shown.settle()
+    assert far["tiles"][:2] == [0, 0]
+    assert far["tiles"][2] > 0
+    assert far["triangles"] < near["triangles"]
+
+
+def test_agents_are_instances(shown: Shown) -> None:
+    x, y = shown.page.evaluate("town.manifest.base")
+    shown.page.evaluate(f"town.lookAt({x}, {y}, 60)")
+    before, blank = shown.settle(), shown.picture()
+    shown.page.evaluate(
+        f"""town.setAgents(Array.from({{length: 1500}}, (_, id) => ({{
+            id, x: {x} + 1.5 * (id % 40 - 20), y: {y} + 3 * (Math.floor(id / 40) - 18), yaw: id,
+            pedestrian: id % 3 === 0, kind: ["saloon", "bus", "van", "delivery", "passenger"][id % 5],
+            length_m: id % 3 ? 4.5 : undefined }})))"""
+    )
+    after = shown.settle()
+    assert after["agents"] == 1500
+    assert after["drawCalls"] - before["drawCalls"] <= 60
+    assert np.abs(shown.picture().astype(int) - blank).mean() > 5
+    shown.page.evaluate("town.setAgents([])")
+    cleared = shown.settle()
+    assert cleared["triangles"] == before["triangles"]
+
+
+def test_cameras_follow_what_they_follow(shown: Shown) -> None:
+    x, y = shown.page.evaluate("town.manifest.base")
+    shown.page.evaluate(f"town.setAgents([{{id: 7, x: {x}, y: {y}, yaw: 0.5, kind: 'saloon', length_m: 4.6}}])")
+    shown.page.evaluate(f"town.setUav({{x: {x}, y: {y}, z: 15, yaw: 1.2, pitch: -Math.PI / 2}})")
+    place = "[town.cameras.camera.position.z, town.cameras.camera.position.x, town.cameras.camera.position.y]"
+    for mode, height in (("uav", 15.0), ("follow", 21.0), ("car", 1.25)):
+        shown.page.evaluate(f"town.setCamera('{mode}', {{agent: 7}})")
+        shown.settle()
+        east, north, up = shown.page.evaluate(place)
+        assert up == pytest.approx(height, abs=0.01), mode
+        assert np.hypot(east - x, north - y) < 15
+    ahead = shown.page.evaluate("town.cameras.camera.getWorldDirection(town.cameras.camera.position.clone()).toArray()")
+    assert np.arctan2(ahead[0], ahead[2]) == pytest.approx(0.5, abs=0.02), "the driver looks along the road"
+    shown.page.evaluate("town.setCamera('orbit'); town.setUav(null); town.setAgents([])")
+
+
+def test_a_click_tells_the_place_and_what_is_there(shown: Shown) -> None:
+    x, y = shown.page.evaluate("town.manifest.base")
+    shown.page.evaluate(f"town.lookAt({x}, {y}, 30); town.render()")
+    shown.page.mouse.click(320, 180)
+    (pick,) = shown.page.evaluate("picks.splice(0)")
+    assert (pick["x"], pick["y"]) == pytest.approx((x, y), abs=0.3)
+    assert pick["agent"] is None
+    shown.page.evaluate(f"town.setAgents([{{id: 3, x: {x}, y: {y}, yaw: 0, kind: 'van'}}]); town.render()")
+    shown.page.mouse.click(320, 180)
+    (pick,) = shown.page.evaluate("picks.splice(0)")
+    assert pick["agent"] == 3
+    shown.page.evaluate("town.setAgents([])")
+    assert shown.complaints == []
+
+
+def test_without_webgl_it_says_so_and_does_no_harm(chromium: Any, address: str) -> None:
+    browser = chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-3d-apis"])
+    shown = opened(browser, address)
+    assert shown.page.evaluate("town.available") is False
+    assert "no WebGL" in shown.page.text_content("#message")
+    shown.page.evaluate("town.setAgents([{id: 1}]); town.setCamera('car'); town.setUav(null); town.dispose()")
+    assert shown.complaints == []
+    browser.close()
