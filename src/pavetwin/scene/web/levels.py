@@ -41,8 +41,8 @@ WEB_LEVELS: Final = (
     WebLevel(2, 2, None, HouseDetail.BLANK, 1.6, float("inf"), 1.5),
 )
 
-DEFECTS_A_PART: Final = 4
-"""Reliefs of defects in one file: each takes up to a tenth of a second to make."""
+DEFECTS_A_PART: Final = 3
+"""Reliefs of defects in one file: each takes a tenth of a second or more."""
 
 DEFECT_TEXEL_M: Final = 0.012
 """Of the pictures of defects."""
