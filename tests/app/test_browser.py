@@ -2,9 +2,10 @@
 
 import json
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -25,6 +26,9 @@ playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is no
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 PATIENCE_S = 120
+
+Launch = Callable[..., Any]
+"""Starts a browser with options."""
 
 pytestmark = pytest.mark.slow
 
@@ -71,14 +75,20 @@ class BrowserTab:
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
+def launch() -> Iterator[Launch]:
     program = next(filter(None, map(shutil.which, PROGRAMS)), None)
     if program is None:
         pytest.skip(f"no browser: none of {', '.join(PROGRAMS)}")
     with playwright.sync_playwright() as driver:
-        started = driver.chromium.launch(executable_path=program, args=["--no-sandbox", "--disable-gpu"])
-        yield started
-        started.close()
+        yield lambda *options: driver.chromium.launch(executable_path=program, args=["--no-sandbox", *options])
+
+
+@pytest.fixture(scope="module")
+def browser(launch: Launch) -> Iterator[Any]:
+    """Without WebGL: all but the town in 3-D works."""
+    started = launch("--disable-3d-apis")
+    yield started
+    started.close()
 
 
 @pytest.fixture(scope="module")
@@ -281,3 +291,94 @@ def test_controls_have_names(tab: BrowserTab) -> None:
         ".map(each => each.outerHTML)"
     )
     assert json.dumps(unnamed) == "[]"
+
+
+def test_without_webgl_the_panel_says_so(tab: BrowserTab) -> None:
+    tab.open("#world=cross")
+    tab.ready()
+    assert "no WebGL 2" in tab.page.locator("#town .empty").inner_text()
+    assert not tab.page.locator("#town .tools").is_visible()
+    tab.page.click("#solid")
+    assert not tab.page.locator("#town").is_visible()
+    tab.page.reload()
+    tab.ready()
+    assert not tab.page.locator("#town").is_visible(), "the choice is kept"
+
+
+SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+
+
+@pytest.fixture(scope="module")
+def drawn(launch: Launch, server: RunningPage) -> Iterator[BrowserTab]:
+    """A mission over a street, in a browser that draws in 3-D without a GPU."""
+    browser = launch(*SOFTWARE)
+    tab = tab_of(browser, server)
+    tab.open("#world=cross&traffic=low&seed=1&segments=s0001")
+    tab.ready()
+    yield tab
+    browser.close()
+    assert tab.errors == []
+    assert tab.hosts == {f"127.0.0.1:{server.port}"}
+
+
+def settled(tab: BrowserTab) -> dict[str, Any]:
+    tab.wait("!pavetwin.town.stats().pending")
+    tab.value("pavetwin.town.render()")
+    stats: dict[str, Any] = tab.value("pavetwin.town.stats()")
+    assert stats["failed"] is None
+    return stats
+
+
+@pytest.mark.timeout(900)
+def test_the_town_is_drawn_in_3d_within_its_limits(drawn: BrowserTab) -> None:
+    stats = settled(drawn)
+    assert "SwiftShader" in stats["renderer"] or "llvmpipe" in stats["renderer"]
+    assert 0 < stats["drawCalls"] <= 400
+    assert 1000 < stats["triangles"] <= 400_000
+    assert stats["bytes"] <= 15e6
+    assert drawn.picture("#town canvas").std(axis=(0, 1)).mean() > 10, "a blank canvas"
+    assert not drawn.page.locator("#town .empty").is_visible()
+    drawn.page.keyboard.press("2")
+    assert drawn.value(CAMERA)["mode"] == "orbit", "there is no UAV to follow yet"
+
+
+CAMERA = """(({ camera, mode }) => ({ mode, x: camera.position.z, y: camera.position.x, z: camera.position.y }))
+(pavetwin.town.cameras)"""
+
+
+@pytest.mark.timeout(900)
+def test_the_town_shows_the_moment_of_the_clock_from_four_cameras(drawn: BrowserTab) -> None:
+    drawn.fly()
+    drawn.value("(pavetwin.seek(20), document.activeElement.blur())")
+    settled(drawn)
+    listed = drawn.value("pavetwin.town.list")
+    moving = {agent["agent"]: agent for agent in drawn.value("pavetwin.agentsAt(20)") if agent["group"] != "aircraft"}
+    shown = {agent["id"]: agent for agent in listed if agent["id"] in moving}
+    assert len(moving) > 0
+    assert shown.keys() == moving.keys()
+    assert all(agent["x"] == moving[key]["x"] and agent["yaw"] == moving[key]["yaw"] for key, agent in shown.items())
+    assert len(listed) - len(shown) == len(drawn.value("pavetwin.mission.parked.x_m"))
+    now = drawn.value("pavetwin.stateAt(20)")
+    pictures = []
+    for key, mode in enumerate(("orbit", "follow", "uav", "car"), start=1):
+        drawn.page.keyboard.press(str(key))
+        settled(drawn)
+        camera = drawn.value(CAMERA)
+        assert camera["mode"] == mode
+        away = np.hypot(camera["x"] - now["x"], camera["y"] - now["y"])
+        if mode == "uav":
+            assert (away, camera["z"]) == pytest.approx((0.0, now["altitude"]), abs=1e-6)
+        if mode == "follow":
+            assert 1 < away < 20
+        if mode == "car":
+            nearest = min(np.hypot(camera["x"] - each["x"], camera["y"] - each["y"]) for each in moving.values())
+            assert nearest < 5
+        pictures.append(drawn.picture("#town canvas"))
+    for one, other in pairwise(pictures):
+        assert np.abs(one - other).mean() > 5
+    drawn.page.keyboard.press("3")
+    settled(drawn)
+    before = drawn.picture("#town canvas")
+    drawn.value("pavetwin.seek(40)")
+    settled(drawn)
+    assert np.abs(drawn.picture("#town canvas") - before).mean() > 2

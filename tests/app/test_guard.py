@@ -14,7 +14,15 @@ from pavetwin.app.guard import COOKIE, Guard
 from pavetwin.app.handlers import STATIC
 from scenes.page import RunningPage, running_page
 
-ADDRESSES = ("/api/start", "/api/worlds/w0/map", "/api/played/x/flight.json.gz", "/static/main.js", "/nothing", "/live")
+ADDRESSES = (
+    "/api/start",
+    "/api/worlds/w0/map",
+    "/api/played/x/flight.json.gz",
+    "/town/w0/manifest.json",
+    "/static/main.js",
+    "/nothing",
+    "/live",
+)
 
 
 @pytest.fixture(scope="module")

@@ -13,9 +13,6 @@ from pavetwin.errors import PaveTwinError
 
 STATIC: Final = Path(__file__).parent / "static"
 
-OPTIONAL: Final = {"town": "town.js"}
-"""Parts of the page that it does without, and the file each is in."""
-
 _BLOCK: Final = 1 << 16
 """Bytes of a file that are sent before the client has to read them."""
 
@@ -128,7 +125,7 @@ class FileHandler(StaticFileHandler):
 
 
 class StartHandler(GuardedHandler):
-    """What the page needs first: the worlds, what a mission may be made of, and which parts are installed."""
+    """What the page needs first: the worlds, and what a mission may be made of."""
 
     async def get(self) -> None:
         try:
@@ -139,7 +136,6 @@ class StartHandler(GuardedHandler):
             {
                 "version": __version__,
                 "worlds": [{"id": world.id, "name": world.name} for world in self.session.worlds],
-                "parts": {part: (STATIC / file).is_file() for part, file in OPTIONAL.items()},
                 **choices,
             }
         )
@@ -152,6 +148,26 @@ class MapHandler(GuardedHandler):
         except PaveTwinError as error:
             raise RefusedError(404, str(error)) from error
         await self.send_file(file, "application/json; charset=utf-8", gzipped=True)
+
+
+class TownHandler(GuardedHandler):
+    """A file of a town in 3-D, by its name in the town's manifest."""
+
+    async def get(self, world: str, name: str) -> None:
+        try:
+            file = await self.session.town_file(world, name)
+        except PaveTwinError as error:
+            raise RefusedError(404, str(error)) from error
+        if file is None:
+            raise RefusedError(404, "The town has no file of that name.")
+        if file.tag is not None:
+            self.set_header("Cache-Control", "private, no-cache")
+            self.set_header("ETag", f'"{file.tag}"')
+            if self.check_etag_header():
+                self.set_status(304)
+                return
+        kind = "application/json; charset=utf-8" if file.path.suffix == ".json" else "application/octet-stream"
+        await self.send_file(file.path, kind)
 
 
 class PlayedHandler(GuardedHandler):

@@ -16,6 +16,7 @@ from pavetwin.app.handlers import (
     PlayedHandler,
     ResultHandler,
     StartHandler,
+    TownHandler,
     UnknownHandler,
 )
 from pavetwin.app.live import LARGEST_MESSAGE, LiveHandler
@@ -56,6 +57,7 @@ class AppServer:
                 (r"/static/(.+)", FileHandler, {**own, "path": str(STATIC)}),
                 (r"/api/start", StartHandler, own),
                 (r"/api/worlds/(\w+)/map", MapHandler, own),
+                (r"/town/(\w+)/(.+)", TownHandler, own),
                 (r"/api/played/(\w+)/files/(.+)", ResultHandler, own),
                 (r"/api/played/(\w+)/([\w.-]+)", PlayedHandler, own),
                 (r"/live", LiveHandler, own),

@@ -1,13 +1,14 @@
 """What a running server knows: the worlds it shows, the missions it can play, and a folder for what the browser
 fetches, which is gone when the server ends."""
 
+import asyncio
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Self
 
-from pavetwin.app.task_pool import OnReport, TaskPool
+from pavetwin.app.task_pool import KeptProcess, OnReport, TaskPool
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.world.folder import DESCRIPTION, check_world
 
@@ -25,6 +26,15 @@ class ShownWorld:
     @property
     def name(self) -> str:
         return self.folder.name
+
+
+@dataclass(frozen=True, slots=True)
+class TownFile:
+    """A file of a town in 3-D."""
+
+    path: Path
+    tag: str | None
+    """Another whenever the bytes may be others; None where they differ each time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +60,7 @@ class Session:
         self._held = tempfile.TemporaryDirectory(prefix="pavetwin-app-")
         self.folder = Path(self._held.name)
         self.tasks = TaskPool()
+        self._town = KeptProcess()
         self._played: dict[str, Played] = {}
 
     @property
@@ -83,6 +94,17 @@ class Session:
         if not file.is_file():
             await self.tasks.run({"do": "map", "world": str(world.folder), "file": str(file)})
         return file
+
+    async def town_file(self, key: str, name: str) -> TownFile | None:
+        """A file of a world's town in 3-D; None where the town has none of that name.
+
+        Raises:
+            PaveTwinError: there is no such world, it cannot be read, or it has no street.
+        """
+        world = self.world(key)
+        task = {"do": "town", "world": str(world.folder), "name": name, "folder": str(self.folder / "town")}
+        found = await self._town.run(task)
+        return TownFile(Path(found["path"]), found.get("tag")) if found else None
 
     async def choices(self) -> Mapping[str, Any]:
         """What a mission may be made of: names of policies, sensors, aircraft, traffic; and its usual values."""
@@ -121,7 +143,7 @@ class Session:
 
     async def close(self) -> None:
         """End all tasks and remove what was made for the browser."""
-        await self.tasks.close()
+        await asyncio.gather(self.tasks.close(), self._town.close())
         self._held.cleanup()
 
     @classmethod

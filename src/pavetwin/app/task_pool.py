@@ -49,7 +49,8 @@ class TaskProcess:
 
     @property
     def is_alive(self) -> bool:
-        return self._process.returncode is None
+        assert self._process.stdout is not None
+        return self._process.returncode is None and not self._process.stdout.at_eof()
 
     async def run(self, task: Mapping[str, Any], on_progress: OnReport) -> Mapping[str, Any]:
         """Raises:
@@ -143,3 +144,38 @@ class TaskPool:
         self._is_closed = True
         self._idle.clear()
         await asyncio.gather(*(self._end(process) for process in tuple(self._all)))
+
+
+class KeptProcess:
+    """A process that stays, for short tasks one after the other: what it has read serves the next. It starts with the
+    first task, and another takes its place where it died."""
+
+    def __init__(self) -> None:
+        self._turn = asyncio.Lock()
+        self._process: TaskProcess | None = None
+        self._is_closed = False
+
+    async def run(self, task: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Run a task in its turn.
+
+        Raises:
+            PaveTwinError: as `TaskProcess.run`, or the server ends.
+        """
+        async with self._turn:
+            if self._process is not None and not self._process.is_alive:
+                await self._process.stop()
+                self._process = None
+            if self._process is None and not self._is_closed:
+                self._process = await TaskProcess.start()
+            if self._process is None or self._is_closed:
+                raise PaveTwinError("The server ends.")
+            return await self._process.run(task, lambda _: None)
+
+    async def close(self) -> None:
+        """End the process; tasks that wait for their turn are refused."""
+        self._is_closed = True
+        if self._process is not None:
+            await self._process.stop()
+        async with self._turn:  # a process that was just being started
+            if self._process is not None:
+                await self._process.stop()

@@ -69,6 +69,7 @@ def run(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
         "estimate": _estimate,
         "fly": _fly,
         "play": _play,
+        "town": _town,
     }
     return tasks[task["do"]](task, tell)
 
@@ -125,6 +126,13 @@ def _map(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
     with writing(Path(task["file"])) as temporary:
         temporary.write_bytes(gzip.compress(content, 6, mtime=0))
     return {}
+
+
+def _town(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:  # noqa: ARG001 - as every task
+    """A file of the town in 3-D."""
+    from pavetwin.app.town_file import town_file
+
+    return town_file(_world(Path(task["world"])), task["name"], Path(task["folder"]))
 
 
 def _estimate(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:

@@ -8,26 +8,29 @@ import { Flight, clock } from './playback.js';
 import { Results } from './results.js';
 import { Selection } from './selection.js';
 import { CancelledError, Tasks, fetchJson } from './server.js';
-import { isDark, palette, setTheme, startTheme } from './theme.js';
+import { isDark, keep, kept, palette, setTheme, startTheme } from './theme.js';
 import { Timeline } from './timeline.js';
+import { TOWN_MODES, TownPanel } from './town_panel.js';
 
 const LAYERS = { buildings: 'buildings', trees: 'trees', names: 'street names', traffic: 'traffic', parked: 'parked vehicles', route: 'route', windows: 'seen surface', defects: 'defects' };
 const KEYS = [
   ['Enter', 'start the mission'], ['C', 'compare two policies'], ['Escape', 'cancel, or choose none'], ['Space', 'play or pause'],
   ['← →', 'a second back or on (shift: ten), away from the map'], ['N P', 'next or previous occlusion'], ['[ ]', 'slower, faster'],
   ['V', 'the other policy'], ['arrows', 'move the map, when it has the focus'], ['+ − 0', 'zoom the map; the whole town'],
+  ['T', 'show or hide the town in 3-D'], ['1 2 3 4', 'see the town by hand, behind the UAV, from its camera, from a car'],
   ['B', 'drag a box around streets'], ['F', 'follow the UAV'], ['D', 'light or dark'], ['?', 'these keys'],
 ];
 
 startTheme();
 const page = {
-  flight: null, mission: null, time: 0, playing: false, last: 0, map: null, task: null, shownWorld: null, town: null,
+  flight: null, mission: null, time: 0, playing: false, last: 0, map: null, task: null, shownWorld: null,
 };
-const [map, camera, timeline, results] = [
+const [map, camera, timeline, results, town] = [
   new StreetMap(by('map'), { pick: (ids, how) => selection?.pick(ids, how), hover: tell, defect: showDefect, view: drawScale }),
   new Camera(by('camera')),
   new Timeline(by('plots'), by('key'), seek),
   new Results(by('results'), showDefect),
+  new TownPanel(by('town'), showDefect),
 ];
 let form = null, selection = null, tasks = null, start = null;
 
@@ -37,6 +40,7 @@ async function boot() {
   history.replaceState(null, '', location.pathname + location.hash); // the token is in a cookie now
   listen();
   setPlayer();
+  showTown(kept('pavetwin-3d') !== 'no');
   tasks = new Tasks(isThere => { if (!isThere && start) notice('The server does not answer; is `pavetwin app` still running?'); });
   start = await fetchJson('api/start');
   form = new MissionForm(by('mission'), start, changed);
@@ -65,6 +69,7 @@ async function showWorld() {
   setFlight(null);
   map.setWorld(page.map);
   camera.setWorld(page.map);
+  town.setWorld(form.world);
   by('streets').replaceChildren(...[...new Set(page.map.segments.map(segment => segment.street))].sort().map(name => new Option(name)));
   setColours();
   await listFlown();
@@ -167,6 +172,7 @@ function setMission(mission) {
   page.mission = mission;
   map.setFlight(page.flight, mission);
   camera.setFlight(page.flight, mission);
+  town.setFlight(page.flight, mission);
   timeline.setMission(mission);
   if (mission) results.setFlight(page.flight, mission);
   else results.clear();
@@ -197,6 +203,7 @@ function seek(t) {
 function showTime() {
   map.setTime(page.time);
   camera.setTime(page.time);
+  town.setTime(page.time);
   timeline.setTime(page.time);
 }
 
@@ -239,6 +246,7 @@ function showDefect(id) {
   map.setDefect(id);
   results.showDefect(id);
   map.showPlace(...defect.place_m);
+  town.showPlace(...defect.place_m);
   const moment = defect.found_s ?? defect.time_s;
   if (moment !== null && moment !== undefined) { play(false); seek(moment); }
 }
@@ -285,6 +293,13 @@ function followUav(on) { map.following = toggle('follow', on); seek(page.time); 
 
 function theme() { setTheme(isDark() ? 'light' : 'dark'); setColours(); map.redraw(); }
 
+function showTown(on) {
+  toggle('solid', on);
+  keep('pavetwin-3d', on ? 'yes' : 'no');
+  document.querySelector('main').classList.toggle('with-town', on);
+  town.show(on);
+}
+
 async function share() {
   const address = location.origin + location.pathname + form.address(selection.segments, selection.count);
   try {
@@ -298,7 +313,7 @@ async function share() {
 function listen() {
   by('mission').addEventListener('submit', event => { event.preventDefault(); fly(); });
   const actions = {
-    compare: () => { form.compare(!form.isCompared); selection.update(); }, share, theme, help: () => by('keys').showModal(),
+    compare: () => { form.compare(!form.isCompared); selection.update(); }, share, theme, solid: () => showTown(!town.isShown), help: () => by('keys').showModal(),
     play: () => play(!page.playing), previous: () => jump(-1), next: () => jump(1), cancel: () => page.task?.cancel(),
     in: () => map.zoom(1.4), out: () => map.zoom(1 / 1.4), fit: () => map.fit(), box: () => box(), follow: () => followUav(),
   };
@@ -321,16 +336,17 @@ function listen() {
 function key(event) {
   const typed = event.target.matches('input:not([type="checkbox"], [type="range"]), select, textarea, dialog *');
   if (event.ctrlKey || event.metaKey || event.altKey || typed || !form) return;
-  const onMap = event.target === by('map').querySelector('.moving'), onButton = event.target.matches('button, summary, a, [type="range"], [role="tab"]');
+  const onMap = event.target === by('map').querySelector('.moving'), onTown = event.target === by('town').querySelector('canvas'), onButton = event.target.matches('button, summary, a, [type="range"], [role="tab"]');
   const arrow = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
   const acts = {
     Enter: onButton ? null : fly, ' ': onButton ? null : () => play(!page.playing), Escape: escape, n: () => jump(1), p: () => jump(-1),
-    c: () => by('compare').click(), v: otherPolicy, b: () => box(), f: () => followUav(), d: theme, '?': () => by('keys').showModal(),
+    c: () => by('compare').click(), v: otherPolicy, b: () => box(), f: () => followUav(), d: theme, t: () => showTown(!town.isShown), '?': () => by('keys').showModal(),
     '+': () => map.zoom(1.4), '=': () => map.zoom(1.4), '-': () => map.zoom(1 / 1.4), 0: () => map.fit(), '[': () => speed(-1), ']': () => speed(1),
+    ...Object.fromEntries(TOWN_MODES.map((mode, i) => [i + 1, () => town.setMode(mode)])),
   };
   let act = acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
   if (arrow && onMap) act = () => map.move(0.12 * arrow[0], 0.12 * arrow[1]);
-  else if (arrow && arrow[0] && !onButton) act = () => { play(false); seek(page.time + arrow[0] * (event.shiftKey ? 10 : 1)); };
+  else if (arrow && arrow[0] && !onButton && !onTown) act = () => { play(false); seek(page.time + arrow[0] * (event.shiftKey ? 10 : 1)); };
   if (!act) return;
   event.preventDefault();
   act();
@@ -360,4 +376,5 @@ window.pavetwin = {
   stateAt: t => page.mission.at(t),
   get mission() { return page.mission; },
   screenOf: id => map.screenOf(id),
+  get town() { return town.town; },
 };

@@ -13,15 +13,23 @@ const DARK = {
 
 export const isDark = () => document.documentElement.dataset.theme === 'dark';
 
+/** Keep a choice for the next time; private windows keep nothing. */
+export function keep(name, value) {
+  try { localStorage.setItem(name, value); } catch { /* as above */ }
+}
+
+/** A choice that was kept, or null. */
+export function kept(name) {
+  try { return localStorage.getItem(name); } catch { return null; }
+}
+
 export function setTheme(name) {
   document.documentElement.dataset.theme = name;
-  try { localStorage.setItem('pavetwin-theme', name); } catch { /* private windows keep nothing */ }
+  keep('pavetwin-theme', name);
 }
 
 export function startTheme() {
-  let kept = null;
-  try { kept = localStorage.getItem('pavetwin-theme'); } catch { /* as above */ }
-  setTheme(kept ?? (matchMedia('(prefers-color-scheme: dark)').matches ? 'dark' : 'light'));
+  setTheme(kept('pavetwin-theme') ?? (matchMedia('(prefers-color-scheme: dark)').matches ? 'dark' : 'light'));
 }
 
 /** The colours of now. */

@@ -1,0 +1,197 @@
+// The panel with the town in 3-D: what it shows at a moment, from where, and what it says where it cannot be drawn.
+
+import { element } from './dom.js';
+import { createTown } from './town.js';
+
+const MODES = {
+  orbit: ['Orbit', 'Turn the town by hand (1)'], follow: ['Follow', 'Behind the UAV (2)'], uav: ['UAV’s eye', 'What the camera sees (3)'],
+  car: ['Car’s eye', 'From the driver’s seat of a vehicle that you click, or of the nearest (4)'],
+};
+export const TOWN_MODES = Object.keys(MODES);
+const LAYERS = { agents: 'traffic', parked: 'parked vehicles', uav: 'UAV', objects: 'trees and street furniture', defects: 'outlines of defects' };
+const AT_FIRST = ['agents', 'parked', 'uav', 'objects'];
+const KINDS = { van: 'van', truck: 'truck', bus: 'bus', motorcycle: 'motorcycle' };
+const AWAY_M = 90, BEHIND = { back_m: 9, up_m: 4 };
+
+export class TownPanel {
+  #root; #empty; #onDefect; #buttons = new Map(); #layers = new Set(AT_FIRST); #town = null; #mode = 'orbit'; #car = null;
+  #flight = null; #mission = null; #parked = []; #time = 0; #world = null;
+
+  constructor(root, onDefect) {
+    this.#root = root;
+    this.#empty = root.querySelector('.empty');
+    this.#onDefect = onDefect;
+    const modes = root.querySelector('[role="radiogroup"]');
+    for (const [mode, [words, title]] of Object.entries(MODES)) {
+      const button = element('button', { type: 'button', title }, words);
+      button.setAttribute('role', 'radio');
+      button.addEventListener('click', () => this.setMode(mode));
+      modes.append(button);
+      this.#buttons.set(mode, button);
+    }
+    root.querySelector('ul').append(...Object.entries(LAYERS).map(([layer, words]) => {
+      const check = element('input', { type: 'checkbox', checked: this.#layers.has(layer) });
+      check.addEventListener('change', () => { this.#layers[check.checked ? 'add' : 'delete'](layer); this.#show(); });
+      return element('li', {}, element('label', {}, check, words));
+    }));
+    new ResizeObserver(() => this.#town?.resize()).observe(root);
+    this.#tellMode();
+  }
+
+  get town() { return this.#town; }
+  get isShown() { return !this.#root.hidden; }
+
+  /** Show or hide the panel. A hidden one loads and draws nothing. */
+  show(on) {
+    this.#root.hidden = !on;
+    this.#open();
+  }
+
+  /** The town of a world by its id, without a flight. */
+  setWorld(id) {
+    this.#world = id;
+    this.setFlight(null, null);
+    this.#open();
+  }
+
+  setFlight(flight, mission) {
+    const isFirst = mission && !this.#mission;
+    if (flight !== this.#flight) this.#car = null;
+    this.#flight = flight;
+    this.#mission = mission;
+    this.#parked = mission ? parkedVehicles(mission.parked) : [];
+    if (isFirst && this.#mode === 'orbit') this.#mode = 'follow';
+    if (!mission) this.#mode = 'orbit';
+    this.#tellMode();
+    this.#show();
+  }
+
+  setTime(t) {
+    this.#time = t;
+    this.#draw();
+  }
+
+  /** `orbit`, or `follow`, `uav` and `car` once a mission is flown. */
+  setMode(mode) {
+    if (!this.#mission && mode !== 'orbit') return;
+    if (mode === 'orbit' && this.#mode !== 'orbit') {
+      const { x, y } = this.#mission.at(this.#time);
+      this.#town?.lookAt(x, y, AWAY_M);
+    }
+    this.#mode = mode;
+    this.#tellMode();
+    this.#show();
+  }
+
+  /** Look at a place, where the camera is turned by hand. */
+  showPlace(x, y) {
+    if (this.#mode === 'orbit') this.#town?.lookAt(x, y, 25);
+  }
+
+  /** Load the world that is to be shown, once the panel is shown. */
+  #open() {
+    if (!this.isShown || this.#world === null || this.#town?.world === this.#world) return;
+    this.#close();
+    this.#say('The town is being drawn …');
+    const town = this.#town = createTown(this.#root.querySelector('canvas'), {
+      base: `town/${this.#world}/`, onMessage: text => this.#say(text), onPick: pick => this.#picked(pick),
+    });
+    town.world = this.#world;
+    if (!town.available) return this.#say(town.message);
+    town.ready.then(isShown => {
+      if (this.#town !== town || !isShown) return;
+      this.#say(town.message);
+      this.#show();
+    });
+    this.#show();
+  }
+
+  /** End what is drawn; the next town gets a canvas of its own. */
+  #close() {
+    if (!this.#town) return;
+    this.#town.dispose();
+    this.#town = null;
+    const canvas = this.#root.querySelector('canvas');
+    canvas.getContext('webgl2')?.getExtension('WEBGL_lose_context')?.loseContext();
+    canvas.replaceWith(canvas.cloneNode());
+  }
+
+  #say(words) {
+    this.#empty.textContent = words;
+    this.#empty.hidden = !words;
+    const isDrawn = this.#town?.available !== false;
+    for (const part of this.#root.querySelectorAll('canvas, .tools')) part.hidden = !isDrawn;
+  }
+
+  #tellMode() {
+    for (const [mode, button] of this.#buttons) {
+      button.disabled = !this.#mission && mode !== 'orbit';
+      button.setAttribute('aria-checked', mode === this.#mode);
+    }
+  }
+
+  /** All that does not change with the time alone, and then the moment. */
+  #show() {
+    if (!this.#town) return;
+    const has = layer => this.#layers.has(layer);
+    this.#town.setLayers({ agents: has('agents') || has('parked'), uav: has('uav'), objects: has('objects'), defects: has('defects') });
+    this.#setCamera();
+    this.#draw();
+  }
+
+  #setCamera() {
+    const options = { agent: this.#car, ...BEHIND };
+    if (this.#mode === 'uav') {
+      const { footprint_m, altitude_m } = this.#mission;
+      options.fov_deg = 2 * Math.atan(footprint_m[1] / 2 / altitude_m) * 180 / Math.PI;
+    }
+    this.#town.setCamera(this.#mode, options);
+  }
+
+  #draw() {
+    if (!this.#town || !this.isShown) return;
+    if (!this.#mission) {
+      this.#town.setAgents([]);
+      this.#town.setUav(null);
+      return;
+    }
+    const now = this.#mission.at(this.#time), moving = this.#flight.agentsAt(this.#time).filter(({ group }) => group !== 'aircraft');
+    const agents = this.#layers.has('agents') ? moving.map(asAgent) : [], parked = this.#layers.has('parked') ? this.#parked : [];
+    if (this.#mode === 'car' && !agents.some(({ id }) => id === this.#car)) {
+      this.#car = nearest(agents, now);
+      this.#setCamera();
+    }
+    this.#town.setAgents([...agents, ...parked]);
+    this.#town.setUav({ x: now.x, y: now.y, z: now.altitude, yaw: now.yaw, pitch: -Math.PI / 2 });
+  }
+
+  #picked({ agent, defect }) {
+    const isMoving = this.#flight && typeof agent === 'number';
+    if (isMoving) {
+      this.#car = agent;
+      this.setMode('car');
+    } else if (defect !== null && this.#mission) this.#onDefect(defect);
+  }
+}
+
+function asAgent({ agent, x, y, yaw, length, width, height, group }) {
+  return { id: agent, x, y, yaw, length_m: length, width_m: width, height_m: height, pedestrian: group === 'pedestrian', kind: KINDS[group] };
+}
+
+function parkedVehicles(parked) {
+  return parked.x_m.map((x, i) => ({
+    id: `parked ${i}`, x, y: parked.y_m[i], yaw: parked.yaw_rad[i], moving: false,
+    length_m: parked.length_m[i], width_m: parked.width_m[i], height_m: parked.height_m[i],
+  }));
+}
+
+/** The vehicle next to a place; null where there is none. */
+function nearest(agents, { x, y }) {
+  let found = null, least = Infinity;
+  for (const agent of agents) {
+    const away = Math.hypot(agent.x - x, agent.y - y);
+    if (agent.pedestrian || away >= least) continue;
+    [found, least] = [agent.id, away];
+  }
+  return found;
+}
