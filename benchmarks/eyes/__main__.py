@@ -13,8 +13,9 @@ sensor, of each town with one that was fitted to the others and to datasets of `
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from benchmarks.eyes import agreement, grid, plot, tables
 from pavetwin.capture.looks import looks_of
@@ -30,13 +31,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("study", nargs="?", type=Path, help="folder of a study by recipes/eyes.yaml")
     parser.add_argument("--fly", nargs="+", metavar="FOLDER TOWN", help="fly over these towns: KIND:SEED, or a map")
     parser.add_argument("--policies", nargs="+", default=["baseline", "hover", "micro", "skip"], help="to fly")
+    parser.add_argument("--densities", nargs="+", default=[*grid.DENSITIES], choices=grid.DENSITIES, help="to fly in")
+    parser.add_argument("--altitudes", nargs="+", type=float, default=grid.STUDY["altitudes_m"], help="to fly at")
+    parser.add_argument("--light", nargs="+", default=[], metavar="NAME=VALUE", help="as time=14:00 clouds=0.7")
     parser.add_argument("--missions", type=Path, help="what --fly flew")
     parser.add_argument("--captures", nargs="*", type=Path, default=[], help="datasets to fit to as well")
     parser.add_argument("--plot", type=Path, help="also draw the picture")
     asked = parser.parse_args(arguments)
     try:
         if asked.fly:
-            _fly(Path(asked.fly[0]), asked.fly[1:], asked.policies)
+            varied = {"policies": asked.policies, "altitudes_m": asked.altitudes}
+            light = dict(each.split("=", 1) for each in asked.light)
+            _fly(Path(asked.fly[0]), asked.fly[1:], asked.densities, varied, light)
         if asked.missions is not None:
             _compare(asked.missions, asked.captures, asked.plot)
         if asked.study is not None:
@@ -49,13 +55,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _fly(folder: Path, towns: Sequence[str], policies: Sequence[str]) -> None:
+def _fly(
+    folder: Path, towns: Sequence[str], densities: Sequence[str], varied: Mapping[str, Any], light: Mapping[str, str]
+) -> None:
     with progress("Flying", lines=True) as tell:
         for text in towns:
             town = grid.town_of(text)
             world = grid.built(town, folder.with_name("worlds"))
-            for number, density in enumerate(grid.DENSITIES):
-                grid.flown(world, density, grid.FIRST_SEED + number, folder, policies, tell)
+            for density in densities:
+                seed = grid.FIRST_SEED + grid.DENSITIES.index(density)
+                grid.flown(world, density, seed, folder, varied, light, tell)
 
 
 def _compare(missions: Path, captures: Sequence[Path], picture: Path | None) -> None:

@@ -4,7 +4,7 @@ Each density has a street, defects and traffic of its own, so that the same imag
 Missions are kept as folders, which `pavetwin sensor fit` reads.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -83,11 +83,23 @@ class Keeping(Engine):
 
 
 def flown(
-    town: Path, density: str, seed: int, folder: Path, policies: Sequence[str], tell: Callable[[float, str], None]
+    town: Path,
+    density: str,
+    seed: int,
+    folder: Path,
+    varied: Mapping[str, Any],
+    light: Mapping[str, str],
+    tell: Callable[[float, str], None],
 ) -> None:
-    """Fly a town's missions in one density, where they were not flown before; their folders are in `folder/TOWN`."""
-    varied = {"worlds": [str(town)], "densities": [density], "policies": [*policies], "seed": seed}
-    design = Design.parse({**STUDY, **varied}, where="the benchmark")
+    """Fly a town's missions in one density, where they were not flown before; their folders are in `folder/TOWN`.
+
+    Args:
+        varied: fields of the study's design.
+        light: settings of `conditions`.
+    """
+    under = {f"conditions.{name}": value for name, value in light.items()}
+    where = {"worlds": [str(town)], "densities": [density], "seed": seed}
+    design = Design.parse({**STUDY, **varied, **where, "set": {**STUDY["set"], **under}}, where="the benchmark")
     study = folder.with_name("studies") / f"{town.name}-{density}"
     ran = run(design, study, Keeping(folder / town.name), image_source_factory=MissionImages, on_progress=tell)
     for reason in ran.failures:

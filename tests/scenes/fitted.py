@@ -27,7 +27,10 @@ FILE = Path(__file__).parents[1] / "sensing" / "fitted.json"
 
 CLASSES = ("crocodile_crack", "pothole", "single_crack")
 
-EFFECTS = {"width": 0.3, "size": 0.6, "inside": 0.4, "severity": 0.2, "visible": 0.3, "blur": -0.2, "clouds": 0.1}
+EFFECTS = {
+    **{"width": 0.3, "size": 0.6, "bend": -0.3, "inside": 0.4, "severity": 0.2},
+    **{"visible": 0.3, "blur": -0.2, "clouds": 0.1},
+}
 
 
 def stated(*, spread: float = 1.0, level: float = 0.8, error: float = 0.1, alarms_per_m2: float = 0.01) -> SensorModel:
@@ -52,6 +55,7 @@ def stated(*, spread: float = 1.0, level: float = 0.8, error: float = 0.1, alarm
             looks=1000, found=700, defects=300, repeated=280, images=200, area_m2=2e4, pixel_mm=(3, 14), sources=("a",)
         ),
         variables={name: Variable(centre=CENTRES.get(name, 0.0), scale=1.0) for name in (*OF_CLASS, *OF_ALL)},
+        knots=dict.fromkeys(CLASSES, (5.0, 6.0, 7.0)),
         terms=terms,
         log_spread=FittedNumber(estimate=float(np.log(spread)), standard_error=error),
         covariance=tuple(tuple(map(float, row)) for row in error**2 * np.eye(len(names) + 1)),

@@ -17,7 +17,8 @@ from scipy.stats import chi2
 from pavetwin.errors import PaveTwinError
 from pavetwin.sensing.fit.fitting import chances_of, fit_sensor, reliability, repeated_looks
 from pavetwin.sensing.fit.mixed_probit import fit_mixed_probit
-from pavetwin.sensing.sensor_model import SensorModel
+from pavetwin.sensing.looks import Look
+from pavetwin.sensing.sensor_model import SensorModel, bend
 from scenes import drawn_detector
 from scenes.fitted import FILE, drawn_looks, stated
 
@@ -54,7 +55,7 @@ def test_without_a_random_effect_it_is_the_usual_probit_regression() -> None:
 
 def test_a_sensor_is_recovered_from_what_it_found() -> None:
     true = stated(spread=1.2)
-    fitted = fit_sensor([drawn_looks(true, 400, 4)])
+    fitted = fit_sensor([drawn_looks(true, 700, 4)])
     assert fitted.correlation == pytest.approx(true.correlation, abs=0.1)
     new = drawn_looks(true, 400, 1, seed=9).looks
     wrong = chances_of(fitted, new) - chances_of(true, new)
@@ -65,8 +66,36 @@ def test_a_sensor_is_recovered_from_what_it_found() -> None:
     alarms = fitted.false_alarms["pothole"]
     assert alarms.per_m2(0.007) == pytest.approx(0.01, rel=4 * alarms.level.standard_error)
     assert abs(alarms.slope.estimate) < 4 * alarms.slope.standard_error
-    assert fitted.fitted_to.looks == 1600
-    assert fitted.fitted_to.repeated == 400
+    assert fitted.fitted_to.looks == 2800
+    assert fitted.fitted_to.repeated == 700
+
+
+def test_a_plateau_and_the_steep_fall_below_it_are_recovered() -> None:
+    """A line in the logarithm of pixels cannot follow both."""
+    true = stated(spread=0.5, level=2.0)
+    effects = {"single_crack:size": 2.5, "single_crack:bend": -1.6}
+    steep = {name: true.terms[name].model_copy(update={"estimate": effect}) for name, effect in effects.items()}
+    true = true.model_copy(update={"terms": {**true.terms, **steep}})
+    made = fit_sensor([drawn_looks(true, 1500, 2)])
+    look = Look("single_crack", "medium", 2.0, 64.0, 1.0, 1.0, 0.0, 0.0, None, 0.0)
+    shown = [look._replace(size_px=size_px) for size_px in (16, 32, 64, 128, 256)]
+    chances = [true.chance(each) for each in shown]
+    assert chances == sorted(chances)
+    assert chances[1] < 0.4
+    assert 0.9 < chances[2] < chances[4] < 0.99
+    assert [made.chance(each) for each in shown] == pytest.approx(chances, abs=0.08)
+    assert made.terms["single_crack:bend"].estimate < -4 * made.terms["single_crack:bend"].standard_error
+
+
+def test_the_second_term_of_the_size_is_a_natural_spline() -> None:
+    knots = (3.0, 5.0, 6.0)
+    assert [bend(at, knots) for at in (-4.0, 3.0)] == [0.0, 0.0]
+    steps = np.diff([bend(at, knots) for at in (6.0, 7.0, 8.0, 30.0)])
+    assert steps == pytest.approx([steps[0], steps[0], 22 * steps[0]])
+    at = np.linspace(2.5, 6.5, 4001)
+    curvature = np.diff([bend(each, knots) for each in at], 2) / 0.001**2
+    assert np.abs(np.diff(curvature)).max() < 0.01  # no kink at a knot
+    assert curvature.min() > -1e-3
 
 
 def test_captures_that_missions_share_count_once() -> None:
@@ -143,7 +172,11 @@ DAMAGED = {
     "cut": (FILE.read_text(encoding="utf-8")[:900], "it is not JSON"),
     "empty": ("", "it is not JSON"),
     "other": ("[1, 2]", "it has no `pavetwin_sensor`"),
-    "later": (changed(lambda c: c.update(pavetwin_sensor=2)), "of format 2; this version reads 1"),
+    "earlier": (changed(lambda c: c.update(pavetwin_sensor=1)), "of format 1; this version reads 2"),
+    "later": (changed(lambda c: c.update(pavetwin_sensor=3)), "of format 3; this version reads 2"),
+    "lost knots": (changed(lambda c: c["knots"].pop("pothole")), "`knots` are three rising numbers for each class"),
+    "falling knots": (changed(lambda c: c["knots"]["pothole"].reverse()), "`knots` are three rising numbers"),
+    "lost bend": (changed(lambda c: c["terms"].pop("pothole:bend")), "see 'pothole:bend'"),
     "no terms": (changed(lambda c: c.pop("terms")), "terms"),
     "lost term": (changed(lambda c: c["terms"].pop("pothole:size")), "see 'pothole:size'"),
     "lost class": (changed(lambda c: c["terms"].pop("pothole")), "`terms` do not fit together"),
@@ -152,7 +185,7 @@ DAMAGED = {
     "negative error": (changed(lambda c: c["log_spread"].update(standard_error=-1)), "log_spread.standard_error"),
     "flat variable": (changed(lambda c: c["variables"]["blur"].update(scale=0)), "variables.blur.scale"),
     "lost variable": (changed(lambda c: c["variables"].pop("blur")), "`variables` are width"),
-    "short covariance": (changed(lambda c: c["covariance"].pop()), "`covariance` has 21 rows"),
+    "short covariance": (changed(lambda c: c["covariance"].pop()), "`covariance` has 24 rows"),
     "skew covariance": (changed(lambda c: c["covariance"][0].__setitem__(1, 0.5)), "no covariance matrix"),
     "negative covariance": (changed(lambda c: c["covariance"][0].__setitem__(0, -1)), "no covariance matrix"),
     "fingerprint": (changed(lambda c: c["detector"].update(sha256="abc")), "detector.sha256"),

@@ -7,6 +7,9 @@ A probit model with a random effect u per defect: a look finds the defect where
 u the same for all looks at a defect and e anew for each. So a single look finds it with the chance
 Φ(x · β / √(1 + σ²)), and looks at one defect have the correlation σ² / (1 + σ²), as those of the sensor `recall` have
 (`pavetwin.sensing.draws`).
+
+In x, the logarithm of the size in pixels has a second term for each class, `bend`, so that its effect is a natural
+cubic spline with three knots: what a detector finds has a plateau at fine resolutions and falls steeply below it.
 """
 
 import json
@@ -35,6 +38,12 @@ OF_CLASS: Final = ("width", "size", "inside", "severity")
 OF_ALL: Final = ("visible", "off_centre", "blur", "sun", "clouds")
 """Variables whose effect is the same for all classes."""
 
+BEND: Final = "bend"
+"""The second term of the size, of each class."""
+
+VERSION: Final = 2
+"""Of the format. Files of version 1 have no `bend`."""
+
 _LEAST: Final = 0.02
 """Shares and pixels below this count as this much: their logarithms stay finite."""
 
@@ -55,6 +64,21 @@ def values_of(look: Look) -> dict[str, float | None]:
         "sun": None if sun_deg is None else sin(radians(sun_deg)),
         "clouds": look.clouds,
     }
+
+
+def bend(size: float, knots: tuple[float, float, float]) -> float:
+    """The second term of a natural cubic spline with three knots, in the unit of `size`: 0 below the first, linear
+    above the last (Harrell 2015, Regression Modeling Strategies, eq. 2.25).
+
+    Args:
+        size: log₂ of the size in pixels.
+    """
+    low, middle, high = knots
+    if size <= low:
+        return 0.0
+    share = (high - low) / (high - middle)
+    cubes = (size - low) ** 3 - share * max(0.0, size - middle) ** 3 + (share - 1) * max(0.0, size - high) ** 3
+    return cubes / (high - low) ** 2
 
 
 class FittedNumber(Settings):
@@ -116,14 +140,16 @@ class FalseAlarms(Settings):
 class SensorModel(Settings):
     """The content of a file of `pavetwin sensor fit`."""
 
-    pavetwin_sensor: Literal[1] = 1
+    pavetwin_sensor: Literal[2] = VERSION
     """Version of the format."""
     detector: FittedDetector
     fitted_to: FittedTo
     variables: Mapping[str, Variable]
     """Those of `OF_CLASS` and `OF_ALL`."""
+    knots: Mapping[str, tuple[float, float, float]]
+    """By class: those of the spline, log₂ of the size in pixels, rising."""
     terms: Mapping[str, FittedNumber]
-    """β: for each class its name, `class:variable` of `OF_CLASS`; and the variables of `OF_ALL`."""
+    """β: for each class its name, `class:variable` of `OF_CLASS`, and `class:bend`; and the variables of `OF_ALL`."""
     log_spread: FittedNumber
     """Natural logarithm of σ."""
     covariance: tuple[tuple[float, ...], ...]
@@ -140,6 +166,8 @@ class SensorModel(Settings):
         if not self.classes or set(self.terms) != set(wanted):
             lacking = next(iter(set(wanted) ^ set(self.terms)), "any class")
             raise ValueError(f"`terms` do not fit together: see '{lacking}'")
+        if set(self.knots) != set(self.classes) or any(not a < b < c for a, b, c in self.knots.values()):
+            raise ValueError("`knots` are three rising numbers for each class")
         rows = np.array([len(row) for row in self.covariance])
         if len(rows) != len(self.terms) + 1 or (rows != len(rows)).any():
             raise ValueError(f"`covariance` has {len(self.terms) + 1} rows of as many numbers, as there are terms")
@@ -171,6 +199,7 @@ class SensorModel(Settings):
             for name, it in self.variables.items()
         }
         own = {f"{look.kind}:{name}": scaled[name] for name in OF_CLASS}
+        own[f"{look.kind}:{BEND}"] = bend(values["size"], self.knots[look.kind]) / self.variables["size"].scale  # type: ignore[arg-type]
         return {look.kind: 1.0, **own, **{name: scaled[name] for name in OF_ALL}}
 
     def chance(self, look: Look) -> float:
@@ -178,9 +207,9 @@ class SensorModel(Settings):
         own = self._weights.get(look.kind)
         if own is None:
             return 0.0
-        level, weights = own
+        level, bent, knots, weights = own
         values = values_of(look)
-        score = level
+        score = level + bent * bend(values["size"], knots)  # type: ignore[arg-type]
         for (weight, centre), value in zip(weights, values.values(), strict=True):
             if value is not None:
                 score += weight * (value - centre)
@@ -191,8 +220,9 @@ class SensorModel(Settings):
         return sqrt(1 + self.spread**2)
 
     @cached_property
-    def _weights(self) -> dict[str, tuple[float, list[tuple[float, float]]]]:
-        """By class: its level, and of each variable what a unit of it adds, and its centre."""
+    def _weights(self) -> dict[str, tuple[float, float, tuple[float, float, float], list[tuple[float, float]]]]:
+        """By class: its level, what a unit of `bend` adds, the knots, and of each variable what a unit of it adds, and
+        its centre."""
         own = {
             kind: [self._estimates[name if name in OF_ALL else f"{kind}:{name}"] for name in (*OF_CLASS, *OF_ALL)]
             for kind in self.classes
@@ -201,6 +231,8 @@ class SensorModel(Settings):
         return {
             kind: (
                 self._estimates[kind],
+                self._estimates[f"{kind}:{BEND}"] / self.variables["size"].scale,
+                self.knots[kind],
                 [(weight / it.scale, it.centre) for weight, it in zip(weights, variables, strict=True)],
             )
             for kind, weights in own.items()
@@ -258,9 +290,10 @@ class SensorModel(Settings):
             raise PaveTwinError(f"'{path}' is no fitted sensor: it is not JSON ({error}); {again}.") from error
         if not isinstance(content, dict) or "pavetwin_sensor" not in content:
             raise PaveTwinError(f"'{path}' is no fitted sensor: it has no `pavetwin_sensor`; {again}.")
-        if content["pavetwin_sensor"] != 1:
+        if content["pavetwin_sensor"] != VERSION:
             raise PaveTwinError(
-                f"'{path}' is a fitted sensor of format {content['pavetwin_sensor']!r}; this version reads 1; {again}."
+                f"'{path}' is a fitted sensor of format {content['pavetwin_sensor']!r}; this version reads {VERSION}; "
+                f"{again}."
             )
         try:
             return cls.parse(content, where=f"'{path}'")
@@ -270,5 +303,5 @@ class SensorModel(Settings):
 
 def term_names(classes: Sequence[str]) -> list[str]:
     """The terms of a model over these classes, in order."""
-    own = [term for kind in classes for term in (kind, *(f"{kind}:{name}" for name in OF_CLASS))]
+    own = [term for kind in classes for term in (kind, *(f"{kind}:{name}" for name in (*OF_CLASS, BEND)))]
     return [*own, *OF_ALL]

@@ -16,6 +16,7 @@ from pavetwin.sensing.fit.mixed_probit import fit_mixed_probit
 from pavetwin.sensing.fit.tables import GROUP, LOOK_COLUMNS, LookSource
 from pavetwin.sensing.looks import Look
 from pavetwin.sensing.sensor_model import (
+    BEND,
     OF_ALL,
     OF_CLASS,
     FalseAlarms,
@@ -24,14 +25,21 @@ from pavetwin.sensing.sensor_model import (
     FittedTo,
     SensorModel,
     Variable,
+    bend,
     term_names,
     values_of,
 )
 
-SD_OF_LEVEL, SD_OF_EFFECT = 2.5, 2.0
+SD_OF_LEVEL, SD_OF_EFFECT, SD_OF_BEND, SD_OF_LIGHT = 2.5, 2.0, 1.0, 0.1
 """Standard deviations of the priors: of a class's level, and of an effect of a variable divided by its spread. A class
 that was always found, or a variable that hardly varies, so gets a finite estimate with a wide error. Effects of the
-size in pixels are near 2: a narrower prior flattens them."""
+size in pixels are near 2: a narrower prior flattens them. Those of `LIGHT` are the same for a whole mission, so that a
+few missions tell little of them: wide priors explained streets by their light, and predicted other streets worse."""
+
+LIGHT: Final = ("off_centre", "blur", "sun", "clouds")
+
+LEAST_BEND: Final = 0.5
+"""Least distance of a spline's knots, log₂ of pixels: where a class's looks are all of one size."""
 
 FEWEST: Final = 20
 """Fewer looks tell nothing of twenty parameters."""
@@ -57,8 +65,8 @@ def fit_sensor(sources: Sequence[LookSource]) -> SensorModel:
             f"{len(looks)} looks, of which {int(found.sum())} found their defect, are too few to fit a sensor; give "
             "more missions or images."
         )
-    variables, x, terms = _design(looks)
-    sd = np.array([SD_OF_LEVEL if name in looks["kind"].unique() else SD_OF_EFFECT for name in terms])
+    variables, knots, x, terms = _design(looks)
+    sd = np.array([SD_OF_LEVEL if name in knots else _sd_of_effect(name) for name in terms])
     groups, group = np.unique(looks[GROUP].to_list(), return_inverse=True)
     made = fit_mixed_probit(x, found, group, sd)
     errors = np.sqrt(np.diag(made.covariance))
@@ -75,6 +83,7 @@ def fit_sensor(sources: Sequence[LookSource]) -> SensorModel:
             sources=tuple(each.name for each in sources),
         ),
         variables=variables,
+        knots=knots,
         terms={name: _estimate(*pair) for name, *pair in zip(terms, made.beta, errors[:-1], strict=True)},
         log_spread=_estimate(made.log_spread, errors[-1]),
         covariance=tuple(tuple(float(f"{value:.4g}") for value in row) for row in made.covariance),
@@ -103,8 +112,22 @@ def _estimate(value: float, error: float) -> FittedNumber:
     return FittedNumber(estimate=float(f"{value:.6g}"), standard_error=float(f"{error:.4g}"))
 
 
-def _design(looks: pl.DataFrame) -> tuple[dict[str, Variable], Float64Array, list[str]]:
-    """The variables' centres and scales, x (looks, terms), and the terms' names."""
+def _sd_of_effect(term: str) -> float:
+    if term in LIGHT:
+        return SD_OF_LIGHT
+    return SD_OF_BEND if term.endswith(f":{BEND}") else SD_OF_EFFECT
+
+
+def _knots(sizes: Float64Array) -> tuple[float, float, float]:
+    """At the quantiles that Harrell proposes."""
+    low, middle, high = (round(float(each), 4) for each in np.quantile(sizes, (0.1, 0.5, 0.9)))
+    return min(low, middle - LEAST_BEND), middle, max(high, middle + LEAST_BEND)
+
+
+def _design(
+    looks: pl.DataFrame,
+) -> tuple[dict[str, Variable], dict[str, tuple[float, float, float]], Float64Array, list[str]]:
+    """The variables' centres and scales, the knots by class, x (looks, terms), and the terms' names."""
     rows = [values_of(Look(*row)) for row in looks.select(*LOOK_COLUMNS).iter_rows()]
     names = (*OF_CLASS, *OF_ALL)
     values = np.array([[row[name] for name in names] for row in rows], dtype=np.float64)
@@ -112,16 +135,19 @@ def _design(looks: pl.DataFrame) -> tuple[dict[str, Variable], Float64Array, lis
     scale = np.where(scale > 1e-6, scale, 1.0)
     scaled = np.nan_to_num((values - centre) / scale)
     kinds = sorted(looks["kind"].unique().to_list())
-    columns = []
+    columns, knots, size = [], {}, names.index("size")
     for kind in kinds:
-        here = (looks["kind"] == kind).to_numpy().astype(np.float64)
-        columns += [here, *(here * scaled[:, at] for at in range(len(OF_CLASS)))]
+        is_kind = (looks["kind"] == kind).to_numpy()
+        here, sizes = is_kind.astype(np.float64), values[:, size]
+        knots[kind] = _knots(sizes[is_kind])
+        bent = np.array([bend(each, knots[kind]) for each in sizes]) / scale[size]
+        columns += [here, *(here * scaled[:, at] for at in range(len(OF_CLASS))), here * bent]
     columns += [scaled[:, at] for at in range(len(OF_CLASS), len(names))]
     variables = {
         name: Variable(centre=float(f"{middle:.6g}"), scale=float(f"{width:.6g}"))
         for name, middle, width in zip(names, centre, scale, strict=True)
     }
-    return variables, np.column_stack(columns), term_names(kinds)
+    return variables, knots, np.column_stack(columns), term_names(kinds)
 
 
 def _false_alarms(sources: Sequence[LookSource], images: pl.DataFrame) -> dict[str, FalseAlarms]:
