@@ -376,6 +376,11 @@ def test_the_town_shows_the_moment_of_the_clock_from_four_cameras(drawn: Browser
         pictures.append(drawn.picture("#town canvas"))
     for one, other in pairwise(pictures):
         assert np.abs(one - other).mean() > 5
+    drawn.page.keyboard.press("1")
+    drawn.value("pavetwin.town.render()")
+    camera = drawn.value(CAMERA)
+    assert np.hypot(np.hypot(camera["x"] - now["x"], camera["y"] - now["y"]), camera["z"]) == pytest.approx(90, abs=1)
+    assert camera["z"] > 30, "from above, as before the other cameras"
     drawn.page.keyboard.press("3")
     settled(drawn)
     before = drawn.picture("#town canvas")

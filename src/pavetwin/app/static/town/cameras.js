@@ -29,14 +29,21 @@ export class Cameras {
   }
 
   look(x, y, away) {
-    const way = this.camera.position.clone().sub(this.controls.target).setLength(away);
+    this.away = this.#away().setLength(away);
     this.controls.target.set(y, 0, x);
-    this.camera.position.copy(this.controls.target).add(way);
+    this.camera.position.copy(this.controls.target).add(this.away);
     this.controls.update();
+  }
+
+  // From the place that is orbited to the eye; as it was when another mode took the camera.
+  #away() {
+    return this.mode === "orbit" ? this.camera.position.clone().sub(this.controls.target) : this.away;
   }
 
   set(mode, options = {}) {
     if (!MODES.includes(mode)) throw new Error(`no camera '${mode}'; there are ${MODES.join(", ")}`);
+    this.away = this.#away();
+    if (mode === "orbit") this.camera.position.copy(this.controls.target).add(this.away);
     this.mode = mode;
     this.options = options;
     this.controls.enabled = mode === "orbit";
