@@ -2,7 +2,8 @@
 
 The page sends `{"id": 7, "do": "fly", "world": "w0", "request": {…}}` and gets `{"id": 7, "share": 0.4, "what": …}` as
 often as it reads, `{"id": 7, "ready": {…}}` when a mission can be played, and then `{"id": 7, "done": {…}}` or
-`{"id": 7, "error": "…"}`. `{"id": 7, "do": "cancel"}` ends a task.
+`{"id": 7, "error": "…"}`. `{"id": 7, "do": "cancel"}` ends a task. Of the frames that a page asks for only the latest
+waits; `{"id": 7, "cancelled": true}` answers the one before it.
 A page that goes away ends all of its tasks.
 """
 
@@ -23,7 +24,9 @@ LARGEST_MESSAGE: Final = 1 << 17
 """Bytes that a page may send at once."""
 
 TASKS: Final = 4
-"""Of one page at a time."""
+"""Of one page at a time, frames aside."""
+
+FRAME: Final = "frame"
 
 PAGES: Final = 64
 """Open at a time."""
@@ -38,6 +41,8 @@ class LiveHandler(WebSocketHandler):
     def initialize(self, session: Session, guard: Guard) -> None:
         self.session, self.guard = session, guard
         self._tasks: dict[int, asyncio.Task[None]] = {}
+        self._frames: set[int] = set()
+        self._leaving: asyncio.Task[None] | None = None
         self._sending: asyncio.Future[None] | None = None
         self._is_open = False
 
@@ -60,6 +65,7 @@ class LiveHandler(WebSocketHandler):
             self._is_open = False
         for task in self._tasks.values():
             task.cancel()
+        self._leaving = asyncio.create_task(self.session.frames.leave(self))
 
     def on_message(self, message: str | bytes) -> None:
         try:
@@ -73,14 +79,19 @@ class LiveHandler(WebSocketHandler):
         if asked.get("do") == "cancel":
             if task := self._tasks.get(number):
                 task.cancel()
-        elif number in self._tasks or len(self._tasks) >= TASKS:
+        elif number in self._tasks or (asked.get("do") != FRAME and len(self._tasks.keys() - self._frames) >= TASKS):
             self._send({"id": number, "error": "Too much is being done already; wait for it, or cancel it."})
         else:
+            if asked.get("do") == FRAME:
+                self._frames.add(number)
             self._tasks[number] = asyncio.create_task(self._do(number, asked))
 
     async def _do(self, number: int, asked: dict[str, Any]) -> None:
         try:
-            done = await self.session.run(asked, lambda told: self._report(number, told))
+            if asked.get("do") == FRAME:
+                done = await self.session.frame(self, asked)
+            else:
+                done = await self.session.run(asked, lambda told: self._report(number, told))
             self._send({"id": number, "done": done})
         except PaveTwinError as error:
             self._send({"id": number, "error": str(error)})
@@ -88,6 +99,7 @@ class LiveHandler(WebSocketHandler):
             self._send({"id": number, "cancelled": True})
         finally:
             del self._tasks[number]
+            self._frames.discard(number)
 
     def _report(self, number: int, told: Mapping[str, Any]) -> None:
         """Progress; left out while the page has not taken what it was sent before."""

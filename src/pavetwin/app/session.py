@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Self
 
+from pavetwin.app.frames import FrameRenderer
 from pavetwin.app.task_pool import KeptProcess, OnReport, TaskPool
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.world.folder import DESCRIPTION, check_world
@@ -45,6 +46,8 @@ class Played:
     results: Path
     names: tuple[str, ...]
     """Of the results that can be fetched."""
+    captures: tuple[int, ...]
+    """How many each mission has."""
 
 
 class Session:
@@ -61,6 +64,7 @@ class Session:
         self.folder = Path(self._held.name)
         self.tasks = TaskPool()
         self._town = KeptProcess()
+        self.frames = FrameRenderer()
         self._played: dict[str, Played] = {}
 
     @property
@@ -133,17 +137,38 @@ class Session:
 
         return self._kept(await self.tasks.run(task, told))
 
+    async def frame(self, page: object, asked: Mapping[str, Any]) -> Mapping[str, Any]:
+        """The rendered frame of a capture, see `pavetwin.app.frame_source.shown_frame`.
+
+        Args:
+            page: who asks; a later request of it drops this one while it waits.
+
+        Raises:
+            PaveTwinError: there is no such mission or capture, or it cannot be rendered.
+            asyncio.CancelledError: it was dropped.
+        """
+        key, search = asked.get("key"), asked.get("search", False)
+        played = self._played.get(key) if isinstance(key, str) else None
+        if played is None:
+            raise PaveTwinError("There is no such mission any more; fly it again.")
+        mission = _index("mission", asked.get("mission"), len(played.captures))
+        capture = _index("capture", asked.get("capture"), played.captures[mission])
+        if not isinstance(search, bool):
+            raise PaveTwinError("`search`: is true or false.")
+        task = {"folder": str(played.folder), "mission": mission, "capture": capture, "search": search}
+        return await self.frames.frame(page, {"do": "frame", **task})
+
     def _kept(self, result: Mapping[str, Any]) -> Mapping[str, Any]:
         """A result as the browser gets it: what it may fetch of missions is noted here."""
         if "key" not in result:
             return result
         key, results, names = result["key"], Path(result["results"]), tuple(result["names"])
-        self._played[key] = Played(self.folder / key, results, names)
+        self._played[key] = Played(self.folder / key, results, names, tuple(result["captures"]))
         return {"key": key, "folder": str(results), "files": names}
 
     async def close(self) -> None:
         """End all tasks and remove what was made for the browser."""
-        await asyncio.gather(self.tasks.close(), self._town.close())
+        await asyncio.gather(self.tasks.close(), self._town.close(), self.frames.close())
         self._held.cleanup()
 
     @classmethod
@@ -161,3 +186,9 @@ class Session:
 def _shown(numbered: tuple[int, Path]) -> ShownWorld:
     number, folder = numbered
     return ShownWorld(f"w{number}", folder.absolute())
+
+
+def _index(what: str, value: Any, count: int) -> int:
+    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < count:
+        raise PaveTwinError(f"`{what}`: {str(value)[:40]!r} is none of 0 … {count - 1}.")
+    return value

@@ -70,6 +70,7 @@ def run(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
         "fly": _fly,
         "play": _play,
         "town": _town,
+        "frame": _frame,
     }
     return tasks[task["do"]](task, tell)
 
@@ -197,6 +198,13 @@ def _play(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
     return {**played, "results": str(folder), "names": _file_names(folder, results)}
 
 
+def _frame(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:  # noqa: ARG001 - as every task
+    """The rendered frame of a capture."""
+    from pavetwin.app.frame_source import shown_frame
+
+    return shown_frame(Path(task["folder"]), task["mission"], task["capture"], search=task["search"])
+
+
 def _flown(specs: list[MissionSpec], inputs: MissionInputs, folder: Path, tell: TaskReport) -> Iterator[MissionResult]:
     """Fly, and write each mission as soon as it is flown."""
     flown: list[MissionResult] = []
@@ -238,6 +246,7 @@ def _told(tell: TaskReport, what: str, share: float) -> None:
 
 def _written(results: list[MissionResult], inputs: MissionInputs, session: Path, tell: TaskReport) -> dict[str, Any]:
     """What plays missions, in a folder that is named by what they are."""
+    from pavetwin.app.frame_source import write_frame_source
     from pavetwin.app.playback import write_playback
 
     tell(1.0, "Preparing to play")
@@ -248,8 +257,9 @@ def _written(results: list[MissionResult], inputs: MissionInputs, session: Path,
         shutil.rmtree(made, ignore_errors=True)
         made.mkdir(parents=True)
         write_playback(results, made, step_s=inputs.replay.recording.step_s)
+        write_frame_source(results, made)
         made.replace(target)
-    return {"key": key}
+    return {"key": key, "captures": [len(result.captures["t_s"]) for result in results]}
 
 
 def _draw(results: list[MissionResult], folder: Path, tell: TaskReport) -> None:

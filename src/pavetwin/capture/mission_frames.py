@@ -25,7 +25,7 @@ from pavetwin.capture.platforms import Pose
 from pavetwin.capture.record import Record
 from pavetwin.capture.settings import FILE, CaptureSettings, description
 from pavetwin.capture.store import link_image, write_image, write_over_all, write_yaml
-from pavetwin.capture.truth import SceneState, labelled_objects
+from pavetwin.capture.truth import LabelledObject, SceneState, labelled_objects
 from pavetwin.files import writing_folder
 from pavetwin.labels.classes import category_of_defect
 from pavetwin.mission.defect_files import write_captures
@@ -40,6 +40,7 @@ from pavetwin.uav.cameras import Camera
 
 if TYPE_CHECKING:
     from pavetwin._core import Trace
+    from pavetwin.render.frame import RenderedFrame
 
 FOLDER: Final = "frames"
 
@@ -87,7 +88,7 @@ def save_frames(
             formats = find_formats(settings.formats)
             for number, capture in enumerate(captures):
                 detections = confirmed.get(capture, ())
-                frame = camera.confirming(detections[0]) if detections else captured_frame(result, capture)
+                frame = frame_of(result, capture, detections)
                 record, picture = camera.frame(frame, detections, number, settings)
                 write_image(place, record, picture, formats)
                 link_image(place, record, formats)
@@ -108,6 +109,47 @@ def frame_size(image_px: Sequence[int]) -> tuple[int, int]:
     """Width and height of the frames of a camera."""
     scale = min(1.0, LARGEST_PX / max(image_px))
     return round(image_px[0] * scale), round(image_px[1] * scale)
+
+
+def frame_of(result: MissionResult, capture: int, detections: Sequence[JudgedDetection]) -> Frame:
+    """The frame of a capture, as its saved image is taken.
+
+    Args:
+        capture: its index in `result.captures`.
+        detections: the defects that it confirmed.
+    """
+    if not detections:
+        return captured_frame(result, capture)
+    at, settings = detections[0], result.settings
+    return Frame(
+        number=at.capture,
+        time_s=at.time_s,
+        position=at.position,
+        altitude_m=settings.altitude_m,
+        yaw_rad=at.yaw_rad,
+        camera=camera_of(settings),
+        conditions=settings.conditions,
+        velocity_mps=at.velocity_mps,
+        exposure_s=shutter_s(settings),
+    )
+
+
+def labelled_frame(
+    images: MissionImages, trace: "Trace", capture: Frame, size_px: tuple[int, int]
+) -> tuple["RenderedFrame", list[LabelledObject]]:
+    """The image of a capture, and the objects that it shows.
+
+    Args:
+        trace: of the images' recording, whole.
+        size_px: width, height; the camera's view stays.
+
+    Raises:
+        PaveTwinError: there is no adapter to draw with, or the sun is below the horizon.
+    """
+    frame = images.rendered(capture, size_px)
+    agents = trace.agents_at(images.replay.recorded_s(capture.time_s))
+    state = SceneState(images.world, agents, images.replay.recording.agents.kind, images.parked)
+    return frame, labelled_objects(frame, state)
 
 
 @dataclass(frozen=True)
@@ -140,32 +182,16 @@ class _MissionCamera:
             parking=self.result.settings.parking,
         )
 
-    def confirming(self, at: JudgedDetection) -> Frame:
-        """The capture of a detection."""
-        return Frame(
-            number=at.capture,
-            time_s=at.time_s,
-            position=at.position,
-            altitude_m=self.result.settings.altitude_m,
-            yaw_rad=at.yaw_rad,
-            camera=self.camera,
-            conditions=self.result.settings.conditions,
-            velocity_mps=at.velocity_mps,
-            exposure_s=shutter_s(self.result.settings),
-        )
-
     def frame(
         self, capture: Frame, detections: Sequence[JudgedDetection], number: int, settings: CaptureSettings
     ) -> tuple[Record, bytes]:
         """The frame of one capture, which may have confirmed several defects: its record, and its picture as a file."""
         world, recording = self.images.world, self.images.replay.recording
-        frame = self.images.rendered(capture, settings.size_px)
+        frame, objects = labelled_frame(self.images, self.trace, capture, settings.size_px)
         daylight = replace(self.begin, when=self.begin.when + timedelta(seconds=capture.time_s))
         recorded_s = self.images.replay.recorded_s(capture.time_s)
         defects = [each.defect for each in detections if each.defect is not None]
         aims = sorted({category_of_defect(world.defects[defect].kind).name for defect in defects})
-        agents = self.trace.agents_at(recorded_s)
-        state = SceneState(world, agents, recording.agents.kind, self.images.parked)
         return record_of(
             frame,
             Pose(frame.view, recorded_s, capture.yaw_rad, -np.pi / 2, self.camera, "gimbal"),
@@ -178,7 +204,7 @@ class _MissionCamera:
             split=SPLIT,
             traffic={"density": recording.name, "seed": recording.origin.seed, "time_s": round(recorded_s, 4)},
             aim={"requested": aims, "met": aims, "attempt": 0, "confirmed": [f"defect {defect}" for defect in defects]},
-            objects=tuple(labelled_objects(frame, state)),
+            objects=tuple(objects),
         )
 
     @cached_property

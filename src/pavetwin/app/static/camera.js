@@ -1,17 +1,20 @@
 // What the camera covers at a moment, from above and in the camera's own orientation: the image's rows run along the track.
 
+import { drawBoxes, frameLine } from './frames.js';
 import { drawAgents, drawDefect, drawTown, drawUav, parkedAgents, rectangle, townPaths } from './shapes.js';
 import { visibilityColour } from './theme.js';
 
 export class Camera {
   #root; #canvas; #readings; #doing; #map = null; #paths = null; #colours = null; #flight = null; #mission = null; #parked = [];
-  #time = 0; #cells = new Map();
+  #time = 0; #cells = new Map(); #frames = null; #shown;
 
   constructor(root) {
     this.#root = root;
     this.#canvas = root.querySelector('canvas');
     this.#readings = root.querySelector('#readings');
     this.#doing = root.querySelector('#doing');
+    this.#shown = root.querySelector('#shown');
+    for (const name of ['labels', 'search']) root.querySelector(`[name="${name}"]`).addEventListener('change', () => this.#want());
     for (const name of ['time', 'speed', 'height', 'battery', 'visibility o']) {
       const cell = document.createElement('div'), term = document.createElement('dt'), value = document.createElement('dd');
       term.textContent = name;
@@ -26,20 +29,38 @@ export class Camera {
   setWorld(map) { this.#map = map; this.#paths = townPaths(map); this.setFlight(null, null); }
   setColours(colours) { this.#colours = colours; this.#draw(); }
 
+  /** Show the rendered frames of captures where they are ready. */
+  setFrames(frames) {
+    this.#frames = frames;
+    frames.onReady = () => this.#draw();
+  }
+
   setFlight(flight, mission) {
+    this.#frames?.setMission(flight, mission);
     this.#flight = flight;
     this.#mission = mission;
     this.#parked = mission ? parkedAgents(mission.parked) : [];
     this.#root.querySelector('.empty').hidden = Boolean(mission);
-    this.#canvas.hidden = this.#readings.hidden = !mission;
+    this.#canvas.hidden = this.#readings.hidden = this.#shown.parentElement.hidden = !mission;
     this.#doing.textContent = '';
     this.#draw();
   }
 
-  setTime(t) {
+  /** @param rate how many seconds of the mission pass in a second; 0 while it stands */
+  setTime(t, rate = 0) {
     this.#time = t;
+    this.#frames?.want(t, rate, this.#checked('search'));
     this.#draw();
   }
+
+  #want() {
+    this.setTime(this.#time);
+  }
+
+  /** The rendered frame that is shown, if any. */
+  get frame() { return this.#frames?.at(this.#time) ?? null; }
+
+  #checked(name) { return this.#root.querySelector(`[name="${name}"]`).checked; }
 
   #draw() {
     if (!this.#mission || !this.#colours || !this.#map || !this.#canvas.clientWidth) return;
@@ -56,6 +77,9 @@ export class Camera {
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.fillStyle = colours.ground;
     pen.fillRect(0, 0, width, height);
+    const frame = this.#frames?.at(this.#time) ?? null, isLabelled = this.#checked('labels');
+    this.#shown.textContent = frameLine(this.#frames, frame, isLabelled);
+    if (frame) return this.#drawFrame(pen, frame, width, height, isLabelled);
     pen.translate(width / 2, height / 2);
     pen.scale(k, -k);
     pen.rotate(Math.PI / 2 - now.yaw);
@@ -68,6 +92,19 @@ export class Camera {
     drawAgents(pen, this.#parked, colours, 0);
     drawAgents(pen, this.#flight.agentsAt(this.#time), colours, 0);
     this.#frame(pen, now, across, along, k);
+  }
+
+  /** The rendered frame of a capture with boxes, and the inspection window in the colour of o at that capture. */
+  #drawFrame(pen, frame, width, height, isLabelled) {
+    const { naturalWidth, naturalHeight } = frame.image, scale = Math.min(width / naturalWidth, height / naturalHeight);
+    const [wide, high] = [naturalWidth * scale, naturalHeight * scale], [left, top] = [(width - wide) / 2, (height - high) / 2];
+    pen.drawImage(frame.image, left, top, wide, high);
+    const shares = this.#mission.window_m.map((side, at) => side / this.#mission.footprint_m[at]);
+    const window = [left + wide * (1 - shares[0]) / 2, top + high * (1 - shares[1]) / 2, wide * shares[0], high * shares[1]];
+    pen.strokeStyle = visibilityColour(this.#colours, this.#mission.captures.visibility[frame.capture]);
+    pen.lineWidth = 2;
+    pen.strokeRect(...window);
+    drawBoxes(pen, frame, [left, top, wide, high], isLabelled);
   }
 
   #frame(pen, now, across, along, k) {

@@ -3,6 +3,7 @@
 import { Camera } from './camera.js';
 import { by, element } from './dom.js';
 import { MissionForm } from './form.js';
+import { Frames } from './frames.js';
 import { StreetMap } from './map.js';
 import { Flight, clock } from './playback.js';
 import { Results } from './results.js';
@@ -42,6 +43,7 @@ async function boot() {
   setPlayer();
   showTown(kept('pavetwin-3d') !== 'no');
   tasks = new Tasks(isThere => { if (!isThere && start) notice('The server does not answer; is `pavetwin app` still running?'); });
+  camera.setFrames(new Frames(tasks));
   start = await fetchJson('api/start');
   form = new MissionForm(by('mission'), start, changed);
   selection = new Selection(by('selection'), tasks, form, (chosen, drawn) => {
@@ -202,8 +204,8 @@ function seek(t) {
 
 function showTime() {
   map.setTime(page.time);
-  camera.setTime(page.time);
   town.setTime(page.time);
+  camera.setTime(page.time, page.playing ? Number(by('speed').value) : 0);
   timeline.setTime(page.time);
 }
 
@@ -212,6 +214,7 @@ function play(on) {
   if (page.playing && page.time >= page.mission.duration_s - 0.05) seek(0);
   page.last = performance.now();
   setPlayer();
+  if (!page.playing) camera.setTime(page.time);
   if (page.playing) requestAnimationFrame(tick);
 }
 
@@ -375,6 +378,7 @@ window.pavetwin = {
   agentsAt: t => page.flight.agentsAt(t),
   stateAt: t => page.mission.at(t),
   get mission() { return page.mission; },
+  get frame() { return camera.frame; },
   screenOf: id => map.screenOf(id),
   get town() { return town.town; },
 };

@@ -1,0 +1,176 @@
+"""The rendered frame of a capture, with labels and detections: the image that `fly --save-frames` saves of it.
+
+Poses and detections of all captures are in a file beside what the browser plays. World, defects and traffic are read
+again from what the missions' specs name, once for all frames of these missions.
+"""
+
+import base64
+import json
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from io import BytesIO
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from PIL import Image
+
+from pavetwin.capture.mission_frames import frame_of, frame_size, labelled_frame
+from pavetwin.capture.mission_images import MissionImages
+from pavetwin.capture.truth import LabelledObject
+from pavetwin.config.mission import SensingSettings
+from pavetwin.mission.environment import shutter_s
+from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.inputs import load_inputs
+from pavetwin.mission.spec import MissionSpec
+from pavetwin.sensing import Frame
+from pavetwin.sensing.detector import DetectorSensor
+from pavetwin.traffic.trace import trace_of
+from pavetwin.uav.aircraft import camera_of
+
+if TYPE_CHECKING:
+    from pavetwin._core import Trace
+    from pavetwin.render.frame import RenderedFrame
+
+FILE: Final = "captures.json"
+
+SHOWN_PX: Final = 768
+"""Longer side of the image that the browser gets: twice the panel's width in CSS pixels."""
+
+_QUALITY: Final = 82
+
+
+def write_frame_source(results: Sequence[MissionResult], folder: Path) -> None:
+    """Write what the frames of missions over the same traffic are rendered from."""
+    missions = [
+        {"spec": result.spec.as_values(), "sensor": result.sensor, "captures": _captures(result)} for result in results
+    ]
+    (folder / FILE).write_text(json.dumps(missions), encoding="utf-8")
+
+
+def _captures(result: MissionResult) -> list[dict[str, Any]]:
+    confirmed = {number: tuple(group) for number, group in groupby(result.confirmed, key=lambda each: each.capture)}
+    detected = defaultdict(list)
+    for detection in result.detections:
+        if detection.footprint is not None:
+            detected[detection.capture].append(detection)
+    captures = []
+    for number in range(len(result.captures["t_s"])):
+        frame = frame_of(result, number, confirmed.get(number, ()))
+        found = [
+            _detected(each.kind, each.confidence, each.outcome.value, frame, frame.box_of(each.footprint))
+            for each in detected[number]
+            if each.footprint is not None
+        ]
+        pose = {"time_s": frame.time_s, "position": frame.position, "yaw_rad": frame.yaw_rad}
+        captures.append({**pose, "velocity_mps": frame.velocity_mps, "detections": found})
+    return captures
+
+
+def _detected(kind: str, confidence: float, outcome: str | None, frame: Frame, box: Sequence[float]) -> dict[str, Any]:
+    shown = _share(box, frame.camera.image_px)
+    return {"class": kind, "confidence": round(confidence, 3), "outcome": outcome, "box": shown}
+
+
+def _share(box: Sequence[float], size_px: Sequence[int]) -> list[float]:
+    """Left, top, right, bottom as shares of the image's width and height."""
+    return [round(float(edge) / size_px[at % 2], 5) for at, edge in enumerate(box)]
+
+
+def shown_frame(folder: Path, mission: int, capture: int, *, search: bool = False) -> dict[str, Any]:
+    """The frame of a capture as the browser shows it.
+
+    Args:
+        folder: with what `write_frame_source` wrote.
+        mission: its index there.
+        search: with what the shipped detector finds in the image.
+
+    Returns:
+        `jpeg` in base64, of `SHOWN_PX`; `labels`, those of the dataset that `fly --save-frames` saves; `detections` of
+        the mission's `sensor`; `searched` by the shipped detector or None. Boxes are shares of the image's sides.
+
+    Raises:
+        PaveTwinError: the mission's inputs are not what they were, there is no adapter to draw with, or the sun is
+            below the horizon.
+    """
+    source = _sources(folder)[mission]
+    rendered, objects = source.rendered(capture)
+    image, content = Image.fromarray(rendered.rgb), BytesIO()
+    image.thumbnail((SHOWN_PX, SHOWN_PX), Image.Resampling.LANCZOS)
+    image.save(content, "JPEG", quality=_QUALITY)
+    return {
+        "jpeg": base64.b64encode(content.getvalue()).decode(),
+        "labels": [
+            {"id": each.id, "class": each.category, "box": _share(each.box, rendered.view.size_px)}
+            for each in objects
+            if each.ignored is None
+        ],
+        "sensor": source.sensor,
+        "detections": source.captures[capture]["detections"],
+        "searched": source.searched(capture) if search else None,
+    }
+
+
+@dataclass(frozen=True)
+class MissionFrames:
+    """The frames of one mission."""
+
+    spec: MissionSpec
+    sensor: str
+    captures: Sequence[Mapping[str, Any]]
+    images: MissionImages
+    trace: "Trace"
+
+    def frame(self, capture: int) -> Frame:
+        settings, pose = self.spec.settings, self.captures[capture]
+        return Frame(
+            number=capture,
+            time_s=pose["time_s"],
+            position=(pose["position"][0], pose["position"][1]),
+            altitude_m=settings.altitude_m,
+            yaw_rad=pose["yaw_rad"],
+            camera=camera_of(settings),
+            conditions=settings.conditions,
+            velocity_mps=(pose["velocity_mps"][0], pose["velocity_mps"][1]),
+            exposure_s=shutter_s(settings),
+        )
+
+    def rendered(self, capture: int) -> tuple["RenderedFrame", list[LabelledObject]]:
+        """The image that `fly --save-frames` saves of a capture, and its labelled objects."""
+        frame = self.frame(capture)
+        return labelled_frame(self.images, self.trace, frame, frame_size(frame.camera.image_px))
+
+    def searched(self, capture: int) -> list[dict[str, Any]]:
+        """What the shipped detector finds in the image that it takes of a capture."""
+        frame = self.frame(capture)
+        found = self._detector.detect(replace(frame, source=self.images))
+        return [_detected(each.kind, each.confidence, None, frame, each.box(frame)) for each in found]
+
+    @cached_property
+    def _detector(self) -> DetectorSensor:
+        return DetectorSensor(SensingSettings(sensor="detector"), self.spec.seed)
+
+
+@lru_cache(maxsize=1)
+def _sources(folder: Path) -> tuple[MissionFrames, ...]:
+    """Of the missions in a folder, whose name stands for their content."""
+    missions = json.loads((folder / FILE).read_text(encoding="utf-8"))
+    specs = [MissionSpec.parse(mission["spec"], where=FILE) for mission in missions]
+    inputs = load_inputs(specs[0])
+    last_s = max((capture["time_s"] for mission in missions for capture in mission["captures"]), default=0.0)
+    with inputs.replay:
+        inputs.replay.extend(last_s)
+    environment, replay = inputs.environment, inputs.replay
+    trace = trace_of(replay.recording)
+    return tuple(
+        MissionFrames(
+            spec,
+            mission["sensor"],
+            mission["captures"],
+            MissionImages(environment.inspected_world, replay, spec.seed, environment.parked),
+            trace,
+        )
+        for spec, mission in zip(specs, missions, strict=True)
+    )

@@ -1,0 +1,287 @@
+"""Rendered frames of captures: the images that `fly --save-frames` saves; the latest request first; no process left."""
+
+import asyncio
+import base64
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from pavetwin.app import frames
+from pavetwin.app.frame_source import FILE, SHOWN_PX, _sources, shown_frame, write_frame_source
+from pavetwin.app.frames import FrameRenderer
+from pavetwin.app.session import Played
+from pavetwin.capture.mission_frames import CAPTURES, FOLDER, save_frames
+from pavetwin.capture.mission_images import MissionImages
+from pavetwin.capture.record import read_records
+from pavetwin.mission.again import read_mission
+from pavetwin.mission.fly import fly
+from pavetwin.mission.inputs import load_inputs
+from pavetwin.mission.results import save_mission
+from pavetwin.world.store import save_world
+from scenes import damaged
+from scenes.page import RunningPage, running_page
+from scenes.processes import is_gone, is_over
+
+FIRST = 3
+"""Captures that are rendered."""
+
+
+KEY = "0123456789abcdef0123"
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("frames") / "cross"
+    save_world(damaged("cross", 8), folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def page(world: Path) -> Iterator[RunningPage]:
+    with running_page([world]) as running:
+        yield with_mission(running)
+
+
+def with_mission(page: RunningPage) -> RunningPage:
+    """A page that knows a mission of five captures, which nobody has flown."""
+    folder = page.session.folder / KEY
+    folder.mkdir()
+    (folder / FILE).write_text("[]")
+    page.session._played[KEY] = Played(folder, folder, (), (5,))
+    return page
+
+
+def ask(page: RunningPage, key: Any = KEY, **frame: Any) -> dict[str, Any]:
+    (answer,) = page.ask({"do": "frame", "key": key, "mission": 0, "capture": 0, **frame})
+    return answer
+
+
+class KeepingImages(MissionImages):
+    """Keeps the pixels of each image, before they are encoded."""
+
+    def rendered(self, *asked: Any, **how: Any) -> Any:
+        frame = super().rendered(*asked, **how)
+        self.__dict__.setdefault("pixels", []).append(frame.rgb)
+        return frame
+
+
+@pytest.mark.slow
+@pytest.mark.needs_adapter
+def test_a_frame_has_the_pixels_and_labels_of_the_saved_one(page: RunningPage, tmp_path: Path) -> None:
+    request = {"traffic": "low", "seed": 1, "count": 1, "policies": ["baseline"], "altitude_m": 12.0}
+    (flown,) = page.ask({"do": "fly", "request": request})
+    spec = read_mission(Path(flown["done"]["folder"]) / "mission.yaml").spec
+    inputs = load_inputs(spec)
+    result = fly(spec, inputs=inputs)
+    first = replace(result, captures={name: column[:FIRST] for name, column in result.captures.items()})
+    images = KeepingImages(inputs.environment.inspected_world, inputs.replay, spec.seed, inputs.environment.parked)
+    save_mission(result, tmp_path / "m")
+    assert save_frames(first, images, tmp_path / "m", every=True) == FIRST
+    write_frame_source([result], tmp_path)
+    (source,) = _sources(tmp_path)
+    records = list(read_records(tmp_path / "m" / FOLDER))
+    assert (tmp_path / "m" / FOLDER / CAPTURES).read_text().startswith("capture,image\n0,")
+    for capture, (record, pixels) in enumerate(zip(records, images.__dict__["pixels"], strict=True)):
+        assert np.array_equal(source.rendered(capture)[0].rgb, pixels)
+        shown = shown_frame(tmp_path, 0, capture)
+        assert [each["id"] for each in shown["labels"]] == [each.id for each in record.labelled]
+        for label, saved in zip(shown["labels"], record.labelled, strict=True):
+            assert np.allclose(np.multiply(label["box"], [*record.size_px, *record.size_px]), saved.box, atol=0.02)
+    with Image.open(BytesIO(base64.b64decode(shown["jpeg"]))) as small:
+        assert max(small.size) == SHOWN_PX
+        whole = Image.fromarray(pixels).resize(small.size, Image.Resampling.LANCZOS)
+        assert np.abs(np.asarray(small, float) - np.asarray(whole, float)).mean() < 4
+    assert any(record.labelled for record in records), "a scene without anything to label shows nothing"
+    served = ask(page, flown["done"]["key"], capture=FIRST - 1)
+    assert served["done"] == shown
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        {"capture": -1},
+        {"capture": 5},
+        {"capture": 10**9},
+        {"capture": 1.0},
+        {"capture": True},
+        {"capture": "0"},
+        {"capture": None},
+        {"mission": 1},
+        {"mission": -1},
+        {"mission": [0]},
+        {"key": "0" * 20},
+        {"key": "../x"},
+        {"key": ["x"]},
+        {"key": None},
+        {"search": "yes"},
+    ],
+)
+def test_what_is_no_capture_is_refused_in_one_line(page: RunningPage, frame: dict[str, Any]) -> None:
+    answer = ask(page, **frame)
+    assert "done" not in answer
+    assert "\n" not in answer["error"]
+    assert "Unexpected" not in answer["error"]
+    assert not renderers(page)
+
+
+def test_a_mission_of_another_server_is_foreign(page: RunningPage, world: Path) -> None:
+    assert page.session.played(KEY)
+    with running_page([world]) as other:
+        assert "no such mission" in ask(other)["error"]
+
+
+def test_the_poses_of_captures_cannot_be_fetched_as_a_file(page: RunningPage) -> None:
+    assert (page.session.folder / KEY / FILE).is_file()
+    assert page.get(f"/api/played/{KEY}/{FILE}").status == 404
+
+
+def renderers(page: RunningPage) -> list[int]:
+    """The process that renders, if there is one."""
+    process = page.session.frames._process
+    return [] if process is None else [process.id]
+
+
+@pytest.mark.parametrize("how", ["disconnect", "close"])
+def test_the_process_is_gone_with_the_page_and_with_the_server(world: Path, how: str) -> None:
+    seen: list[int] = []
+
+    async def ask_and_go(page: RunningPage) -> None:
+        client = await page.connect()
+        await client.write_message(json.dumps({"id": 1, "do": "frame", "key": KEY, "mission": 0, "capture": 0}))
+        while not renderers(page):
+            await asyncio.sleep(0.02)
+        seen.extend(renderers(page))
+        if how == "disconnect":
+            client.close()
+            assert await asyncio.to_thread(is_over, lambda: not renderers(page))
+
+    with running_page([world]) as page:
+        asyncio.run(ask_and_go(with_mission(page)))
+    assert seen
+    assert is_over(lambda: all(is_gone(process) for process in seen))
+
+
+@dataclass
+class Stand:
+    """A process whose tasks end when they are told to."""
+
+    ran: list[int] = field(default_factory=list)
+    is_let: bool = False
+    is_alive: bool = True
+
+    async def run(self, task: Mapping[str, Any], told: Any) -> Mapping[str, Any]:  # noqa: ARG002
+        self.ran.append(task["capture"])
+        while not self.is_let:
+            await asyncio.sleep(0.005)
+        return {"capture": task["capture"]}
+
+    async def stop(self) -> None:
+        self.is_alive, self.is_let = False, True
+
+
+class StandProcesses:
+    """In place of `TaskProcess`."""
+
+    def __init__(self) -> None:
+        self.started: list[Stand] = []
+
+    async def start(self) -> Stand:
+        self.started.append(Stand())
+        return self.started[-1]
+
+
+@pytest.fixture
+def processes(monkeypatch: pytest.MonkeyPatch) -> StandProcesses:
+    made = StandProcesses()
+    monkeypatch.setattr(frames, "TaskProcess", made)
+    return made
+
+
+def test_of_a_page_only_the_latest_request_waits(processes: StandProcesses) -> None:
+    async def scrub() -> list[Any]:
+        renderer = FrameRenderer()
+        asked = []
+        for capture in range(6):
+            asked.append(asyncio.create_task(renderer.frame("one", {"capture": capture})))
+            await asyncio.sleep(0.01)
+        other = asyncio.create_task(renderer.frame("two", {"capture": 50}))
+        await asyncio.sleep(0.01)
+        processes.started[0].is_let = True
+        answers = await asyncio.gather(*asked, other, return_exceptions=True)
+        await renderer.close()
+        return answers
+
+    first, *dropped, last, other = asyncio.run(scrub())
+    assert (first, last, other) == ({"capture": 0}, {"capture": 5}, {"capture": 50})
+    assert all(isinstance(each, asyncio.CancelledError) for each in dropped)
+    (process,) = processes.started
+    assert process.ran == [0, 5, 50]
+    assert not process.is_alive
+
+
+def test_a_burst_of_requests_renders_the_first_and_the_last(processes: StandProcesses, world: Path) -> None:
+    async def scrub(page: RunningPage) -> dict[int, dict[str, Any]]:
+        client = await page.connect()
+        for number in range(30):
+            frame = {"id": number, "do": "frame", "key": KEY, "mission": 0, "capture": number % 5}
+            await client.write_message(json.dumps(frame))
+        answers: dict[int, dict[str, Any]] = {}
+        while len(answers) < 30:
+            answer = json.loads(await client.read_message() or "{}")
+            answers[answer.pop("id")] = answer
+            processes.started[0].is_let = len(answers) >= 28
+        client.close()
+        return answers
+
+    with running_page([world]) as page:
+        answers = asyncio.run(scrub(with_mission(page)))
+    assert processes.started[0].ran == [0, 4]
+    assert answers.pop(0) == {"done": {"capture": 0}}
+    assert answers.pop(29) == {"done": {"capture": 4}}
+    assert all(answer == {"cancelled": True} for answer in answers.values())
+
+
+def test_the_latest_frames_are_kept_and_no_more(processes: StandProcesses, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frames, "KEPT", 4)
+
+    async def look() -> None:
+        renderer = FrameRenderer()
+        first = asyncio.create_task(renderer.frame("one", {"capture": 0}))
+        await asyncio.sleep(0.01)
+        processes.started[0].is_let = True
+        await first
+        for capture in (1, 2, 3, 4, 4, 2, 0):
+            assert await renderer.frame("one", {"capture": capture}) == {"capture": capture}
+        assert len(renderer._kept) == 4
+        await renderer.close()
+
+    asyncio.run(look())
+    assert processes.started[0].ran == [0, 1, 2, 3, 4, 0]
+
+
+def test_a_page_that_stays_keeps_the_process_that_another_one_leaves(processes: StandProcesses) -> None:
+    async def come_and_go() -> None:
+        renderer = FrameRenderer()
+        asked = [asyncio.create_task(renderer.frame(page, {"capture": at})) for at, page in enumerate(("one", "two"))]
+        await asyncio.sleep(0.01)
+        await renderer.leave("one")
+        assert processes.started[0].is_alive
+        processes.started[0].is_let = True
+        assert await asked[1] == {"capture": 1}
+        await renderer.leave("two")
+        assert not processes.started[0].is_alive
+        again = asyncio.create_task(renderer.frame("three", {"capture": 7}))
+        await asyncio.sleep(0.01)
+        assert len(processes.started) == 2
+        await renderer.leave("three")
+        assert await again == {"capture": 7}
+        assert not processes.started[1].is_alive
+
+    asyncio.run(come_and_go())
