@@ -21,7 +21,13 @@ HEIGHT_M = 10.0
 
 
 def thing(
-    number: int, kind: str, box: PixelBox, visible: float = 1.0, at: tuple[float, float] | None = None
+    number: int,
+    kind: str,
+    box: PixelBox,
+    *,
+    visible: float = 1.0,
+    inside: float = 1.0,
+    at: tuple[float, float] | None = None,
 ) -> LabelledObject:
     """A defect that fills a box; its centre lies there unless another pixel is given."""
     left, top, right, bottom = box
@@ -36,7 +42,7 @@ def thing(
         area_px=area_px,
         amodal_px=area_px,
         visible_fraction=visible,
-        inside_fraction=0.8,
+        inside_fraction=inside,
         truncated=False,
         distance_m=HEIGHT_M,
         position_m=((x - SIZE[0] / 2) * PIXEL_M, -(y - SIZE[1] / 2) * PIXEL_M, 0.0),
@@ -79,19 +85,20 @@ def test_what_is_drawn_is_found_and_what_is_not_is_missed(tmp_path: Path) -> Non
         thing(5, "crocodile_crack", CRACK),
         thing(7, "pothole", (0, 50, 20, 70), visible=0.3),
         thing(8, "pothole", (80, 40, 96, 50), at=(99.0, 45.0)),
+        thing(9, "pothole", (0, 60, 20, 80), inside=0.9),
     ]
     folder = dataset(tmp_path / "set", [("Pothole", HOLE), ("Single Crack", GHOST)], objects)
     told: list[float] = []
     source = looks_of(folder, drawn_detector.FILE, 0.25, told.append)
     rows = source.looks.rows(named=True)
     assert [(row["group"], row["found"]) for row in rows] == [("w d 3", True), ("w d 5", False)], (
-        "hidden ones and those whose centre lies outside are no looks"
+        "those that are hidden, cut by the border or have their centre outside are no looks"
     )
     hole = rows[0]
     assert hole["size_px"] == pytest.approx(30)
     assert hole["width_px"] == pytest.approx(2)
     assert hole["blur_px"] == pytest.approx(2)
-    assert hole["inside_fraction"] == 0.8
+    assert hole["inside_fraction"] == 1.0
     assert hole["off_centre"] == pytest.approx(23 / 48)
     assert (hole["sun_elevation_deg"], hole["clouds"]) == (40.0, 0.3)
     assert source.alarms.rows() == [(0, "single_crack", pytest.approx((30 * 25) ** 0.5, rel=0.1))]

@@ -117,9 +117,9 @@ def assert_alike(seen: np.ndarray, wanted: np.ndarray) -> None:
 @pytest.mark.parametrize("light", LIGHTS.values(), ids=LIGHTS)
 def test_every_kind_of_ground_looks_as_its_formula_says(strips: Renderer, light: Light, kind: GroundKind) -> None:
     """From where single stones show, from where they melt, and from the side."""
-    middle = (ORIGIN[0] + TILE_M / 2, ORIGIN[1] + (kind + 0.5) * STRIP_M)
-    for height_m, pitch in ((1.0, -pi / 2), (5.0, -pi / 2), (18.0, -pi / 2), (4.0, -1.1)):
-        view = look((*middle, height_m), yaw_rad=0.4, pitch_rad=pitch, size_px=(160, 120), vertical_fov_rad=0.9)
+    x, y = ORIGIN[0] + TILE_M / 2, ORIGIN[1] + (kind + 0.5) * STRIP_M
+    for height_m, pitch, aside_m in ((1.0, -pi / 2, 4.0), (5.0, -pi / 2, 0.0), (18.0, -pi / 2, 0.0), (4.0, -1.1, 0.0)):
+        view = look((x + aside_m, y, height_m), yaw_rad=0.4, pitch_rad=pitch, size_px=(160, 120), vertical_fov_rad=0.9)
         seen = strips.light(view, light=light)
         at = points(view, seen)
         border = 0.1 + footprint_m(view, at)

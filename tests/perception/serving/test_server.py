@@ -10,7 +10,7 @@ import time
 import zlib
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from io import BytesIO
 from typing import Any
@@ -40,7 +40,8 @@ class Running:
         """Status, and the answer."""
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=20)
         try:
-            connection.request(method, path, body, {"Content-Type": kind} if kind else {})
+            with suppress(BrokenPipeError, ConnectionResetError):  # refused before all was sent: the answer is there
+                connection.request(method, path, body, {"Content-Type": kind} if kind else {})
             answer = connection.getresponse()
             text = answer.read()
             return answer.status, json.loads(text) if "json" in answer.headers["Content-Type"] else text.decode()
