@@ -2,7 +2,7 @@
 
 use pavetwin_core::geometry::Vec2;
 use pavetwin_core::mission::{
-    Battery, DrainCurve, Event, Flight, FlightError, Ground, Mode, Settings, course, nearest_reachable, rest_of,
+    Battery, DrainCurve, Event, Flight, FlightError, Ground, Mode, Settings, Steer, course, nearest_reachable, rest_of,
     shortened,
 };
 use pavetwin_core::navigation::{Limits, NavMesh};
@@ -204,12 +204,107 @@ fn a_place_on_the_island_is_approached_as_near_as_can_be() {
     assert!(flight.viewpoint().position.distance(at(100.0, 3.0)) < 1e-6);
 }
 
+/// Flies by hand until a moment, past what needs no answer here.
+fn steer_until(flight: &mut Flight, wanted: Steer, until_s: f64) {
+    flight.steer(0, wanted).expect("steering");
+    while flight.advance_until(until_s).expect("a flight") != Event::Paused {}
+}
+
+fn in_the_air() -> Flight {
+    let mut flight = flight(settings());
+    flight.climb_to(10.0);
+    arrive(&mut flight);
+    flight
+}
+
+const AHEAD: Steer = Steer { ahead_mps: 5.0, left_mps: 0.0, turn_rad_s: 0.0 };
+const STILL: Steer = Steer { ahead_mps: 0.0, left_mps: 0.0, turn_rad_s: 0.0 };
+
+#[test]
+fn by_hand_it_flies_as_it_looks_within_the_limits_of_transit() {
+    let mut flight = in_the_air();
+    let begun_s = flight.time_s();
+    steer_until(&mut flight, Steer { ahead_mps: 99.0, ..STILL }, begun_s + 3.0);
+    assert!((flight.speed_mps() - 10.0).abs() < 1e-3, "{}", flight.speed_mps());
+    assert!(flight.viewpoint().position.y.abs() < 1e-3);
+    let mut before = flight.speed_mps();
+    while flight.speed_mps() > 0.0 {
+        let now_s = flight.time_s();
+        steer_until(&mut flight, STILL, now_s + 0.05);
+        assert!(before - flight.speed_mps() <= AGENT.acceleration_mps2 * 0.05 + 1e-6);
+        before = flight.speed_mps();
+    }
+    let (turning_s, yaw_rad) = (flight.time_s(), flight.viewpoint().yaw_rad);
+    steer_until(&mut flight, Steer { turn_rad_s: 99.0, ..STILL }, turning_s + 1.0);
+    assert!((flight.viewpoint().yaw_rad - yaw_rad - AGENT.yaw_rate_rad_s).abs() < 1e-9);
+    steer_until(&mut flight, Steer { turn_rad_s: 99.0, ..STILL }, turning_s + 2.0);
+    let from = flight.viewpoint().position;
+    steer_until(&mut flight, Steer { ahead_mps: f64::NAN, left_mps: 2.0, ..STILL }, turning_s + 4.0);
+    let moved = flight.viewpoint().position - from;
+    assert!(moved.x < -3.0 && moved.y.abs() < 0.1, "after a quarter turn to the left, left is west: {moved:?}");
+}
+
+#[test]
+fn by_hand_it_brakes_before_the_border_and_stays_inside() {
+    let mut flight = in_the_air();
+    let begun_s = flight.time_s();
+    let mesh = strip_and_island();
+    let mut before = Vec2::ZERO;
+    for step in 1..400 {
+        steer_until(&mut flight, Steer { ahead_mps: 10.0, left_mps: 10.0, ..STILL }, begun_s + 0.05 * f64::from(step));
+        assert!(mesh.contains(flight.viewpoint().position));
+        assert!((flight.velocity_mps() - before).length() <= AGENT.acceleration_mps2 * 0.05 + 1e-3);
+        before = flight.velocity_mps();
+    }
+    let end = flight.viewpoint().position;
+    assert!(end.distance(at(100.0, 5.0)) < 1.0, "in the corner: {end:?}");
+}
+
+#[test]
+fn steering_shows_the_surface_and_comes_home_from_rest() {
+    let mut flight = in_the_air();
+    let begun_s = flight.time_s();
+    steer_until(&mut flight, AHEAD, begun_s + 6.0);
+    let seen = flight.surface_coverage(0);
+    assert!(seen > 0.1, "{seen}");
+    assert_eq!(flight.captures().time_s.len(), 10, "one each 0.6 s");
+    assert_eq!(flight.mode(), Mode::Inspect);
+    let speed_mps = flight.speed_mps();
+    assert_eq!(flight.fly_home(), Err(FlightError::StillMoving { speed_mps }));
+    steer_until(&mut flight, AHEAD, begun_s + 12.0);
+    assert!(flight.surface_coverage(0) > 1.5 * seen);
+    steer_until(&mut flight, STILL, begun_s + 15.0);
+    assert_eq!(flight.speed_mps(), 0.0);
+    flight.fly_home().expect("a way home");
+    arrive(&mut flight);
+    assert!(flight.viewpoint().position.distance(at(2.0, 0.0)) < 1e-9);
+}
+
+#[test]
+fn the_same_commands_at_the_same_moments_fly_the_same_whatever_the_pauses() {
+    let track = |pause_s: f64| {
+        let mut flight = in_the_air();
+        for (wanted, until_s) in [(AHEAD, 8.0), (Steer { turn_rad_s: 0.5, ..AHEAD }, 9.5), (STILL, 14.0)] {
+            flight.steer(0, wanted).expect("steering");
+            while flight.time_s() < until_s - 1e-9 {
+                let to_s = (flight.time_s() + pause_s).min(until_s);
+                while flight.advance_until(to_s).expect("a flight") != Event::Paused {}
+            }
+        }
+        let track = flight.track();
+        (track.time_s.clone(), track.x_m.clone(), track.y_m.clone(), track.yaw_rad.clone(), track.visibility.clone())
+    };
+    let (often, seldom) = (track(0.1), track(3.7));
+    assert_eq!(format!("{often:?}"), format!("{seldom:?}"), "as text, where undefined values equal each other");
+}
+
 #[test]
 fn a_segment_that_is_not_there_is_refused() {
     let mut flight = flight(settings());
     let unknown = Err(FlightError::UnknownSegment { segment: 7, segments: 1 });
     assert_eq!(flight.inspect(7, &[at(2.0, 0.0), at(98.0, 0.0)]), unknown);
     assert_eq!(flight.revisit(7, 1.0), unknown);
+    assert_eq!(flight.steer(7, STILL), unknown);
 }
 
 #[test]

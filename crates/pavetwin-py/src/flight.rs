@@ -161,6 +161,12 @@ impl Flight {
         self.0.revisit(segment, stay_s).map_err(plain)
     }
 
+    #[pyo3(signature = (segment, *, ahead_mps, left_mps, turn_rad_s))]
+    fn steer(&mut self, py: Python<'_>, segment: u32, ahead_mps: f64, left_mps: f64, turn_rad_s: f64) -> PyResult<()> {
+        self.1.sample_segment(py, segment)?;
+        self.0.steer(segment, core::Steer { ahead_mps, left_mps, turn_rad_s }).map_err(plain)
+    }
+
     fn swap_battery(&mut self, swap_s: f64) {
         self.0.swap_battery(swap_s);
     }

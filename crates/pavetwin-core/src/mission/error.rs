@@ -49,6 +49,8 @@ pub enum FlightError {
     BatteryEmpty { time_s: f64 },
     #[error("defect {defect} was not sampled before its segment was inspected")]
     NotSampled { defect: u32 },
+    #[error("the UAV still moves at {speed_mps:.1} m/s; let it come to rest first")]
+    StillMoving { speed_mps: f64 },
     #[error("the extended recording does not begin with the present one")]
     OtherRecording,
 }

@@ -15,6 +15,7 @@ use super::mode::Mode;
 use super::occlusions::Occlusions;
 use super::reaction::Reaction;
 use super::settings::Settings;
+use super::steering::{Steer, Steering};
 use super::task::{Destination, Moving, Task};
 use super::uav::UavState;
 use super::way_home::WayHome;
@@ -94,8 +95,9 @@ impl Flight {
     /// already moving comes to rest first.
     ///
     /// # Errors
-    /// When the mesh has no way there.
+    /// When the mesh has no way there, or it moves by hand.
     pub fn fly_to(&mut self, goal: Vec2, mode: Mode, stop_short: bool) -> Result<(), FlightError> {
+        self.check_no_hand_moves()?;
         let then = Destination { goal, stop_short };
         let task = match self.moving() {
             Some(moving) => Task::Halt { moving, then },
@@ -154,6 +156,29 @@ impl Flight {
         Ok(())
     }
 
+    /// Flies by hand until another command, and looks at a segment: at the velocities and the rate of turn that are asked
+    /// for, within the limits of transit. Asked again it goes on with these, and with its looks at their intervals.
+    ///
+    /// # Errors
+    /// When there is no such segment, or another command is still moving it.
+    pub fn steer(&mut self, segment: u32, wanted: Steer) -> Result<(), FlightError> {
+        self.check_segment(segment)?;
+        if let (Task::Steer(steering), Some(inspection)) = (&mut self.task, &mut self.inspection) {
+            steering.ask(wanted);
+            if inspection.segment != segment {
+                inspection.turn_to(segment);
+                self.occlusions.end_episode();
+            }
+            return Ok(());
+        }
+        if self.uav.speed_mps > 0.0 {
+            return Err(FlightError::StillMoving { speed_mps: self.uav.speed_mps });
+        }
+        self.begin(Mode::Inspect, Task::Steer(Steering::from_rest(wanted)));
+        self.inspection = Some(Inspection::along(segment, Vec::new(), self.clock.tick));
+        Ok(())
+    }
+
     /// Stands on the ground until the battery has been swapped.
     pub fn swap_battery(&mut self, swap_s: f64) {
         self.begin(Mode::Swap, self.stay(swap_s));
@@ -201,6 +226,12 @@ impl Flight {
 
     fn stay(&self, seconds: f64) -> Task {
         Task::Stay { until_tick: self.clock.tick + self.clock.ticks(seconds) }
+    }
+
+    fn check_no_hand_moves(&self) -> Result<(), FlightError> {
+        let speed_mps = self.uav.speed_mps;
+        let is_moved = matches!(self.task, Task::Steer(_)) && speed_mps > 0.0;
+        if is_moved { Err(FlightError::StillMoving { speed_mps }) } else { Ok(()) }
     }
 
     fn check_segment(&self, segment: u32) -> Result<(), FlightError> {

@@ -22,6 +22,11 @@ impl Inspection {
         Self { on_revisit: true, ..Self::along(segment, Vec::new(), tick) }
     }
 
+    /// Goes on with another segment, at the same intervals.
+    pub fn turn_to(&mut self, segment: u32) {
+        self.segment = segment;
+    }
+
     /// Brings the next look forward.
     pub fn look_at(&mut self, tick: u64) {
         self.next_look_tick = self.next_look_tick.min(tick);

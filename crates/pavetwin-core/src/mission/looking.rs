@@ -5,6 +5,7 @@ use super::error::FlightError;
 use super::event::{Capture, Event};
 use super::flight::Flight;
 use super::log::{CaptureRow, TrackRow};
+use super::task::Task;
 use crate::sensing::Visibility;
 
 impl Flight {
@@ -50,7 +51,8 @@ impl Flight {
     /// Opens or closes the episode of occlusion, and reports what needs deciding.
     fn judge(&mut self, look: &Visibility, on_revisit: bool) {
         let is_busy = on_revisit || self.encounter.is_some() || !self.reaction.is_none();
-        if is_busy || self.task.follower().is_none() || !look.has_candidates {
+        let is_under_way = self.task.follower().is_some() || matches!(self.task, Task::Steer(_));
+        if is_busy || !is_under_way || !look.has_candidates {
             return;
         }
         if look.share >= self.settings.threshold {

@@ -77,6 +77,14 @@ impl Flight {
         if self.inspection.is_some() && self.task.follower().is_some() {
             self.mode = Mode::Inspect; // after a reaction
         }
+        let Self { ground, trace, settings, uav, task, clock, shared_airspace, .. } = self;
+        if let Task::Steer(steering) = task {
+            let time_s = clock.time_s();
+            let near =
+                if *shared_airspace { neighbours(trace, uav, settings.clearance_m, time_s)? } else { Vec::new() };
+            steering.step(&ground.mesh, uav, settings, &near, dt_s);
+            return Ok(());
+        }
         if let Some(destination) = self.task.step(&mut self.uav, self.settings.climb_speed_mps, dt_s) {
             self.task = Task::to(&self.ground.mesh, &self.uav, destination, &self.settings)?;
         }
@@ -108,7 +116,7 @@ impl Flight {
 
     /// One step of keeping clear; false when nothing is near and the task moves on as planned.
     fn step_encounter(&mut self, dt_s: f64) -> Result<bool, FlightError> {
-        let cannot_avoid = matches!(self.task, Task::Idle | Task::Climb { .. } | Task::Halt { .. });
+        let cannot_avoid = matches!(self.task, Task::Idle | Task::Climb { .. } | Task::Halt { .. } | Task::Steer(_));
         if !self.shared_airspace || cannot_avoid || self.uav.altitude_m == 0.0 {
             return Ok(false);
         }

@@ -3,6 +3,7 @@
 use super::course::{nearest_reachable, shortened};
 use super::error::FlightError;
 use super::settings::Settings;
+use super::steering::Steering;
 use super::uav::UavState;
 use crate::geometry::Vec2;
 use crate::navigation::{Follower, Limits, Motion, NavMesh, Rail, Strafe, TurnTo};
@@ -26,6 +27,8 @@ pub(super) enum Task {
     Stay {
         until_tick: u64,
     },
+    /// By hand, until another command.
+    Steer(Steering),
     /// Comes to rest first, then flies to the destination.
     Halt {
         moving: Moving,
@@ -82,11 +85,12 @@ impl Task {
             Self::Rail(follower) => follower.arrived(),
             Self::Turn(turn) => turn.arrived(),
             Self::Stay { until_tick } => tick >= *until_tick,
-            Self::Halt { .. } => false,
+            Self::Halt { .. } | Self::Steer(_) => false,
         }
     }
 
-    /// One time step; answers where to fly now that the movement before has come to rest.
+    /// One time step of all but steering, which needs more to go by; answers where to fly now that the movement before
+    /// has come to rest.
     pub fn step(&mut self, uav: &mut UavState, climb_speed_mps: f64, dt_s: f64) -> Option<Destination> {
         match self {
             Self::Idle | Self::Stay { .. } => uav.speed_mps = 0.0,
@@ -100,6 +104,7 @@ impl Task {
                 uav.yaw_rad = turn.yaw_rad();
                 uav.speed_mps = 0.0;
             }
+            Self::Steer(_) => {}
             Self::Rail(follower) => {
                 follower.resume();
                 follower.step(dt_s);
@@ -144,6 +149,7 @@ impl Task {
         match self {
             Self::Rail(follower) => follower.velocity_mps(),
             Self::Halt { moving, .. } => moving.motion().velocity_mps(),
+            Self::Steer(steering) => steering.velocity_mps,
             _ => Vec2::ZERO,
         }
     }

@@ -1,0 +1,237 @@
+"""A flight by hand: over the environment and traffic of missions, with a pilot's stick in place of plan and policy.
+
+```python
+flight = ByHand(environment, traffic, settings, [], sensor=sensor.name, policy=PILOT)
+while not flight.is_over:
+    flight.step(Stick(ahead=1.0), sensor)
+result = flight.result(seed)
+```
+
+The stick is read once a step. The same sticks give the same flight: `fly_again` flies what was recorded. The UAV keeps
+to the mission's altitude, where its flight domain is, and to the limits of transit. It has one battery: when that is
+low, or when the pilot lands, it comes to rest, flies home and lands by itself.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from shapely import STRtree
+
+from pavetwin._core import BatteryLow, Captured, Occluded, Paused, RecordingEnds
+from pavetwin.errors import PaveTwinError
+from pavetwin.mission.environment import inspect_speed_mps
+from pavetwin.mission.events import BatteryRanLow, MissionEvent, OcclusionStarted, SegmentFinished, SegmentStarted
+from pavetwin.mission.fly import MissionResult, result_of, spec_of
+from pavetwin.mission.metrics import SegmentMetrics
+from pavetwin.mission.mission import Event, Mission
+from pavetwin.mission.spec import HANDED_IN
+from pavetwin.sensing import Outcome, Sensor
+from pavetwin.twin import SegmentStatus
+
+PILOT: Final = "by-hand"
+"""Stands where the name of a policy does."""
+
+STEP_S: Final = 0.1
+"""Between two readings of the stick."""
+
+SUMS: Final = ("time_s", "energy", "wait_s", "distance_m", "occlusions", "duplicates", "false_alarms")
+"""Metrics that add up over the times at which a segment was looked at."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stick:
+    """What a pilot asks for: shares of the speed and of the rate of turn, −1 … 1."""
+
+    ahead: float = 0.0
+    left: float = 0.0
+    turn: float = 0.0
+    """Counter-clockwise."""
+    is_fast: bool = False
+    """At the speed of transit, not of inspection."""
+    lands: bool = False
+    """Fly home and land: once for all."""
+
+
+@dataclass(frozen=True, slots=True)
+class StickChange:
+    """From which step on the stick stood so."""
+
+    step: int
+    stick: Stick
+
+
+@dataclass
+class ByHand(Mission):
+    """One flight by hand. Its targets are the segments that were looked at, in the order of the first look."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.targets = []
+        self.changes: list[StickChange] = []
+        self._stick, self._steps = Stick(), 0
+        self._by_segment: dict[int, SegmentMetrics] = {}
+        self._surfaces = STRtree([segment.polygon for segment in self.environment.world.segments])
+        self._inspect_mps = inspect_speed_mps(self.settings)
+
+    def step(self, stick: Stick, sensor: Sensor) -> list[MissionEvent]:
+        """Fly on for `STEP_S`, or to the end. Returns what happened on the way.
+
+        Raises:
+            PaveTwinError: the battery ran empty, or the traffic cannot be recorded any further.
+        """
+        if self._stick.lands:
+            stick = replace(stick, lands=True)
+        if stick != self._stick or not self.changes:
+            self.changes.append(StickChange(self._steps, stick))
+        self._stick = stick
+
+        def answer(event: Event) -> None:
+            if isinstance(event, Captured):
+                self.confirm(sensor.detect(self.frame(event)))
+
+        self._steps += 1
+        return self.advance_until(self._steps * STEP_S, answer)
+
+    def coverage(self) -> dict[str, float]:
+        """Share of the surface seen so far, by segment that was looked at."""
+        segments = self.environment.world.segments
+        return {segments[target].id: self.flight.surface_coverage(target) for target in self.targets}
+
+    def result(self, seed: int) -> MissionResult:
+        """What the flight leaves behind; it cannot be flown again as a mission, but from its `changes`.
+
+        Args:
+            seed: of the sensor.
+
+        Raises:
+            PaveTwinError: the flight is not over.
+        """
+        self.rows = [self._by_segment[target] for target in self.targets] if self.is_over else []
+        spec = spec_of(self.environment, self.traffic, self.settings, self.targets, HANDED_IN, seed)
+        return result_of(self, spec)
+
+    def _fly(self) -> Iterator[Event | Paused]:
+        yield from self._take_off()
+        yield from self._steer()
+        if self._segment is not None:
+            self._leave(self._segment)
+        for target in self.targets:
+            self._tell(SegmentFinished(self.flight.time_s, target))
+        yield from self._go_home()
+
+    def _steer(self) -> Iterator[Event | Paused]:
+        """Until the pilot lands or the battery is low, and the UAV has come to rest."""
+        is_over = False
+        while True:
+            is_over = is_over or self._stick.lands
+            self._command(Stick() if is_over else self._stick)
+            match event := self.flight.advance(self._until_s):
+                case Paused():
+                    yield event
+                case RecordingEnds():
+                    self._extend()
+                case BatteryLow():
+                    is_over = True
+                    self._tell(BatteryRanLow(self.flight.time_s, self.flight.position))
+                case Occluded(since_s=since_s, visibility=visibility):
+                    if since_s == event.time_s and self._segment is not None:
+                        self._tell(OcclusionStarted(event.time_s, self._segment, visibility))
+                case Captured():
+                    yield event
+                case other:
+                    raise PaveTwinError(f"By hand, {type(other).__name__} is unexpected; please report it.")
+            if is_over and self.flight.speed_mps == 0.0:
+                return
+
+    def _command(self, stick: Stick) -> None:
+        target = self._looked_at()
+        if target != self._segment:
+            if self._segment is not None:
+                self._leave(self._segment)
+            self._segment = target
+            if target not in self.targets:
+                self.targets = [*self.targets, target]
+                self._tell(SegmentStarted(self.flight.time_s, target))
+        uav = self.settings.uav
+        speed_mps = uav.transit_speed_mps if stick.is_fast else self._inspect_mps
+        self.flight.steer(
+            target,
+            ahead_mps=stick.ahead * speed_mps,
+            left_mps=stick.left * speed_mps,
+            turn_rad_s=stick.turn * float(np.radians(uav.yaw_rate_deg_s)),
+        )
+
+    def _looked_at(self) -> int:
+        """The segment below the UAV; between segments that before, or at first the nearest."""
+        here = shapely.Point(self.flight.position)
+        below = sorted(self._surfaces.query(here, predicate="intersects").tolist())
+        if self._segment is not None and (not below or self._segment in below):
+            return self._segment
+        return int(below[0] if below else self._surfaces.nearest(here))
+
+    def _leave(self, target: int) -> None:
+        """Add the time over a segment to its row."""
+        self._update_coverage(target)
+        segment = self.environment.world.segments[target]
+        before = self._by_segment.get(target)
+        now = self._meter.close(
+            len(self._by_segment) if before is None else before.order,
+            target,
+            self.flight,
+            self.memory,
+            0,
+            self.detections.all,
+            permanently_hidden=self.environment.permanently_hidden(target, self.settings),
+            inspected=self.memory.status_of(segment.id) is SegmentStatus.INSPECTED,
+            swaps=0,
+        )
+        self._by_segment[target] = now if before is None else self._added(before, now, target)
+
+    def _added(self, before: SegmentMetrics, now: SegmentMetrics, target: int) -> SegmentMetrics:
+        outcomes = Counter(each.outcome for each in self.detections.all if each.segment == target)
+        matched, wrong = outcomes[Outcome.CONFIRMED] + outcomes[Outcome.DUPLICATE], outcomes[Outcome.FALSE_ALARM]
+        seen_m2 = now.surface_coverage * now.area_m2
+        sums: dict[str, Any] = {name: getattr(before, name) + getattr(now, name) for name in SUMS}
+        return replace(
+            now,
+            **sums,
+            start_s=before.start_s,
+            precision=matched / (matched + wrong) if matched + wrong else None,
+            false_alarms_per_100_m2=100 * wrong / seen_m2 if seen_m2 else None,
+        )
+
+
+def fly_again(flight: ByHand, changes: Iterable[StickChange], sensor: Sensor) -> None:
+    """Fly what was recorded of another flight by hand, to its end.
+
+    Args:
+        flight: not begun yet, over the same inputs.
+        changes: in the order of time; the last one lands, or the battery ends the flight.
+
+    Raises:
+        PaveTwinError: as `ByHand.step`.
+    """
+    given = {change.step: change.stick for change in changes}
+    stick, step = Stick(), 0
+    while not flight.is_over:
+        stick = given.get(step, stick)
+        flight.step(stick, sensor)
+        step += 1
+
+
+def sticks_as_values(changes: Sequence[StickChange]) -> list[dict[str, Any]]:
+    """What was recorded, in plain values; what does not differ from a stick at rest is left out."""
+    rest = asdict(Stick())
+    return [
+        {"step": each.step, **{name: value for name, value in asdict(each.stick).items() if value != rest[name]}}
+        for each in changes
+    ]
+
+
+def sticks_of_values(values: Iterable[dict[str, Any]]) -> list[StickChange]:
+    """The reverse of `sticks_as_values`."""
+    return [StickChange(each["step"], Stick(**{k: v for k, v in each.items() if k != "step"})) for each in values]
