@@ -27,6 +27,8 @@ playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is no
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 PATIENCE_S = 120
 
+CROSS = (Path(__file__).parents[1] / "scenes" / "cross.osm").read_bytes()
+
 Launch = Callable[..., Any]
 """Starts a browser with options."""
 
@@ -120,6 +122,71 @@ def tab(browser: Any, server: RunningPage) -> Iterator[BrowserTab]:
     made.page.close()
     assert made.errors == []
     assert made.hosts == {f"127.0.0.1:{server.port}"}
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Path:
+    return tmp_path / "worlds"
+
+
+@pytest.fixture
+def building(browser: Any, world: Path, place: Path) -> Iterator[BrowserTab]:
+    """A page of a server of its own, which may build towns."""
+    with running_page([world], place) as running:
+        made = tab_of(browser, running)
+        made.open("#world=cross&traffic=low&seed=1&count=1")
+        made.ready()
+        yield made
+        made.page.close()
+        assert made.errors == []
+
+
+def test_a_map_becomes_a_town_that_is_shown(building: BrowserTab, place: Path) -> None:
+    page = building.page
+    page.keyboard.press("m")
+    page.set_input_files("#new-town [name=file]", files=[{"name": "a.txt", "mimeType": "", "buffer": b"x"}])
+    assert "none of these" in page.locator("#new-town .bad").inner_text()
+    assert page.locator("#new-town .main").is_disabled()
+    broken = {"name": "../my town.osm", "mimeType": "", "buffer": CROSS[:3000]}
+    page.set_input_files("#new-town [name=file]", files=[broken])
+    assert page.input_value("#new-town [name=name]") == "my-town"
+    page.click("#new-town .main")
+    building.wait("document.querySelector('#new-town .bad').textContent.includes('cut short')")
+    assert not place.exists()
+    page.set_input_files("#new-town [name=file]", files=[{**broken, "buffer": CROSS}])
+    page.click("#new-town .main")
+    building.wait("!document.querySelector('#new-town').open && document.title.startsWith('my-town')")
+    assert [folder.name for folder in place.iterdir()] == ["my-town"]
+    building.fly()
+    assert building.value("pavetwin.mission.duration_s") > 0
+    page.keyboard.press("m")
+    page.keyboard.press("Escape")
+    assert not page.locator("#new-town").is_visible()
+
+
+def test_the_uav_is_flown_by_keys_and_the_flight_is_played(building: BrowserTab) -> None:
+    page = building.page
+    page.keyboard.press("u")
+    building.wait("pavetwin.mission?.isLive && pavetwin.stateAt(pavetwin.time).mode.name === 'inspect'")
+    page.keyboard.down("w")
+    building.wait("pavetwin.stateAt(pavetwin.time).speed > 4")
+    building.wait("pavetwin.mission.captures.t_s.length > 3")
+    page.keyboard.up("w")
+    building.wait("pavetwin.stateAt(pavetwin.time).speed === 0")
+    assert "%" in page.locator("#pilot li").first.inner_text()
+    assert building.value("document.querySelector('#mission').inert")
+    yaw = building.value("pavetwin.stateAt(pavetwin.time).yaw")
+    page.keyboard.down("q")
+    building.wait(f"pavetwin.stateAt(pavetwin.time).yaw > {yaw} + 0.3")
+    page.keyboard.up("q")
+    captures = building.value("pavetwin.mission.captures.t_s.length")
+    page.keyboard.press("l")
+    building.wait("pavetwin.mission && !pavetwin.mission.isLive && !document.querySelector('#start').disabled")
+    assert building.value("pavetwin.mission.policy") == "by-hand"
+    assert building.value("pavetwin.mission.captures.t_s.length") >= captures
+    assert not page.locator("#pilot").is_visible()
+    assert not building.value("document.querySelector('#mission').inert")
+    assert "no mission of this town" in page.locator("#notice").inner_text()
 
 
 @dataclass(frozen=True)

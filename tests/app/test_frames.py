@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pavetwin.app import frames
+from pavetwin.app import frames, task_pool
 from pavetwin.app.frame_source import FILE, SHOWN_PX, _sources, shown_frame, write_frame_source
 from pavetwin.app.frames import FrameRenderer
 from pavetwin.app.session import Played
@@ -144,7 +144,7 @@ def test_the_poses_of_captures_cannot_be_fetched_as_a_file(page: RunningPage) ->
 
 def renderers(page: RunningPage) -> list[int]:
     """The process that renders, if there is one."""
-    process = page.session.frames._process
+    process = page.session.frames._process._process
     return [] if process is None else [process.id]
 
 
@@ -200,7 +200,7 @@ class StandProcesses:
 @pytest.fixture
 def processes(monkeypatch: pytest.MonkeyPatch) -> StandProcesses:
     made = StandProcesses()
-    monkeypatch.setattr(frames, "TaskProcess", made)
+    monkeypatch.setattr(task_pool, "TaskProcess", made)
     return made
 
 

@@ -1,5 +1,6 @@
 """`pavetwin app` as a process: it prints its address, answers, and ends with all that it started."""
 
+import os
 import re
 import signal
 import socket
@@ -20,7 +21,10 @@ from scenes.processes import children, command_line, is_gone, is_over
 def started(folder: Path, *words: object) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """The process, and the address that it prints."""
     typed = command("app", *words, "--port", 0, "--no-browser")
-    with subprocess.Popen(typed, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder) as process:
+    own = {**os.environ, "TMPDIR": str(folder)}
+    with subprocess.Popen(
+        typed, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder, env=own
+    ) as process:
         try:
             assert process.stdout is not None
             line = process.stdout.readline()
@@ -47,6 +51,28 @@ def test_it_answers_who_has_the_address_and_ends_with_its_processes(tmp_path: Pa
         process.send_signal(how)
         assert process.wait(30) == {signal.SIGTERM: 143, signal.SIGINT: 130, signal.SIGKILL: -9}[how]
     assert is_over(lambda: all(map(is_gone, mine)))
+
+
+def test_what_a_killed_server_leaves_goes_with_the_next_start(tmp_path: Path) -> None:
+    def held() -> set[Path]:
+        return set(tmp_path.glob(".pavetwin-app-*"))
+
+    with started(tmp_path) as (process, _):
+        (left,) = held()
+        (left / "map-1").mkdir()
+        process.kill()
+        process.wait(30)
+    assert held() == {left}
+    with started(tmp_path) as (first, _):
+        (own,) = held() - {left}
+        assert not left.exists()
+        with started(tmp_path) as (second, _):
+            assert own in held(), "one whose server runs stays"
+            second.terminate()
+            second.wait(30)
+        first.terminate()
+        first.wait(30)
+    assert held() == set()
 
 
 def test_worlds_are_found_in_the_folder_of_that_name(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from tornado.websocket import WebSocketClientConnection, websocket_connect
 
 from pavetwin.app.guard import COOKIE, Guard
 from pavetwin.app.server import AppServer
-from pavetwin.app.session import Session
+from pavetwin.app.session import WORLDS, Session
 
 
 @dataclass(frozen=True)
@@ -80,12 +80,12 @@ async def result_of(
 
 
 @contextmanager
-def running_page(worlds: Sequence[Path]) -> Iterator[RunningPage]:
+def running_page(worlds: Sequence[Path], place: Path = Path(WORLDS)) -> Iterator[RunningPage]:
     ready, ended = threading.Event(), threading.Event()
     made: list[RunningPage] = []
 
     async def run() -> None:
-        session, guard = Session(worlds), Guard("127.0.0.1")
+        session, guard = Session(worlds, place), Guard("127.0.0.1")
         server = AppServer(session, guard)
         made.append(RunningPage(session, guard, server.start("127.0.0.1", 0)))
         ready.set()

@@ -49,12 +49,16 @@ def minutes(trace: Trace, step_s: float, until_s: float) -> Iterator[bytes]:
         step_s: between two steps of the trace; a minute is a whole number of steps.
         until_s: the last moment that is played.
     """
+    for number in range(max(1, ceil(until_s / MINUTE_S - 1e-9))):
+        yield minute(trace, step_s, number)
+
+
+def minute(trace: Trace, step_s: float, number: int) -> bytes:
+    """One minute of a trace, or what there is of it."""
     steps = round(MINUTE_S / step_s)
-    last = int(trace.duration_s / step_s + 1e-6)
-    for minute in range(max(1, ceil(until_s / MINUTE_S - 1e-9))):
-        first = minute * steps
-        frames = [trace.agents_at(step * step_s) for step in range(first, min(first + steps, last) + 1)]
-        yield _encoded(frames, step_s)
+    first, last = number * steps, int(trace.duration_s / step_s + 1e-6)
+    frames = [trace.agents_at(step * step_s) for step in range(first, min(first + steps, last) + 1)]
+    return _encoded(frames, step_s)
 
 
 def _encoded(frames: list["PoseColumns"], step_s: float) -> bytes:

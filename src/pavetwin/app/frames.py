@@ -6,7 +6,7 @@ from collections import OrderedDict
 from collections.abc import Mapping
 from typing import Any, Final
 
-from pavetwin.app.task_pool import TaskProcess
+from pavetwin.app.task_pool import KeptProcess
 from pavetwin.errors import PaveTwinError
 
 KEPT: Final = 160
@@ -21,13 +21,11 @@ class FrameRenderer:
     """
 
     def __init__(self) -> None:
-        self._process: TaskProcess | None = None
-        self._starting = asyncio.Lock()
+        self._process = KeptProcess()
         self._pages: set[object] = set()
         self._waiting: dict[object, tuple[Mapping[str, Any], asyncio.Future[Mapping[str, Any]]]] = {}
         self._running: asyncio.Task[None] | None = None
         self._kept: OrderedDict[str, Mapping[str, Any]] = OrderedDict()
-        self._is_closed = False
 
     async def frame(self, page: object, task: Mapping[str, Any]) -> Mapping[str, Any]:
         """Raises:
@@ -38,8 +36,6 @@ class FrameRenderer:
         if known := self._kept.get(_name(task)):
             self._kept.move_to_end(_name(task))
             return known
-        if self._is_closed:
-            raise PaveTwinError("The server is ending.")
         self._pages.add(page)
         rendered: asyncio.Future[Mapping[str, Any]] = asyncio.get_running_loop().create_future()
         self._waiting[page] = (task, rendered)
@@ -55,11 +51,10 @@ class FrameRenderer:
         while self._waiting:
             page = next(iter(self._waiting))
             task, rendered = self._waiting.pop(page)
+            if rendered.done():
+                continue
             try:
-                process = None if rendered.done() else await self._started()
-                if process is None or rendered.done():
-                    continue
-                result = await process.run(task, lambda _: None)
+                result = await self._process.run(task)
             except PaveTwinError as error:
                 if not rendered.done():
                     rendered.set_exception(error)
@@ -73,30 +68,18 @@ class FrameRenderer:
         while len(self._kept) > KEPT:
             self._kept.popitem(last=False)
 
-    async def _started(self) -> TaskProcess:
-        async with self._starting:
-            if self._process is not None and not self._process.is_alive:
-                await self._process.stop()
-                self._process = None
-            if self._process is None:
-                self._process = await TaskProcess.start()
-            return self._process
-
     async def leave(self, page: object) -> None:
         """A page has gone: nothing of it is rendered any more, and with the last page the process ends."""
         self._drop(page)
         self._pages.discard(page)
-        async with self._starting:  # a process that is just being started is not overlooked
-            if self._pages or self._process is None:
-                return
-            process, self._process = self._process, None
-        await process.stop()
+        if not self._pages:
+            await self._process.end()
 
     async def close(self) -> None:
         """End the process."""
-        self._is_closed = True
-        for page in (*self._pages, self):
-            await self.leave(page)
+        for page in tuple(self._pages):
+            self._drop(page)
+        await self._process.close()
         if self._running is not None:
             await self._running
 

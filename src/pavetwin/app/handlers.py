@@ -4,11 +4,14 @@ import json
 from pathlib import Path
 from typing import Any, Final
 
-from tornado.web import HTTPError, RequestHandler, StaticFileHandler
+from tornado.http1connection import HTTP1Connection
+from tornado.web import HTTPError, RequestHandler, StaticFileHandler, stream_request_body
 
 from pavetwin._core import __version__
 from pavetwin.app.guard import COOKIE, REFUSING, Guard
+from pavetwin.app.requests import check_size
 from pavetwin.app.session import Session
+from pavetwin.app.uploads import SENDING_S, Upload
 from pavetwin.errors import PaveTwinError
 
 STATIC: Final = Path(__file__).parent / "static"
@@ -195,6 +198,52 @@ class ResultHandler(GuardedHandler):
         kind = "image/png" if name.endswith(".png") else "application/octet-stream"
         shown = None if kind == "image/png" and self.get_query_argument("show", "") else name.replace("/", "-")
         await self.send_file(played.results / name, kind, name=shown)
+
+
+@stream_request_body
+class UploadHandler(GuardedHandler):
+    """A map that a page has announced, block by block as it comes."""
+
+    _upload: Upload | None = None
+
+    def prepare(self) -> None:
+        super().prepare()
+        size = self.request.headers.get("Content-Length", "")
+        if self.request.method != "POST":
+            raise RefusedError(405, "A map is sent by POST.")
+        if not (size.isascii() and size.isdigit()) or len(size) > 20:
+            raise RefusedError(411, "A map is sent with its length.")
+        try:
+            check_size(int(size))
+        except PaveTwinError as error:
+            raise RefusedError(413, str(error)) from error
+        try:
+            self._upload = self.session.uploads.begin(self.path_args[0], int(size))
+        except PaveTwinError as error:
+            raise RefusedError(404, str(error)) from error
+        assert isinstance(self.request.connection, HTTP1Connection)
+        self.request.connection.set_max_body_size(int(size))
+        self.request.connection.set_body_timeout(SENDING_S)
+
+    def data_received(self, chunk: bytes) -> None:
+        assert self._upload is not None
+        try:
+            self._upload.take(chunk)
+        except PaveTwinError as error:
+            self.set_status(410)
+            self.tell({"error": str(error)})  # which ends the connection
+
+    def post(self, key: str) -> None:  # noqa: ARG002 - `prepare` has used it
+        assert self._upload is not None
+        if self._finished:  # it was refused with the last block
+            return
+        self._upload.end()
+        self.set_status(204)
+        self.finish()
+
+    def on_connection_close(self) -> None:
+        if self._upload is not None:
+            self._upload.fail()
 
 
 class UnknownHandler(GuardedHandler):

@@ -3,7 +3,8 @@
 The page sends `{"id": 7, "do": "fly", "world": "w0", "request": {…}}` and gets `{"id": 7, "share": 0.4, "what": …}` as
 often as it reads, `{"id": 7, "ready": {…}}` when a mission can be played, and then `{"id": 7, "done": {…}}` or
 `{"id": 7, "error": "…"}`. `{"id": 7, "do": "cancel"}` ends a task. Of the frames that a page asks for only the latest
-waits; `{"id": 7, "cancelled": true}` answers the one before it.
+waits; `{"id": 7, "cancelled": true}` answers the one before it. A flight by hand tells `{"id": 7, "live": {…}}` ten
+times a second, as often as the page reads, and takes `{"id": 7, "do": "say", "stick": {…}}`, the latest first.
 A page that goes away ends all of its tasks.
 """
 
@@ -17,7 +18,9 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from pavetwin.app.guard import Guard
 from pavetwin.app.handlers import check_request
+from pavetwin.app.requests import StickRequest
 from pavetwin.app.session import Session
+from pavetwin.app.task_pool import Said
 from pavetwin.errors import PaveTwinError
 
 LARGEST_MESSAGE: Final = 1 << 17
@@ -42,6 +45,7 @@ class LiveHandler(WebSocketHandler):
         self.session, self.guard = session, guard
         self._tasks: dict[int, asyncio.Task[None]] = {}
         self._frames: set[int] = set()
+        self._said: dict[int, Said] = {}
         self._leaving: asyncio.Task[None] | None = None
         self._sending: asyncio.Future[None] | None = None
         self._is_open = False
@@ -79,6 +83,8 @@ class LiveHandler(WebSocketHandler):
         if asked.get("do") == "cancel":
             if task := self._tasks.get(number):
                 task.cancel()
+        elif asked.get("do") == "say":
+            self._say(number, asked.get("stick"))
         elif number in self._tasks or (asked.get("do") != FRAME and len(self._tasks.keys() - self._frames) >= TASKS):
             self._send({"id": number, "error": "Too much is being done already; wait for it, or cancel it."})
         else:
@@ -86,12 +92,23 @@ class LiveHandler(WebSocketHandler):
                 self._frames.add(number)
             self._tasks[number] = asyncio.create_task(self._do(number, asked))
 
+    def _say(self, number: int, values: Any) -> None:
+        """Pass on what a pilot does; too late where the flight is over."""
+        try:
+            stick = StickRequest.of(values)
+        except PaveTwinError as error:
+            self.close(1003, str(error)[:100])
+            return
+        if said := self._said.get(number):
+            said.say(stick.model_dump())
+
     async def _do(self, number: int, asked: dict[str, Any]) -> None:
         try:
             if asked.get("do") == FRAME:
                 done = await self.session.frame(self, asked)
             else:
-                done = await self.session.run(asked, lambda told: self._report(number, told))
+                said = self._said[number] = Said()
+                done = await self.session.run(asked, lambda told: self._report(number, told), said)
             self._send({"id": number, "done": done})
         except PaveTwinError as error:
             self._send({"id": number, "error": str(error)})
@@ -99,6 +116,7 @@ class LiveHandler(WebSocketHandler):
             self._send({"id": number, "cancelled": True})
         finally:
             del self._tasks[number]
+            self._said.pop(number, None)
             self._frames.discard(number)
 
     def _report(self, number: int, told: Mapping[str, Any]) -> None:

@@ -16,10 +16,11 @@ import numpy as np
 
 from pavetwin._core import Trace
 from pavetwin.app.agent_minutes import minutes
-from pavetwin.draw.marks import footprint_m, outcomes
+from pavetwin.config import MissionSettings
+from pavetwin.draw.marks import outcomes
 from pavetwin.draw.mission_style import AGENT_COLOURS, agent_group
 from pavetwin.draw.readings import DOING
-from pavetwin.mission.environment import window_m
+from pavetwin.mission.environment import MissionEnvironment, window_m
 from pavetwin.mission.events import (
     ActionTaken,
     BatteryRanLow,
@@ -33,6 +34,7 @@ from pavetwin.mission.events import (
 )
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.inspected_defects import InspectedDefect
+from pavetwin.mission.parked import parked_columns
 from pavetwin.mission.results import totals
 from pavetwin.mission.summary import (
     TableColumn,
@@ -46,6 +48,7 @@ from pavetwin.mission.summary import (
 from pavetwin.mission.timeline import Timeline
 from pavetwin.mission.track import MODES
 from pavetwin.policies import Displace, Revisit, Wait
+from pavetwin.uav import camera_of
 from pavetwin.world.model import World
 
 FLIGHT: Final = "flight.json.gz"
@@ -73,7 +76,7 @@ def write_playback(results: Sequence[MissionResult], folder: Path, *, step_s: fl
     flight = {
         "step_s": step_s,
         "minutes": written,
-        "agents": _bodies(longest.trace, step_s, longest.duration_s),
+        "agents": bodies(longest.trace, step_s, longest.duration_s),
         "missions": [mission_values(result) for result in results],
         "tables": tables(results),
         "sentence": sentence(results),
@@ -99,18 +102,11 @@ def mission_values(result: MissionResult) -> dict[str, Any]:
     """A mission over time, and what came out of it."""
     timeline, settings, environment = Timeline(result), result.settings, result.environment
     track, captures = timeline.track, timeline.captures
-    segments = environment.world.segments
     return {
-        "policy": result.policy,
-        "sensor": result.sensor,
-        "altitude_m": settings.altitude_m,
-        "threshold": settings.visibility.threshold,
-        "window_m": [round(each, 3) for each in window_m(settings)],
-        "footprint_m": [round(each, 3) for each in footprint_m(result)],
+        **still_values(environment, settings, result.policy, result.sensor),
         "duration_s": round(result.duration_s, 3),
         "targets": list(result.spec.targets),
         "totals": asdict(totals(result)),
-        "modes": [{"name": mode.value, "words": DOING[mode]} for mode in MODES],
         "track": {
             **{name: _rounded(track[name], 3) for name in ("t_s", "x_m", "y_m", "altitude_m", "speed_mps")},
             "yaw_rad": _rounded(timeline.yaw_rad, 4),
@@ -130,11 +126,27 @@ def mission_values(result: MissionResult) -> dict[str, Any]:
             if (told := _told(event, environment.world))
         ],
         "defects": _defects(result),
+    }
+
+
+def still_values(
+    environment: MissionEnvironment, settings: MissionSettings, policy: str, sensor: str
+) -> dict[str, Any]:
+    """What of a mission does not change while it is flown."""
+    parked = parked_columns(environment.parked)
+    return {
+        "policy": policy,
+        "sensor": sensor,
+        "altitude_m": settings.altitude_m,
+        "threshold": settings.visibility.threshold,
+        "window_m": [round(each, 3) for each in window_m(settings)],
+        "footprint_m": [round(each, 3) for each in camera_of(settings).footprint_m(settings.altitude_m)],
+        "modes": [{"name": mode.value, "words": DOING[mode]} for mode in MODES],
         "parked": {
-            **{name: _rounded(timeline.parked[name], 3) for name in ("x_m", "y_m", "yaw_rad", "length_m", "width_m")},
-            "height_m": _rounded(timeline.parked["height_m"], 2),
+            **{name: _rounded(parked[name], 3) for name in ("x_m", "y_m", "yaw_rad", "length_m", "width_m")},
+            "height_m": _rounded(parked["height_m"], 2),
         },
-        "segments": [segments[index].id for index in range(len(segments))],
+        "segments": [segment.id for segment in environment.world.segments],
     }
 
 
@@ -205,10 +217,20 @@ def _why(inspected: InspectedDefect) -> dict[str, Any]:
     }
 
 
-def _bodies(trace: Trace, step_s: float, until_s: float) -> dict[str, Any]:
-    """The size of each agent that is there at some step, and its group; by its number, 0 for those that are not."""
-    sizes: dict[int, tuple[float, float, float, bool]] = {}
-    for time_s in np.arange(0.0, min(until_s, trace.duration_s) + step_s / 2, step_s):
+AgentSizes = dict[int, tuple[float, float, float, bool]]
+"""Length, width and height in metres, and whether it is a pedestrian, by the agent's number."""
+
+
+def bodies(
+    trace: Trace, step_s: float, until_s: float, *, from_s: float = 0.0, known: AgentSizes | None = None
+) -> dict[str, Any]:
+    """The size of each agent that is there at some step, and its group; by its number, 0 for those that are not.
+
+    Args:
+        known: of agents that were there before, to which those that come are added.
+    """
+    sizes = {} if known is None else known
+    for time_s in np.arange(from_s, min(until_s, trace.duration_s) + step_s / 2, step_s):
         poses = trace.agents_at(min(float(time_s), trace.duration_s))
         unknown = [row for row, agent in enumerate(poses["agent"].tolist()) if agent not in sizes]
         for row in unknown:

@@ -18,6 +18,7 @@ from pavetwin.app.handlers import (
     StartHandler,
     TownHandler,
     UnknownHandler,
+    UploadHandler,
 )
 from pavetwin.app.live import LARGEST_MESSAGE, LiveHandler
 from pavetwin.app.session import Session
@@ -60,6 +61,7 @@ class AppServer:
                 (r"/town/(\w+)/(.+)", TownHandler, own),
                 (r"/api/played/(\w+)/files/(.+)", ResultHandler, own),
                 (r"/api/played/(\w+)/([\w.-]+)", PlayedHandler, own),
+                (r"/api/maps/([\w-]+)", UploadHandler, own),
                 (r"/live", LiveHandler, own),
             ],
             default_handler_class=UnknownHandler,

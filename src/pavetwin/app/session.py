@@ -4,17 +4,26 @@ fetches, which is gone when the server ends."""
 import asyncio
 import tempfile
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Self
 
 from pavetwin.app.frames import FrameRenderer
-from pavetwin.app.task_pool import KeptProcess, OnReport, TaskPool
+from pavetwin.app.task_pool import KeptProcess, OnReport, Said, TaskPool
+from pavetwin.app.uploads import Uploads
 from pavetwin.errors import PaveTwinError, no_such
+from pavetwin.files import staging_folder
 from pavetwin.world.folder import DESCRIPTION, check_world
 
 WORLDS: Final = "worlds"
-"""The folder here whose worlds are shown where none is named."""
+"""The folder here whose worlds are shown where none is named, and that gets those built from maps."""
+
+PILOTS: Final = 2
+"""Flights by hand at a time; more wait."""
+
+FOLDER: Final = "pavetwin-app"
+"""A part of the name of a server's temporary folder. Those of servers that were killed go with the next start."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,16 +62,21 @@ class Played:
 class Session:
     """The state of a server. The browser names worlds and missions by keys of it, never by paths."""
 
-    def __init__(self, worlds: Sequence[Path]) -> None:
-        """Raises:
-        PaveTwinError: a folder is not a world.
+    def __init__(self, worlds: Sequence[Path], place: Path = Path(WORLDS)) -> None:
+        """Args:
+            place: the folder that gets the worlds built from maps.
+
+        Raises:
+            PaveTwinError: a folder is not a world.
         """
         for folder in worlds:
             check_world(folder)
         self._worlds = {world.id: world for world in map(_shown, enumerate(worlds))}
-        self._held = tempfile.TemporaryDirectory(prefix="pavetwin-app-")
-        self.folder = Path(self._held.name)
+        self._held = ExitStack()
+        self.folder = self._held.enter_context(staging_folder(Path(tempfile.gettempdir()) / FOLDER))
         self.tasks = TaskPool()
+        self.uploads = Uploads(self.folder, self.tasks, place)
+        self._flights = TaskPool(PILOTS)
         self._town = KeptProcess()
         self.frames = FrameRenderer()
         self._played: dict[str, Played] = {}
@@ -114,16 +128,22 @@ class Session:
         """What a mission may be made of: names of policies, sensors, aircraft, traffic; and its usual values."""
         return await self.tasks.run({"do": "choices"})
 
-    async def run(self, asked: Mapping[str, Any], on_progress: OnReport) -> Mapping[str, Any]:
-        """Do what a browser asked for: `estimate`, `fly`, `play`, or list the `missions`.
+    async def run(self, asked: Mapping[str, Any], on_progress: OnReport, said: Said | None = None) -> Mapping[str, Any]:
+        """Do what a browser asked for: `estimate`, `fly`, `play`, list the `missions`, `build` a town, or
+        `pilot` a flight by hand.
+
+        Args:
+            said: what the page says to the task while it goes on.
 
         Raises:
             PaveTwinError: it is none of these, names what is not there, or cannot be done.
         """
+        if asked.get("do") == "build":
+            return await self._build(asked.get("town"), on_progress)
         world = self.world(asked.get("world"))
         task: dict[str, Any] = {"do": asked.get("do"), "world": str(world.folder), "folder": str(self.folder)}
         match task["do"]:
-            case "estimate" | "fly":
+            case "estimate" | "fly" | "pilot":
                 task["request"] = asked.get("request")
             case "play":
                 task["mission"] = asked.get("mission")
@@ -135,7 +155,14 @@ class Session:
         def told(message: Mapping[str, Any]) -> None:
             on_progress({"ready": self._kept(message["ready"])} if "ready" in message else message)
 
-        return self._kept(await self.tasks.run(task, told))
+        pool = self._flights if task["do"] == "pilot" else self.tasks
+        return self._kept(await pool.run(task, told, said=said))
+
+    async def _build(self, town: Any, on_progress: OnReport) -> Mapping[str, Any]:
+        folder = await self.uploads.build(town, on_progress)
+        world = _shown((len(self._worlds), folder))
+        self._worlds[world.id] = world
+        return {"world": {"id": world.id, "name": world.name}}
 
     async def frame(self, page: object, asked: Mapping[str, Any]) -> Mapping[str, Any]:
         """The rendered frame of a capture, see `pavetwin.app.frame_source.shown_frame`.
@@ -168,8 +195,8 @@ class Session:
 
     async def close(self) -> None:
         """End all tasks and remove what was made for the browser."""
-        await asyncio.gather(self.tasks.close(), self._town.close(), self.frames.close())
-        self._held.cleanup()
+        await asyncio.gather(self.tasks.close(), self._flights.close(), self._town.close(), self.frames.close())
+        self._held.close()
 
     @classmethod
     def of(cls, worlds: Sequence[Path]) -> Self:

@@ -9,7 +9,7 @@ from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager, suppress
 from typing import Any, Final
 
-from pavetwin.app.task_process import GRACE_S
+from pavetwin.app.task_process import GRACE_S, SAID
 from pavetwin.errors import PaveTwinError
 
 RUNNING: Final = 3
@@ -18,11 +18,39 @@ RUNNING: Final = 3
 IDLE: Final = 2
 """Processes that are kept for the next tasks, with the world that they have read."""
 
+SAID_EVERY_S: Final = 0.05
+"""Least time between two things that are said to a task."""
+
 _LINE: Final = 1 << 22
 """Longest reply in bytes: what is larger goes into files."""
 
 OnReport = Callable[[Mapping[str, Any]], None]
 """Told `share` and `what`, or what is `ready` while the task goes on."""
+
+
+class ProcessDiedError(PaveTwinError):
+    """The process of a task has died."""
+
+    def __init__(self) -> None:
+        super().__init__("The process that did this has died; perhaps the memory was used up. Try it with less.")
+
+
+class Said:
+    """What somebody says to a task that runs: only the latest counts."""
+
+    def __init__(self) -> None:
+        self._values: Mapping[str, Any] = {}
+        self._is_new = asyncio.Event()
+
+    def say(self, values: Mapping[str, Any]) -> None:
+        self._values = values
+        self._is_new.set()
+
+    async def latest(self) -> Mapping[str, Any]:
+        """What was said last, once it is new."""
+        await self._is_new.wait()
+        self._is_new.clear()
+        return self._values
 
 
 class TaskProcess:
@@ -52,18 +80,38 @@ class TaskProcess:
         assert self._process.stdout is not None
         return self._process.returncode is None and not self._process.stdout.at_eof()
 
-    async def run(self, task: Mapping[str, Any], on_progress: OnReport) -> Mapping[str, Any]:
-        """Raises:
-        PaveTwinError: the task cannot be done, or its process died.
+    async def run(self, task: Mapping[str, Any], on_progress: OnReport, said: Said | None = None) -> Mapping[str, Any]:
+        """Args:
+            said: what is said to the task while it runs.
+
+        Raises:
+            PaveTwinError: the task cannot be done, or its process died.
         """
+        if said is None:
+            return await self._run(task, on_progress)
+        passing = asyncio.create_task(self._pass_on(said))
+        try:
+            return await self._run(task, on_progress)
+        finally:
+            passing.cancel()
+            await asyncio.gather(passing, return_exceptions=True)
+
+    async def _pass_on(self, said: Said) -> None:
+        assert self._process.stdin is not None
+        while True:
+            values = await said.latest()
+            self._process.stdin.write(json.dumps({SAID: values}).encode() + b"\n")
+            await self._process.stdin.drain()
+            await asyncio.sleep(SAID_EVERY_S)
+
+    async def _run(self, task: Mapping[str, Any], on_progress: OnReport) -> Mapping[str, Any]:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        died = "The process that did this has died; perhaps the memory was used up. Try it with less."
         try:
             self._process.stdin.write(json.dumps(task).encode() + b"\n")
             await self._process.stdin.drain()
         except ConnectionError as error:
-            raise PaveTwinError(died) from error
+            raise ProcessDiedError from error
         while line := await self._process.stdout.readline():
             reply = json.loads(line)
             if "error" in reply:
@@ -72,7 +120,7 @@ class TaskProcess:
                 result: Mapping[str, Any] = reply["result"]
                 return result
             on_progress(reply)
-        raise PaveTwinError(died)
+        raise ProcessDiedError
 
     async def stop(self) -> None:
         """End it and all that it started; by force where it takes longer than its time to clear up."""
@@ -87,24 +135,35 @@ class TaskProcess:
 
 
 class TaskPool:
-    """Up to `RUNNING` tasks at a time. A task that is cancelled ends its process."""
+    """Up to so many tasks at a time. A task that is cancelled ends its process."""
 
-    def __init__(self) -> None:
-        self._free = asyncio.Semaphore(RUNNING)
+    def __init__(self, running: int = RUNNING) -> None:
+        self._free = asyncio.Semaphore(running)
         self._idle: list[TaskProcess] = []
         self._all: set[TaskProcess] = set()
         self._is_closed = False
 
-    async def run(self, task: Mapping[str, Any], on_progress: OnReport = lambda _: None) -> Mapping[str, Any]:
+    async def run(
+        self,
+        task: Mapping[str, Any],
+        on_progress: OnReport = lambda _: None,
+        *,
+        is_alone: bool = False,
+        said: Said | None = None,
+    ) -> Mapping[str, Any]:
         """Run a task in a process, once there is one.
+
+        Args:
+            said: what is said to it while it runs.
+            is_alone: in a process that runs nothing else, before or afterwards.
 
         Raises:
             PaveTwinError: as `TaskProcess.run`.
         """
         if self._free.locked():
             on_progress({"share": 0.0, "what": "Waiting for other tasks"})
-        async with self._free, self._process() as process:
-            return await process.run(task, on_progress)
+        async with self._free, self._process(is_alone=is_alone) as process:
+            return await process.run(task, on_progress, said)
 
     async def warm_up(self) -> None:
         """Start a process, so that the first task need not wait for what it loads."""
@@ -112,17 +171,18 @@ class TaskPool:
             self._idle.append(await self._started())
 
     @asynccontextmanager
-    async def _process(self) -> AsyncIterator[TaskProcess]:
-        process = self._idle.pop() if self._idle else await self._started()
+    async def _process(self, *, is_alone: bool) -> AsyncIterator[TaskProcess]:
+        process = self._idle.pop() if self._idle and not is_alone else await self._started()
+        leave = self._end if is_alone else self._give_back
         try:
             yield process
         except PaveTwinError:
-            await self._give_back(process)
+            await leave(process)
             raise
         except BaseException:
             await asyncio.shield(self._end(process))
             raise
-        await self._give_back(process)
+        await leave(process)
 
     async def _started(self) -> TaskProcess:
         process = await TaskProcess.start()
@@ -148,10 +208,10 @@ class TaskPool:
 
 class KeptProcess:
     """A process that stays, for short tasks one after the other: what it has read serves the next. It starts with the
-    first task, and another takes its place where it died."""
+    first task, and another takes its place where it died or was ended."""
 
     def __init__(self) -> None:
-        self._turn = asyncio.Lock()
+        self._turn, self._starting = asyncio.Lock(), asyncio.Lock()
         self._process: TaskProcess | None = None
         self._is_closed = False
 
@@ -162,20 +222,41 @@ class KeptProcess:
             PaveTwinError: as `TaskProcess.run`, or the server ends.
         """
         async with self._turn:
+            known = self._process
+            process = await self._ready()
+            try:
+                return await self._run_in(process, task)
+            except ProcessDiedError:
+                if process is not known or process is not self._process:
+                    raise
+                return await self._run_in(await self._ready(), task)  # it had died before, while nobody looked
+
+    async def _run_in(self, process: TaskProcess, task: Mapping[str, Any]) -> Mapping[str, Any]:
+        try:
+            return await process.run(task, lambda _: None)
+        except asyncio.CancelledError:
+            await asyncio.shield(self.end())  # its answer would be taken for that of the next task
+            raise
+
+    async def _ready(self) -> TaskProcess:
+        async with self._starting:
             if self._process is not None and not self._process.is_alive:
                 await self._process.stop()
                 self._process = None
-            if self._process is None and not self._is_closed:
-                self._process = await TaskProcess.start()
-            if self._process is None or self._is_closed:
+            if self._is_closed:
                 raise PaveTwinError("The server ends.")
-            return await self._process.run(task, lambda _: None)
+            if self._process is None:
+                self._process = await TaskProcess.start()
+            return self._process
+
+    async def end(self) -> None:
+        """End the process, and with an error the task that it runs; the next task gets another one."""
+        async with self._starting:  # a process that is just being started is not overlooked
+            process, self._process = self._process, None
+        if process is not None:
+            await process.stop()
 
     async def close(self) -> None:
         """End the process; tasks that wait for their turn are refused."""
         self._is_closed = True
-        if self._process is not None:
-            await self._process.stop()
-        async with self._turn:  # a process that was just being started
-            if self._process is not None:
-                await self._process.stop()
+        await self.end()

@@ -1,6 +1,7 @@
 """The process that runs tasks for the page: `python -m pavetwin.app.task_process`.
 
-It reads a task a line from its input and writes lines of JSON: progress, then a result or an error. It ends with its
+It reads a task a line from its input, and what is said to a task that runs, and writes lines of JSON: progress, then a
+result or an error. It ends with its
 input, so that it does not outlive the server, and takes what it has started with it: it leads a session of its own.
 """
 
@@ -19,6 +20,9 @@ from typing import IO, Any, Final, NoReturn
 GRACE_S: Final = 5.0
 """To remove temporary files when it is told to end, before it is killed."""
 
+SAID: Final = "said"
+"""The key of a line that is said to the task that runs."""
+
 EVERY_S: Final = 0.1
 """Least time between two reports of progress of one stage."""
 
@@ -34,8 +38,9 @@ def main() -> None:
     from pavetwin.app import tasks as known  # loads what flies, while the server waits for the first task
 
     while True:
-        reply = _reply(known, json.loads(tasks.get()), _Progress(replies))
-        _write(replies, reply)
+        task = json.loads(tasks.get())
+        if SAID not in task:  # what is said to a task that is over
+            _write(replies, _reply(known, task, _Progress(replies, tasks)))
 
 
 def _reply(known: Any, task: Mapping[str, Any], progress: "_Progress") -> Mapping[str, Any]:
@@ -52,10 +57,10 @@ def _reply(known: Any, task: Mapping[str, Any], progress: "_Progress") -> Mappin
 
 
 class _Progress:
-    """Writes progress, and not more often than anybody reads it."""
+    """Writes progress, and not more often than anybody reads it; reads what is said to the task."""
 
-    def __init__(self, replies: IO[str]) -> None:
-        self._replies, self._what, self._told_s = replies, "", 0.0
+    def __init__(self, replies: IO[str], lines: "queue.SimpleQueue[str]") -> None:
+        self._replies, self._lines, self._what, self._told_s = replies, lines, "", 0.0
 
     def __call__(self, share: float, what: str) -> None:
         now_s = time.monotonic()
@@ -66,6 +71,16 @@ class _Progress:
 
     def ready(self, values: Mapping[str, Any]) -> None:
         _write(self._replies, {"ready": values})
+
+    def live(self, values: Mapping[str, Any]) -> None:
+        _write(self._replies, {"live": values})
+
+    def said(self) -> list[Mapping[str, Any]]:
+        said = []
+        with suppress(queue.Empty):
+            while True:
+                said.append(json.loads(self._lines.get_nowait())[SAID])
+        return said
 
 
 def _write(replies: IO[str], message: Mapping[str, Any]) -> None:

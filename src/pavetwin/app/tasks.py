@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 from pavetwin.app.flight_request import PRESET, FlightRequest
+from pavetwin.app.map_limits import LARGEST_KM2
+from pavetwin.app.requests import KINDS, LARGEST_BYTES
 from pavetwin.config import load_settings
 from pavetwin.config.altitude import CEILING_M, LOWEST_M
 from pavetwin.config.mission import UavSettings
@@ -39,6 +41,7 @@ from pavetwin.traffic.mix import DEFAULT_MIX, mix_names
 from pavetwin.uav import AIRCRAFT
 from pavetwin.world.folder import DESCRIPTION
 from pavetwin.world.model import World
+from pavetwin.world.parking.rule import NO_RULE, rule_names
 from pavetwin.world.store import load_world
 
 
@@ -50,6 +53,13 @@ class TaskReport(Protocol):
 
     def ready(self, values: Mapping[str, Any], /) -> None:
         """What can be used already, while the task goes on."""
+
+    def live(self, values: Mapping[str, Any], /) -> None:
+        """What is now, in a task that goes on with the clock."""
+
+    def said(self) -> list[Mapping[str, Any]]:
+        """What was said to the task since, in its order."""
+        ...
 
 
 LISTED: Final = 40
@@ -69,6 +79,8 @@ def run(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
         "estimate": _estimate,
         "fly": _fly,
         "play": _play,
+        "build": _build,
+        "pilot": _pilot,
         "town": _town,
         "frame": _frame,
     }
@@ -95,6 +107,8 @@ def _choices(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:  #
             "time": usual.conditions.time.isoformat("minutes"),
         },
         "altitudes_m": [LOWEST_M, CEILING_M],
+        "parking_rules": [*rule_names(), NO_RULE],
+        "maps": {"kinds": KINDS, "largest_bytes": LARGEST_BYTES, "largest_km2": LARGEST_KM2},
         "threshold": usual.visibility.threshold,
     }
 
@@ -126,6 +140,36 @@ def _map(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
     content = json.dumps(values, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
     with writing(Path(task["file"])) as temporary:
         temporary.write_bytes(gzip.compress(content, 6, mtime=0))
+    return {}
+
+
+def _pilot(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
+    """A flight by hand, with the traffic, sensor and settings of a request."""
+    from pavetwin.app.piloting import fly_by_hand
+
+    request, world = FlightRequest.of(task["request"]), _world(Path(task["world"]))
+    tell(0.0, "Preparing the flight domain")
+    (spec,), environment = plan_missions(
+        world,
+        request.settings(),
+        request.names[:1],
+        density=request.density,
+        mix=request.mix or "",
+        segments=request.segments or request.count,
+        order=request.order,
+        seed=request.seed,
+        environment=_environment(request, world),
+    )
+    inputs = load_inputs(spec, world=world, environment=environment, on_progress=tell)
+    with inputs.replay:
+        return fly_by_hand(inputs.flown(spec), inputs, Path(task["folder"]), tell)
+
+
+def _build(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
+    """A town from a map that a browser sent."""
+    from pavetwin.app.town_build import build_town
+
+    build_town(Path(task["source"]), Path(task["folder"]), task["options"], tell)
     return {}
 
 

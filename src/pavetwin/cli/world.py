@@ -77,12 +77,11 @@ def build(
     pavetwin world build --generate town -o worlds/holes --defects-per-100-m2 2 --defect-mix pothole=3,single_crack=1
     pavetwin world build seattle.osm --parking-rule north_america -o worlds/seattle
     """
-    from pavetwin.defects import DefectOptions, add_defects
-    from pavetwin.world.build import BuildOptions, build_world
-    from pavetwin.world.folder import check_target
+    from pavetwin.defects import DefectOptions
+    from pavetwin.defects.build import build_folder
+    from pavetwin.world.build import BuildOptions
     from pavetwin.world.generate import network_kind
     from pavetwin.world.georeference import parse_anchor
-    from pavetwin.world.store import save_world
 
     if (source is None) == (generate is None):
         raise PaveTwinError(
@@ -100,15 +99,12 @@ def build(
     given = {name: value for name, value in asked.items() if value is not None}
     mix = {} if defect_mix is None else {"mix": _weights(defect_mix)}
     defects = DefectOptions.parse({**given, **mix}, where="world build")
-    defects.effective()
-    check_target(output, force=force)
+    chosen = source if source is not None else network_kind(generate or "")
     with progress("Building the world") as report:
-        chosen = source if source is not None else network_kind(generate or "")
-        built = build_world(chosen, options, lambda _what, share: report(0.25 * share))
-        damaged = add_defects(built, defects, lambda share: report(0.25 + 0.7 * share))
-        world = save_world(damaged, output, force=force)
-        report(1.0)
-    _print_summary(world, built.record)
+        world, record = build_folder(
+            chosen, output, options, defects, force=force, on_progress=lambda share, _what: report(share)
+        )
+    _print_summary(world, record)
     out.line(f"Written to {output}/ (world.gpkg opens in QGIS). Next: pavetwin world show {quote(str(output))}")
 
 

@@ -36,7 +36,7 @@ export class Camera {
   }
 
   setFlight(flight, mission) {
-    this.#frames?.setMission(flight, mission);
+    this.#frames?.setMission(flight, mission?.isLive ? null : mission);
     this.#flight = flight;
     this.#mission = mission;
     this.#parked = mission ? parkedAgents(mission.parked) : [];

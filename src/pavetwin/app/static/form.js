@@ -31,6 +31,14 @@ export class MissionForm {
     form.addEventListener('change', onChange);
   }
 
+  /** A town that was built since, chosen now. */
+  addWorld({ id, name }) {
+    const { world } = this.#form.elements;
+    if (!this.#worlds.length) world.replaceChildren();
+    this.#worlds.push({ id, name });
+    world.append(new Option(name, id, true, true));
+  }
+
   get world() { return this.#form.elements.world.value; }
   get worldName() { return this.#worlds.find(({ id }) => id === this.world)?.name ?? ''; }
   get isValid() { return this.#form.checkValidity(); }

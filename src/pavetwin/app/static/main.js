@@ -1,6 +1,7 @@
 // The page: wires the controls, the map, the camera, the timeline and the results to one flight and one clock.
 
 import { Camera } from './camera.js';
+import { Pilot } from './control.js';
 import { by, element } from './dom.js';
 import { MissionForm } from './form.js';
 import { Frames } from './frames.js';
@@ -12,6 +13,7 @@ import { CancelledError, Tasks, fetchJson } from './server.js';
 import { isDark, keep, kept, palette, setTheme, startTheme } from './theme.js';
 import { Timeline } from './timeline.js';
 import { TOWN_MODES, TownPanel } from './town_panel.js';
+import { NewTown } from './upload.js';
 
 const LAYERS = { buildings: 'buildings', trees: 'trees', names: 'street names', traffic: 'traffic', parked: 'parked vehicles', route: 'route', windows: 'seen surface', defects: 'defects' };
 const KEYS = [
@@ -19,7 +21,7 @@ const KEYS = [
   ['← →', 'a second back or on (shift: ten), away from the map'], ['N P', 'next or previous occlusion'], ['[ ]', 'slower, faster'],
   ['V', 'the other policy'], ['arrows', 'move the map, when it has the focus'], ['+ − 0', 'zoom the map; the whole town'],
   ['T', 'show or hide the town in 3-D'], ['1 2 3 4', 'see the town by hand, behind the UAV, from its camera, from a car'],
-  ['B', 'drag a box around streets'], ['F', 'follow the UAV'], ['D', 'light or dark'], ['?', 'these keys'],
+  ['U', 'fly the UAV yourself'], ['M', 'build a town from a street map'], ['B', 'drag a box around streets'], ['F', 'follow the UAV'], ['D', 'light or dark'], ['?', 'these keys'],
 ];
 
 startTheme();
@@ -33,7 +35,8 @@ const [map, camera, timeline, results, town] = [
   new Results(by('results'), showDefect),
   new TownPanel(by('town'), showDefect),
 ];
-let form = null, selection = null, tasks = null, start = null;
+const pilot = new Pilot(by('pilot'), map, { begin: showLive, time: seek, end: () => setLive(false) });
+let form = null, selection = null, tasks = null, start = null, newTown = null;
 
 boot().catch(error => notice(error.message));
 
@@ -51,9 +54,10 @@ async function boot() {
     map.setDrawn(drawn);
     if (page.map) history.replaceState(null, '', form.address(selection.segments, selection.count));
   });
+  newTown = new NewTown(by('new-town'), tasks, start, showNewTown);
   if (!start.worlds.length) {
-    by('selection').textContent = 'There is no town yet. Build one with `pavetwin world build --generate town -o worlds/town`, and start the page again.';
-    by('start').disabled = by('compare').disabled = true;
+    by('selection').textContent = 'There is no town yet. Build one from a street map with + above; or generate one with `pavetwin world build --generate town -o worlds/town`, and start the page again.';
+    by('start').disabled = by('compare').disabled = by('control').disabled = true;
     return;
   }
   const shared = form.read(location.hash);
@@ -75,6 +79,18 @@ async function showWorld() {
   by('streets').replaceChildren(...[...new Set(page.map.segments.map(segment => segment.street))].sort().map(name => new Option(name)));
   setColours();
   await listFlown();
+}
+
+/** A town that was just built. Where there was none before, the page begins anew with it. */
+async function showNewTown(world) {
+  if (!page.map) {
+    location.hash = new URLSearchParams({ world: world.name });
+    location.reload();
+    return;
+  }
+  form.addWorld(world);
+  await showWorld();
+  selection.set([]);
 }
 
 async function changed(event) {
@@ -100,6 +116,27 @@ async function fly() {
   await follow({ do: 'fly', world: form.world, request: form.request(selection.segments, selection.count) });
 }
 
+/** Fly by hand: the flight is shown while it grows, and played as any other once the UAV has landed. */
+async function takeControl() {
+  if (page.task || !form.isValid) return by('mission').reportValidity();
+  const isLanded = await follow({ do: 'pilot', world: form.world, request: form.request(selection.segments, selection.count) });
+  if (!isLanded) return;
+  notice('Landed. The flight can be played like any other, but it is no mission of this town: what you want to keep of it is under Files.');
+  by('notice').classList.add('told');
+}
+
+function showLive(flight) {
+  setLive(true);
+  setFlight(flight);
+  map.showPlace(...page.map.base_m, 7);
+  followUav(true);
+}
+
+/** Nothing else can be started while the UAV is flown by hand. */
+function setLive(on) {
+  for (const part of [by('mission'), by('flown'), by('share'), document.querySelector('footer')]) part.inert = on;
+}
+
 /** Start a task that ends in a flight, and show it as soon as it can be played. */
 async function follow(task) {
   let shown = null;
@@ -108,30 +145,37 @@ async function follow(task) {
   bar.removeAttribute('value');
   const late = setTimeout(() => { busy.hidden = false; }, 300);
   by('start').disabled = true;
-  const asked = page.task = tasks.ask(task, told => {
+  let isDone = false;
+  const isLive = task.do === 'pilot', asked = page.task = tasks.ask(task, told => {
+    if (told.live) return pilot.live(told.live);
     if (told.ready) {
       clearTimeout(late);
       busy.hidden = true;
-      shown = showFlight(told.ready).catch(error => notice(error.message));
+      shown = (isLive ? pilot.begin(told.ready, asked) : showFlight(told.ready)).catch(error => notice(error.message));
       return;
     }
-    if (shown) return results.tellFiles(`${told.what} …`);
+    if (shown) return isLive ? pilot.tell(`${told.what} …`) : results.tellFiles(`${told.what} …`);
     words.textContent = told.what;
     if (told.share > 0) bar.value = told.share;
   });
   try {
     const done = await asked.promise;
-    await (shown ?? showFlight(done));
+    pilot.end();
+    await (isLive || !shown ? showFlight(done) : shown);
     results.setFiles(done.key, done.folder, done.files);
     await listFlown();
+    isDone = true;
   } catch (error) {
+    if (isLive && pilot.isFlying) setFlight(null);
     notice(error instanceof CancelledError ? 'Cancelled.' : error.message, error instanceof CancelledError);
   } finally {
     clearTimeout(late);
     busy.hidden = true;
     by('start').disabled = false;
     page.task = null;
+    pilot.end();
   }
+  return isDone;
 }
 
 async function showFlight({ key, folder, files }) {
@@ -175,10 +219,11 @@ function setMission(mission) {
   map.setFlight(page.flight, mission);
   camera.setFlight(page.flight, mission);
   town.setFlight(page.flight, mission);
-  timeline.setMission(mission);
-  if (mission) results.setFlight(page.flight, mission);
+  const flown = mission?.isLive ? null : mission;
+  timeline.setMission(flown);
+  if (flown) results.setFlight(page.flight, flown);
   else results.clear();
-  document.querySelector('footer .empty').hidden = Boolean(mission);
+  document.querySelector('footer .empty').hidden = Boolean(flown);
   by('scrub').max = mission?.duration_s ?? 0;
   setPlayer();
   tellPolicy();
@@ -317,7 +362,7 @@ function listen() {
   by('mission').addEventListener('submit', event => { event.preventDefault(); fly(); });
   const actions = {
     compare: () => { form.compare(!form.isCompared); selection.update(); }, share, theme, solid: () => showTown(!town.isShown), help: () => by('keys').showModal(),
-    play: () => play(!page.playing), previous: () => jump(-1), next: () => jump(1), cancel: () => page.task?.cancel(),
+    build: () => newTown?.open(), control: takeControl, play: () => play(!page.playing), previous: () => jump(-1), next: () => jump(1), cancel: () => page.task?.cancel(),
     in: () => map.zoom(1.4), out: () => map.zoom(1 / 1.4), fit: () => map.fit(), box: () => box(), follow: () => followUav(),
   };
   for (const [id, act] of Object.entries(actions)) by(id).addEventListener('click', act);
@@ -338,12 +383,12 @@ function listen() {
 
 function key(event) {
   const typed = event.target.matches('input:not([type="checkbox"], [type="range"]), select, textarea, dialog *');
-  if (event.ctrlKey || event.metaKey || event.altKey || typed || !form) return;
+  if (event.ctrlKey || event.metaKey || event.altKey || typed || !form || document.querySelector('dialog[open]')) return;
   const onMap = event.target === by('map').querySelector('.moving'), onTown = event.target === by('town').querySelector('canvas'), onButton = event.target.matches('button, summary, a, [type="range"], [role="tab"]');
   const arrow = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
   const acts = {
     Enter: onButton ? null : fly, ' ': onButton ? null : () => play(!page.playing), Escape: escape, n: () => jump(1), p: () => jump(-1),
-    c: () => by('compare').click(), v: otherPolicy, b: () => box(), f: () => followUav(), d: theme, t: () => showTown(!town.isShown), '?': () => by('keys').showModal(),
+    c: () => by('compare').click(), v: otherPolicy, b: () => box(), f: () => followUav(), d: theme, m: () => newTown?.open(), u: takeControl, t: () => showTown(!town.isShown), '?': () => by('keys').showModal(),
     '+': () => map.zoom(1.4), '=': () => map.zoom(1.4), '-': () => map.zoom(1 / 1.4), 0: () => map.fit(), '[': () => speed(-1), ']': () => speed(1),
     ...Object.fromEntries(TOWN_MODES.map((mode, i) => [i + 1, () => town.setMode(mode)])),
   };

@@ -78,6 +78,15 @@ export class Mission {
     return t >= (this.finishedAt.get(defect.segment) ?? Infinity) ? defect.outcome : null;
   }
 
+  /** Defects that were found since, of a mission in flight. */
+  add(defects) {
+    for (const defect of defects) {
+      this.defects.push(defect);
+      this.byId.set(defect.id, defect);
+      this.foundAt.push(defect.found_s);
+    }
+  }
+
   foundUpTo(t) {
     return lastUpTo(this.foundAt, t) + 1;
   }
@@ -113,8 +122,9 @@ export class Flight {
     this.duration_s = Math.max(...this.missions.map(mission => mission.duration_s));
   }
 
-  static async load(key) {
-    return new Flight(key, await fetchJson(`api/played/${key}/flight.json.gz`));
+  /** @param Kind of flight that is made of it */
+  static async load(key, Kind = Flight) {
+    return new Kind(key, await fetchJson(`api/played/${key}/flight.json.gz`));
   }
 
   #minuteOf(t) {

@@ -28,12 +28,12 @@ export class Tasks {
     this.#connect();
   }
 
-  /** Start a task. Returns `{ promise, cancel }`; `told` gets `{ share, what }` and `{ ready }`. */
+  /** Start a task. Returns `{ promise, cancel, say }`; `told` gets `{ share, what }`, `{ ready }` and `{ live }`. */
   ask(task, told = () => {}) {
     const id = ++this.#number;
     const promise = new Promise((resolve, reject) => this.#asked.set(id, { resolve, reject, told }));
     this.#send({ ...task, id });
-    return { promise, cancel: () => this.#send({ id, do: 'cancel' }) };
+    return { promise, cancel: () => this.#send({ id, do: 'cancel' }), say: stick => this.#send({ id, do: 'say', stick }) };
   }
 
   #send(message) {
@@ -57,7 +57,7 @@ export class Tasks {
   #take(message) {
     const task = this.#asked.get(message.id);
     if (!task) return;
-    if ('share' in message || 'ready' in message) return task.told(message);
+    if ('share' in message || 'ready' in message || 'live' in message) return task.told(message);
     this.#asked.delete(message.id);
     if ('done' in message) task.resolve(message.done);
     else task.reject(message.cancelled ? new CancelledError() : new Error(message.error));

@@ -1,0 +1,42 @@
+"""A world with its defects from a source, written to its folder: what `pavetwin world build` does."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from pavetwin.defects.placement import DefectOptions, add_defects
+from pavetwin.world.build import BuildOptions, BuildRecord, build_world
+from pavetwin.world.folder import check_target
+from pavetwin.world.generate import NetworkKind
+from pavetwin.world.model import World
+from pavetwin.world.store import save_world
+
+
+def build_folder(
+    source: Path | NetworkKind,
+    folder: Path,
+    options: BuildOptions | None = None,
+    defects: DefectOptions | None = None,
+    *,
+    force: bool = False,
+    on_progress: Callable[[float, str], None] = lambda _share, _what: None,
+) -> tuple[World, BuildRecord]:
+    """Build a world, place its defects, and write it.
+
+    Args:
+        force: replace a world that is there.
+        on_progress: told the share done, 0 … 1, and the step.
+
+    Returns:
+        The world, and what it was made from.
+
+    Raises:
+        PaveTwinError: as `build_world`, `add_defects` and `save_world`.
+    """
+    damage = defects or DefectOptions()
+    damage.effective()
+    check_target(folder, force=force)
+    built = build_world(source, options, lambda what, share: on_progress(0.25 * share, what))
+    damaged = add_defects(built, damage, lambda share: on_progress(0.25 + 0.7 * share, "defects"))
+    world = save_world(damaged, folder, force=force)
+    on_progress(1.0, "world")
+    return world, built.record

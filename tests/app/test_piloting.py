@@ -1,0 +1,229 @@
+"""Flights by hand over the page's WebSocket: they follow the stick, grow, land, are played, and can be flown again."""
+
+import asyncio
+import gzip
+import json
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pavetwin.app import task_pool
+from pavetwin.app.piloting import STICKS
+from pavetwin.app.task_pool import Said, TaskProcess
+from pavetwin.mission.by_hand import PILOT, ByHand, fly_again, sticks_of_values
+from pavetwin.mission.inputs import load_inputs
+from pavetwin.mission.plan import plan_mission
+from pavetwin.sensing import load_sensor
+from pavetwin.world.store import load_world, save_world
+from scenes import damaged
+from scenes.page import RunningPage, running_page
+from scenes.processes import children, command_line, is_gone, is_over
+
+REQUEST = {"traffic": "low", "seed": 1, "count": 1}
+IN_THE_AIR = 3
+"""The number of the mode `inspect`."""
+
+Answer = Callable[[dict[str, Any]], dict[str, Any] | None]
+"""What the page says to a message about a flight; None to be silent."""
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("piloting") / "cross"
+    save_world(damaged("cross", 8), folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def page(world: Path) -> Iterator[RunningPage]:
+    with running_page([world]) as running:
+        yield running
+
+
+def pilot(
+    page: RunningPage, answer: Answer, request: dict[str, Any] | None = None
+) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """What a page is told about a flight, and the end; `{"do": "leave"}` closes the page."""
+
+    async def fly() -> tuple[list[dict[str, Any]], dict[str, Any]]:
+        client = await page.connect()
+        task = {"id": 1, "do": "pilot", "world": "w0", "request": REQUEST if request is None else request}
+        await client.write_message(json.dumps(task))
+        states: list[dict[str, Any]] = []
+        while (message := await client.read_message()) is not None:
+            told = json.loads(message)
+            if {"done", "error", "cancelled"} & told.keys():
+                client.close()
+                return states, told
+            if "live" in told:
+                states.append(told["live"])
+                if (said := answer(told["live"])) is not None:
+                    if said["do"] == "leave":
+                        break
+                    await client.write_message(json.dumps({"id": 1, **said}))
+        client.close()
+        return states, {}
+
+    return asyncio.run(fly())
+
+
+def say(**stick: Any) -> dict[str, Any]:
+    return {"do": "say", "stick": stick}
+
+
+def live_folders(page: RunningPage) -> list[Path]:
+    return list(page.session.folder.glob("live*"))
+
+
+def task_processes() -> set[int]:
+    return {child for child in children(os.getpid()) if b"app.task_process" in command_line(child)}
+
+
+def ahead_until(seconds: float) -> Answer:
+    """Ahead for so long once it has taken off, then home."""
+
+    def answer(state: dict[str, Any]) -> dict[str, Any] | None:
+        if state["t_s"] > seconds:
+            return say(lands=True)
+        return say(ahead=1.0, turn=0.1) if state["mode"] == IN_THE_AIR else None
+
+    return answer
+
+
+@pytest.mark.slow
+def test_a_flight_grows_lands_is_played_and_can_be_flown_again(page: RunningPage, world: Path) -> None:
+    states, end = pilot(page, ahead_until(9.0))
+    done = end["done"]
+    times = [state["t_s"] for state in states]
+    assert np.allclose(np.diff(times), 0.1, atol=0.051), "a step each tenth of a second"
+    flying = [state for state in states if state["mode"] == IN_THE_AIR]
+    assert max(state["speed_mps"] for state in flying) > 3.0
+    assert flying[-1]["battery"] < flying[0]["battery"]
+    seen = [max(state["coverage"].values(), default=0.0) for state in flying]
+    assert seen[-1] > seen[0]
+    assert seen == sorted(seen)
+    assert states[-1]["altitude_m"] == 0.0
+    assert live_folders(page) == []
+    assert not (world / "missions").exists(), "it is no mission of the world"
+
+    answer = page.get(f"/api/played/{done['key']}/flight.json.gz")
+    (mission,) = json.loads(gzip.decompress(answer.body))["missions"]
+    assert mission["policy"] == PILOT
+    assert mission["captures"]["t_s"] == [t for state in states for t in state["captures"]["t_s"]]
+    assert mission["targets"] == list(states[-1]["coverage"])
+
+    spec = plan_mission(load_world(world), density="low", seed=1, segments=1)
+    inputs = load_inputs(spec)
+    sensor = load_sensor(spec.settings.sensing, spec.seed)
+    again = ByHand(inputs.environment, inputs.traffic, spec.settings, [], policy=PILOT, sensor=sensor.name)
+    written = page.get(f"/api/played/{done['key']}/files/{STICKS}").values
+    fly_again(again, sticks_of_values(written["sticks"]), sensor)
+    track = again.result(spec.seed).track
+    for name in ("t_s", "x_m", "y_m", "speed_mps"):
+        assert np.allclose(track[name], mission["track"][name], atol=0.6e-3)  # type: ignore[literal-required]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["cancel", "leave"])
+def test_who_gives_up_leaves_no_process_and_no_file(page: RunningPage, how: str) -> None:
+    during: set[int] = set()
+
+    def answer(state: dict[str, Any]) -> dict[str, Any] | None:
+        if state["t_s"] < 1.0:
+            return None
+        during.update(task_processes())
+        assert live_folders(page)
+        return {"do": how}
+
+    _, end = pilot(page, answer)
+    assert end == ({"id": 1, "cancelled": True} if how == "cancel" else {})
+    assert is_over(lambda: any(map(is_gone, during))), "that of the flight; others wait for tasks"
+    assert is_over(lambda: live_folders(page) == [])
+
+
+@pytest.mark.slow
+def test_a_stick_that_nobody_holds_any_more_is_let_go(page: RunningPage) -> None:
+    told: list[float] = []
+
+    def answer(state: dict[str, Any]) -> dict[str, Any] | None:
+        if state["mode"] != IN_THE_AIR:
+            return None
+        told.append(state["speed_mps"])
+        if len(told) == 1:
+            return say(ahead=1.0)
+        return {"do": "cancel"} if len(told) == 30 else None
+
+    pilot(page, answer)
+    assert max(told) > 2.0
+    assert told[-1] == 0.0
+
+
+def test_a_sensor_that_looks_after_landing_is_refused(page: RunningPage) -> None:
+    _, end = pilot(page, lambda _: None, {**REQUEST, "sensor": "detector"})
+    assert "answers at once" in end["error"]
+
+
+@pytest.mark.parametrize(
+    "stick",
+    [None, [], {"ahead": 2.0}, {"ahead": "fast"}, {"turn": "NaN"}, {"up": 1.0}, {"lands": "/etc"}, {"ahead": 1e308}],
+)
+def test_what_is_no_stick_ends_its_page_alone(page: RunningPage, stick: Any) -> None:
+    async def send() -> str | bytes | None:
+        client = await page.connect()
+        await client.write_message(json.dumps({"id": 1, "do": "say", "stick": stick}))
+        return await asyncio.wait_for(client.read_message(), 20)
+
+    assert asyncio.run(send()) is None
+    assert page.ask({"do": "missions"})[0]["done"]
+
+
+def test_a_stick_without_a_flight_is_of_no_account(page: RunningPage) -> None:
+    async def send() -> Any:
+        client = await page.connect()
+        await client.write_message(json.dumps({"id": 7, **say(ahead=1.0)}))
+        await client.write_message(json.dumps({"id": 8, "do": "missions", "world": "w0"}))
+        return json.loads(await client.read_message() or "{}")
+
+    assert asyncio.run(send())["id"] == 8
+
+
+class Pipe:
+    """In place of a process: notes what it is told, and ends after a while."""
+
+    def __init__(self) -> None:
+        self.lines: list[dict[str, Any]] = []
+        self.stdin = self.stdout = self
+        self.is_first = True
+
+    def write(self, line: bytes) -> None:
+        self.lines.append(json.loads(line))
+
+    async def drain(self) -> None:
+        pass
+
+    async def readline(self) -> bytes:
+        await asyncio.sleep(0.5)
+        return b'{"result": {}}\n'
+
+
+def test_of_many_sticks_few_are_passed_on_and_the_latest_last() -> None:
+    pipe = Pipe()
+
+    async def flood() -> None:
+        said = Said()
+        process = TaskProcess(pipe)  # type: ignore[arg-type]
+        running = asyncio.create_task(process.run({"do": "pilot"}, lambda _: None, said))
+        for number in range(400):
+            said.say({"ahead": number})
+            await asyncio.sleep(0.001)
+        await running
+
+    asyncio.run(flood())
+    task, *sticks = pipe.lines
+    assert task == {"do": "pilot"}
+    assert 2 <= len(sticks) <= 0.5 / task_pool.SAID_EVERY_S + 2
+    assert sticks[-1] == {"said": {"ahead": 399}}
