@@ -21,6 +21,7 @@ from pavetwin.world.store import save_world
 from scenes import damaged
 from scenes.command_line import pavetwin
 from scenes.page import RunningPage, running_page
+from scenes.photographs import picture, voc
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed (make setup)")
 
@@ -189,6 +190,28 @@ def test_the_uav_is_flown_by_keys_and_the_flight_is_played(building: BrowserTab)
     assert "no mission of this town" in page.locator("#notice").inner_text()
 
 
+def test_a_contact_sheet_is_looked_at_and_a_damaged_study_told(browser: Any, tmp_path: Path) -> None:
+    for number in range(2):
+        picture(tmp_path / "source" / f"{number}.jpg", seed=number)
+        voc(tmp_path / "source" / f"{number}.xml", [("PH", (8, 8, 30, 30))])
+    assert pavetwin("data", "import", "uapd", tmp_path / "source", "-o", tmp_path / "photographs").returncode == 0
+    (tmp_path / "study").mkdir()
+    (tmp_path / "study" / "design.yaml").write_text("[")
+    with running_page([tmp_path / "photographs", tmp_path / "study"], tmp_path / "worlds") as running:
+        tab = tab_of(browser, running)
+        tab.open()
+        tab.page.click("#exhibits summary")
+        tab.page.click("text=photographs (dataset)")
+        tab.wait("document.querySelector('#exhibit img')?.naturalWidth > 100")
+        tab.page.keyboard.press("Escape")
+        tab.page.click("#exhibits summary")
+        tab.page.click("text=study (study)")
+        tab.wait("document.querySelector('#exhibit .bad')?.textContent.includes('is damaged')")
+        assert not tab.page.locator("#exhibit .shown *").count()
+        tab.page.close()
+        assert tab.errors == []
+
+
 @dataclass(frozen=True)
 class Flown:
     tab: BrowserTab
@@ -258,8 +281,8 @@ def test_the_map_and_the_curves_are_drawn_and_follow_the_clock(flown: Flown) -> 
     assert all(picture.std() > 5 for picture in before.values()), "a blank canvas"
     tab.value("pavetwin.seek(pavetwin.mission.duration_s / 2)")
     tab.page.wait_for_timeout(500)
-    for place, picture in before.items():
-        assert np.abs(tab.picture(place) - picture).max() > 50, place
+    for place, shown in before.items():
+        assert np.abs(tab.picture(place) - shown).max() > 50, place
 
 
 def test_keys_play_pause_seek_and_show_the_keys(flown: Flown) -> None:

@@ -16,6 +16,7 @@ POLICY: Final = "; ".join(
         "style-src 'self'",
         "img-src 'self' data: blob:",
         "connect-src 'self' ws://{host}",
+        "frame-src 'self'",
         "base-uri 'none'",
         "form-action 'none'",
         "frame-ancestors 'none'",
@@ -23,6 +24,19 @@ POLICY: Final = "; ".join(
 )
 """Content-Security-Policy of what is answered; `{host}` as the browser names this server."""
 
+
+REPORT_POLICY: Final = "; ".join(
+    (
+        "sandbox",
+        "default-src 'none'",
+        "style-src 'unsafe-inline'",
+        "img-src data:",
+        "base-uri 'none'",
+        "form-action 'none'",
+        "frame-ancestors 'self'",
+    )
+)
+"""Content-Security-Policy of a report, which the page shows in a frame."""
 
 REFUSING: Final = "default-src 'none'; frame-ancestors 'none'"
 """Content-Security-Policy of what is refused."""

@@ -8,7 +8,7 @@ from tornado.http1connection import HTTP1Connection
 from tornado.web import HTTPError, RequestHandler, StaticFileHandler, stream_request_body
 
 from pavetwin._core import __version__
-from pavetwin.app.guard import COOKIE, REFUSING, Guard
+from pavetwin.app.guard import COOKIE, REFUSING, REPORT_POLICY, Guard
 from pavetwin.app.requests import check_size
 from pavetwin.app.session import Session
 from pavetwin.app.uploads import SENDING_S, Upload
@@ -139,6 +139,9 @@ class StartHandler(GuardedHandler):
             {
                 "version": __version__,
                 "worlds": [{"id": world.id, "name": world.name} for world in self.session.worlds],
+                "exhibits": [
+                    {"id": each.id, "name": each.folder.name, "kind": each.kind.value} for each in self.session.exhibits
+                ],
                 **choices,
             }
         )
@@ -186,6 +189,17 @@ class PlayedHandler(GuardedHandler):
             raise RefusedError(404, "There is no such mission any more; fly it again.")
         self.set_header("Cache-Control", "private, max-age=86400, immutable")
         await self.send_file(path, kind, gzipped=True)
+
+
+class ExhibitHandler(GuardedHandler):
+    """What was made of a study or a dataset. A report brings its styles and pictures with it, and has no script."""
+
+    async def get(self, key: str, name: str) -> None:
+        file = self.session.shown_file(key, name)
+        if file is None:
+            raise RefusedError(404, "There is no such report any more; choose it again.")
+        self.set_header("Content-Security-Policy", REPORT_POLICY)
+        await self.send_file(file, "text/html; charset=utf-8" if name.endswith(".html") else "image/jpeg")
 
 
 class ResultHandler(GuardedHandler):

@@ -10,6 +10,7 @@ from tornado.web import Application
 from pavetwin.app.guard import Guard
 from pavetwin.app.handlers import (
     STATIC,
+    ExhibitHandler,
     FileHandler,
     MapHandler,
     PageHandler,
@@ -61,6 +62,7 @@ class AppServer:
                 (r"/town/(\w+)/(.+)", TownHandler, own),
                 (r"/api/played/(\w+)/files/(.+)", ResultHandler, own),
                 (r"/api/played/(\w+)/([\w.-]+)", PlayedHandler, own),
+                (r"/api/exhibits/(\w+)/([\w.-]+)", ExhibitHandler, own),
                 (r"/api/maps/([\w-]+)", UploadHandler, own),
                 (r"/live", LiveHandler, own),
             ],

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Self
 
+from pavetwin.app.exhibits import REPORT, SHEET, Exhibit, exhibit_kind
 from pavetwin.app.frames import FrameRenderer
 from pavetwin.app.task_pool import KeptProcess, OnReport, Said, TaskPool
 from pavetwin.app.uploads import Uploads
@@ -62,16 +63,24 @@ class Played:
 class Session:
     """The state of a server. The browser names worlds and missions by keys of it, never by paths."""
 
-    def __init__(self, worlds: Sequence[Path], place: Path = Path(WORLDS)) -> None:
+    def __init__(self, folders: Sequence[Path], place: Path = Path(WORLDS)) -> None:
         """Args:
+            folders: of worlds, studies and datasets.
             place: the folder that gets the worlds built from maps.
 
         Raises:
-            PaveTwinError: a folder is not a world.
+            PaveTwinError: a folder is none of these.
         """
+        kinds = {folder: exhibit_kind(folder) for folder in folders}
+        worlds = [folder for folder in folders if kinds[folder] is None]
         for folder in worlds:
             check_world(folder)
         self._worlds = {world.id: world for world in map(_shown, enumerate(worlds))}
+        self._exhibits = {
+            f"x{number}": Exhibit(f"x{number}", folder.absolute(), kind)
+            for number, (folder, kind) in enumerate(kinds.items())
+            if kind is not None
+        }
         self._held = ExitStack()
         self.folder = self._held.enter_context(staging_folder(Path(tempfile.gettempdir()) / FOLDER))
         self.tasks = TaskPool()
@@ -84,6 +93,15 @@ class Session:
     @property
     def worlds(self) -> list[ShownWorld]:
         return list(self._worlds.values())
+
+    @property
+    def exhibits(self) -> list[Exhibit]:
+        return list(self._exhibits.values())
+
+    def shown_file(self, key: str, name: str) -> Path | None:
+        """What was made of an exhibit; None where there is no such file."""
+        file = self.folder / f"exhibit-{key}" / name
+        return file if name in (REPORT, SHEET) and file.is_file() else None
 
     def world(self, key: Any) -> ShownWorld:
         """Raises:
@@ -129,8 +147,8 @@ class Session:
         return await self.tasks.run({"do": "choices"})
 
     async def run(self, asked: Mapping[str, Any], on_progress: OnReport, said: Said | None = None) -> Mapping[str, Any]:
-        """Do what a browser asked for: `estimate`, `fly`, `play`, list the `missions`, `build` a town, or
-        `pilot` a flight by hand.
+        """Do what a browser asked for: `estimate`, `fly`, `play`, list the `missions`, `build` a town,
+        `pilot` a flight by hand, or `show` a study or a dataset.
 
         Args:
             said: what the page says to the task while it goes on.
@@ -140,6 +158,8 @@ class Session:
         """
         if asked.get("do") == "build":
             return await self._build(asked.get("town"), on_progress)
+        if asked.get("do") == "show":
+            return await self._show(asked.get("exhibit"), on_progress)
         world = self.world(asked.get("world"))
         task: dict[str, Any] = {"do": asked.get("do"), "world": str(world.folder), "folder": str(self.folder)}
         match task["do"]:
@@ -163,6 +183,13 @@ class Session:
         world = _shown((len(self._worlds), folder))
         self._worlds[world.id] = world
         return {"world": {"id": world.id, "name": world.name}}
+
+    async def _show(self, key: Any, on_progress: OnReport) -> Mapping[str, Any]:
+        exhibit = self._exhibits.get(key) if isinstance(key, str) else None
+        if exhibit is None:
+            raise PaveTwinError(no_such("study or dataset", str(key)[:40], self._exhibits, key="`exhibit`"))
+        task = {"do": "show", "exhibit": str(exhibit.folder), "kind": exhibit.kind.value, "folder": str(self.folder)}
+        return await self.tasks.run(task, on_progress)
 
     async def frame(self, page: object, asked: Mapping[str, Any]) -> Mapping[str, Any]:
         """The rendered frame of a capture, see `pavetwin.app.frame_source.shown_frame`.
@@ -199,15 +226,16 @@ class Session:
         self._held.close()
 
     @classmethod
-    def of(cls, worlds: Sequence[Path]) -> Self:
-        """Of these worlds, or of those in the folder `worlds` here where none is named.
+    def of(cls, folders: Sequence[Path]) -> Self:
+        """Of these worlds, studies and datasets, and of the worlds in the folder `worlds` here where no world is named.
 
         Raises:
-            PaveTwinError: a folder is not a world.
+            PaveTwinError: a folder is none of these.
         """
         place = Path(WORLDS)
-        here = sorted(place.iterdir()) if not worlds and place.is_dir() else []
-        return cls(worlds or [folder for folder in here if (folder / DESCRIPTION).is_file()])
+        has_world = any(exhibit_kind(folder) is None for folder in folders)
+        here = sorted(place.iterdir()) if not has_world and place.is_dir() else []
+        return cls([*folders, *(folder for folder in here if (folder / DESCRIPTION).is_file())])
 
 
 def _shown(numbered: tuple[int, Path]) -> ShownWorld:

@@ -80,6 +80,7 @@ def run(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
         "fly": _fly,
         "play": _play,
         "build": _build,
+        "show": _show,
         "pilot": _pilot,
         "town": _town,
         "frame": _frame,
@@ -163,6 +164,13 @@ def _pilot(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
     inputs = load_inputs(spec, world=world, environment=environment, on_progress=tell)
     with inputs.replay:
         return fly_by_hand(inputs.flown(spec), inputs, Path(task["folder"]), tell)
+
+
+def _show(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
+    """The report of a study, or the contact sheet of a dataset."""
+    from pavetwin.app.exhibits import ExhibitKind, show_exhibit
+
+    return show_exhibit(Path(task["exhibit"]), ExhibitKind(task["kind"]), Path(task["folder"]), tell)
 
 
 def _build(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:

@@ -3,9 +3,10 @@
 import resource
 import signal
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
-from typing import Any, Final, NoReturn, Protocol
+from typing import Any, Final, NoReturn
 
 from pavetwin.app.map_limits import check_map
 from pavetwin.defects.build import build_folder
@@ -22,11 +23,7 @@ FILE_BYTES: Final = 2 << 30
 """The largest file that is written."""
 
 
-class Tell(Protocol):
-    def __call__(self, share: float, what: str, /) -> None: ...
-
-
-def build_town(source: Path, folder: Path, options: dict[str, Any], tell: Tell) -> None:
+def build_town(source: Path, folder: Path, options: dict[str, Any], tell: Callable[[float, str], None]) -> None:
     """Build a world as `pavetwin world build` does, within limits; this process is of no use afterwards.
 
     Args:

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from pavetwin.experiments.run import Ran
     from pavetwin.experiments.statistics import MissionLimits, Objective, Recommendation
     from pavetwin.experiments.store import Store
-    from pavetwin.world.model import World
 
 app = typer.Typer(
     help="Fly studies: policies, altitudes and traffic in replicates, with statistics.",
@@ -202,17 +201,13 @@ def report(
     pavetwin experiment report studies/first --choose highest --min-coverage 25
     pavetwin experiment report studies/first --figures
     """
-    from pavetwin.experiments.report import gather, write_report
+    from pavetwin.experiments.report import gather_folder, write_report
     from pavetwin.experiments.store import Store
 
     limits, objective = limits_of(max_time, max_energy, min_coverage), objective_of(choose)
     store = Store(folder)
-    said, table = store.description(), store.table()
-    design = store.design()
     with progress("Statistics", lines=True) as tell:
-        study = gather(
-            design.name, _plain(said), table, _worlds(design), limits=limits, objective=objective, seed=design.seed
-        )
+        study = gather_folder(store, limits=limits, objective=objective)
         place = output or folder
         written = write_report(study, place, lambda share: tell(share, "Drawing the report"), figures=figures)
     _note_unfinished(store)
@@ -352,37 +347,6 @@ def _span(row: dict[str, Any], name: str, scale: float) -> str:
         return "–"
     interval = "" if low is None else f" ({scale * low:.1f}–{scale * high:.1f})"
     return f"{scale * mean:.1f}{interval}"
-
-
-def _plain(said: dict[str, Any]) -> dict[str, Any]:
-    """The design and the versions it was flown with, as a report shows them."""
-    return {
-        **said["design"],
-        "version": said["versions"]["pavetwin"],
-        "files": said.get("files") or {},
-        "made_with": {
-            "SUMO": said["versions"]["libsumo"],
-            **{f"world {name}": content for name, content in said["worlds"].items()},
-        },
-        "worlds": [
-            world if world["routes"] or world["recordings"] or world.get("nearest") else world["path"]
-            for world in said["design"]["worlds"]
-        ],
-    }
-
-
-def _worlds(design: "Design") -> "dict[str, World]":
-    """Those that can still be read; the others get no map."""
-    from pavetwin.world.store import load_world
-
-    found = {}
-    for entry in design.worlds:
-        try:
-            world = load_world(Path(entry.path))
-        except PaveTwinError:
-            continue
-        found[world.name] = world
-    return found
 
 
 def _engine(name: str, scheduler: str | None, jobs: int | None, design: "Design") -> "Engine":

@@ -12,9 +12,12 @@ from pavetwin.cli.console import out
 
 
 def app(
-    worlds: Annotated[
+    folders: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="[WORLD]…", help="Folders of worlds; those in worlds/ unless any is given."),
+        typer.Argument(
+            metavar="[WORLD|STUDY|DATASET]…",
+            help="Folders of worlds, those in worlds/ unless any is given; and of studies and datasets to look at.",
+        ),
     ] = None,
     host: Annotated[str, typer.Option(help="Address to listen at; 0.0.0.0: for every machine.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="To listen at; 0 takes a free one.")] = 8765,
@@ -26,6 +29,7 @@ def app(
     \b
     pavetwin app worlds/town
     pavetwin app worlds/town worlds/berlin --port 9000
+    pavetwin app studies/first datasets/town
     pavetwin app worlds/town --host 0.0.0.0 --no-browser
 
     What the page flies is written where `pavetwin fly` writes it. Only this machine is answered unless --host says
@@ -36,7 +40,7 @@ def app(
     from pavetwin.app.session import Session
     from pavetwin.listening import run_until_terminated
 
-    session, guard = Session.of(worlds or ()), Guard(host)
+    session, guard = Session.of(folders or ()), Guard(host)
     named = "127.0.0.1" if host == "0.0.0.0" else "[::1]" if host == "::" else f"[{host}]" if ":" in host else host
 
     def tell(at: int) -> None:

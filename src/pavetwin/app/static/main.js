@@ -3,6 +3,7 @@
 import { Camera } from './camera.js';
 import { Pilot } from './control.js';
 import { by, element } from './dom.js';
+import { Exhibits } from './exhibits.js';
 import { MissionForm } from './form.js';
 import { Frames } from './frames.js';
 import { StreetMap } from './map.js';
@@ -54,6 +55,7 @@ async function boot() {
     map.setDrawn(drawn);
     if (page.map) history.replaceState(null, '', form.address(selection.segments, selection.count));
   });
+  new Exhibits(by('exhibits'), by('exhibit'), tasks, start.exhibits);
   newTown = new NewTown(by('new-town'), tasks, start, showNewTown);
   if (!start.worlds.length) {
     by('selection').textContent = 'There is no town yet. Build one from a street map with + above; or generate one with `pavetwin world build --generate town -o worlds/town`, and start the page again.';
