@@ -14,6 +14,7 @@ from pathlib import Path
 from benchmarks import (
     commands,
     defects,
+    detecting,
     frames,
     growing,
     images,
@@ -61,7 +62,7 @@ class Setup:
             # A copy: the user's own recordings are neither used nor replaced.
             copy = shutil.copytree(self._given, self.folder / "world", ignore=shutil.ignore_patterns("traffic"))
             return Path(copy), None
-        return self.folder / "town", worlds.build(self.folder / "town", target_s=6.0)
+        return self.folder / "town", worlds.build(self.folder / "town")
 
     @property
     def town(self) -> Path:
@@ -93,6 +94,7 @@ class Setup:
     def world_lines(self) -> Iterator[Line]:
         if self._built[1] is not None:
             yield self._built[1]
+            yield worlds.demo_line(self.folder / "demo")
         yield worlds.load_line(self.town)
 
     def recording_lines(self) -> Iterator[Line]:
@@ -102,7 +104,7 @@ class Setup:
 
 GROUPS = (
     *("starting", "streets", "world", "defects", "recording", "missions", "sensors", "commands", "survey", "study"),
-    *("visibility", "frames", "images", "photographs", "memory", "city"),
+    *("visibility", "frames", "images", "photographs", "detector", "memory", "city"),
 )
 """Each can be measured alone."""
 
@@ -128,6 +130,7 @@ def measure(
         "frames": lambda: frames.lines(setup.world, setup.replay, size),
         "images": lambda: images.lines(setup.town, folder, size),
         "photographs": lambda: [photographs.line(folder, size)],
+        "detector": lambda: detecting.lines(folder, size),
         "memory": lambda: [missions.memory_line(setup.town, len(setup.course.targets))],
         "city": lambda: [growing.line(setup.course, 2 * size.runs + 1, size.copies)],
     }

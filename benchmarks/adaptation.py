@@ -92,10 +92,11 @@ def shortened(sets: Sequence[ExampleSet], views: int, options: TrainingOptions) 
     drawn = [*order[: int(np.searchsorted(ends, views)) + 1], *seen[:: max(1, len(seen) // VALIDATION)]]
     chosen = {(id(data), each.split, each.name) for data, each in drawn}
     kept = [[each for each in data.examples if (id(data), each.split, each.name) in chosen] for data in sets]
-    return [_with_examples(data, examples) for data, examples in zip(sets, kept, strict=True) if examples]
+    return [with_examples(data, examples) for data, examples in zip(sets, kept, strict=True) if examples]
 
 
-def _with_examples(data: ExampleSet, examples: Sequence[Example]) -> ExampleSet:
+def with_examples(data: ExampleSet, examples: Sequence[Example]) -> ExampleSet:
+    """The set with only these of its images."""
     names = "\n".join([data.fingerprint, *(each.name for each in examples)])
     return replace(data, examples=tuple(examples), fingerprint=sha256(names.encode()).hexdigest())
 
@@ -110,7 +111,7 @@ class Study:
         self._start, self._folder, self._photographs = start, folder, photographs
         self._synthetic = read_examples(list(datasets))
         (labelled,) = read_examples([photographs])
-        self._labelled = _with_examples(labelled, [each for each in labelled.examples if each.split == "train"])
+        self._labelled = with_examples(labelled, [each for each in labelled.examples if each.split == "train"])
         self.split = read_split(photographs, "test")
 
     def found(self, name: str, variant: Variant, *, steps: int, batch: int, rate: float, seed: int) -> list[FoundBox]:
@@ -161,13 +162,20 @@ def write_found(file: Path, found: Sequence[FoundBox], split: LabelledSplit) -> 
     file.write_text(json.dumps(rows), encoding="utf-8")
 
 
-def table(runs: Mapping[str, Sequence[Sequence[FoundBox]]], split: LabelledSplit, resamples: int = RESAMPLES) -> str:
-    """A row for each variant: the mean of its runs, each run, and the difference to `plain` with its interval."""
-    heads = " | ".join(f"{words} | of each run | less plain, 95 % interval" for words in METRICS.values())
-    rows = [f"| variant | {heads} |", "|---" * (1 + 3 * len(METRICS)) + "|"]
+def table(
+    runs: Mapping[str, Sequence[Sequence[FoundBox]]],
+    split: LabelledSplit,
+    resamples: int = RESAMPLES,
+    *,
+    base: str = PLAIN,
+    metrics: Mapping[str, str] = METRICS,
+) -> str:
+    """A row for each variant: the mean of its runs, each run, and the difference to the base with its interval."""
+    heads = " | ".join(f"{words} | of each run | less {base}, 95 % interval" for words in metrics.values())
+    rows = [f"| variant | {heads} |", "|---" * (1 + 3 * len(metrics)) + "|"]
     for name, found in runs.items():
-        compared = compare_in_pairs(split, runs[PLAIN], found, resamples=resamples)
-        rows.append(f"| {name} | {' | '.join(_cells(compared, key, is_base=name == PLAIN) for key in METRICS)} |")
+        compared = compare_in_pairs(split, runs[base], found, resamples=resamples)
+        rows.append(f"| {name} | {' | '.join(_cells(compared, key, is_base=name == base) for key in metrics)} |")
     return "\n".join(rows)
 
 

@@ -1,16 +1,27 @@
 """A command of the program in a process of its own, and what it took."""
 
-import os
+import json
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from pavetwin.errors import PaveTwinError
 
 _COMMAND = "from pavetwin.cli import main; main()"
+
+_MEASURE = """
+import json, os, subprocess, sys
+process = subprocess.Popen([sys.executable, "-c", *sys.argv[2:]], stdout=2)
+_, status, used = os.wait4(process.pid, 0)
+code = os.waitstatus_to_exitcode(status)
+print(json.dumps([code, used.ru_utime + used.ru_stime, used.ru_maxrss]), file=open(sys.argv[1], "w"))
+"""
+"""Starts the command from a process that holds little: of a command that this one starts, the system would report at
+least the memory that this one holds."""
 
 
 @dataclass(frozen=True)
@@ -24,25 +35,25 @@ class Used:
     """The most memory that one of them held."""
 
 
-def run(words: Sequence[str], code: str = _COMMAND, expected: int | None = 0) -> Used:
+def run(words: Sequence[str], code: str = _COMMAND, expected: int | None = 0, folder: Path | None = None) -> Used:
     """A command of the program, to its end.
 
     Args:
         code: of Python, where it is another program.
         expected: the exit code; None for any.
+        folder: where it is run; the current one unless given.
 
     Raises:
         PaveTwinError: it ended with another code.
     """
     begun = time.perf_counter()
-    with tempfile.TemporaryFile() as printed:
-        process = subprocess.Popen([sys.executable, "-c", code, *words], stdout=printed, stderr=printed)
-        _, status, used = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
+    with tempfile.TemporaryFile() as printed, tempfile.NamedTemporaryFile("r") as told:
+        words = [sys.executable, "-S", "-c", _MEASURE, told.name, code, *words]
+        subprocess.run(words, stdout=printed, stderr=printed, cwd=folder, check=True)
+        ended, processor_s, peak = json.load(told)
         wall_s = time.perf_counter() - begun
-        if expected is not None and process.returncode != expected:
+        if expected is not None and ended != expected:
             printed.seek(0)
             said = printed.read().decode(errors="replace").strip()
-            raise PaveTwinError(f"`pavetwin {' '.join(words)}` failed: {said[-200:]}")
-    unit = 2**20 if sys.platform == "darwin" else 2**10
-    return Used(used.ru_utime + used.ru_stime, wall_s, used.ru_maxrss / unit)
+            raise PaveTwinError(f"`pavetwin {' '.join(words[6:])}` failed: {said[-200:]}")
+    return Used(processor_s, wall_s, peak / (2**20 if sys.platform == "darwin" else 2**10))

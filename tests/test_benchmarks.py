@@ -153,7 +153,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], list[
 
 def checked(cache: Path, words: Sequence[str]) -> process.Used:
     """Nothing is done; the words are checked, and a file of each command is in the cache."""
-    end = ["--help"] if words[0] == "capture" else ["--settings"]
+    end = ["--help"] if words[0] in ("capture", "world") else ["--settings"]
     cache.joinpath(f"{'-'.join(Path(word).name for word in words)}.parquet").write_bytes(b"recording")
     return process.Used(float(not pavetwin(*words, *end).returncode), 1.0, 1.0)
 
@@ -184,6 +184,12 @@ def test_what_a_command_took_is_that_of_its_process() -> None:
     used = process.run([], code="bytearray(300 * 2**20); sum(range(2_000_000))")
     assert used.peak_mib > 300
     assert used.processor_s > 0
+
+
+def test_the_memory_of_a_command_is_not_that_of_who_starts_it() -> None:
+    held = bytearray(400 * 2**20)
+    assert process.run([], code="pass").peak_mib < 100
+    assert len(held) == 400 * 2**20
 
 
 @pytest.mark.slow

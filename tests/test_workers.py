@@ -11,8 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from pavetwin import workers
 from pavetwin.errors import PaveTwinError
-from pavetwin.workers import ATTEMPTS, OnTick, WorkerPool
+from pavetwin.workers import ATTEMPTS, OnTick, WorkerPool, default_jobs
 from scenes.processes import is_gone, is_over
 
 OWNER = """
@@ -157,3 +158,19 @@ def test_workers_of_a_killed_parent_end(tmp_path: Path) -> None:
         owner.kill()
         owner.wait()
         assert is_over(lambda: all(map(is_gone, workers)))
+
+
+@pytest.mark.parametrize(
+    ("cores", "spare_gib", "images", "jobs"),
+    [(8, 64, 500, 8), (8, 7, 500, 3), (8, 1, 500, 1), (8, 64, 25, 2), (8, 64, 1, 1), (1, 64, 500, 1)],
+)
+def test_jobs_are_bounded_by_cores_memory_and_images(
+    monkeypatch: pytest.MonkeyPatch, cores: int, spare_gib: int, images: int, jobs: int
+) -> None:
+    monkeypatch.setattr(workers, "_spare_bytes", lambda: spare_gib * 2**30)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(cores)), raising=False)
+    assert default_jobs(images) == jobs
+
+
+def test_spare_memory_is_less_than_there_is() -> None:
+    assert 0 < workers._spare_bytes() < os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")

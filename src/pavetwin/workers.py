@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import partial
 from multiprocessing.connection import Connection, wait
+from pathlib import Path
 from types import FrameType
 from typing import Any, Final, Generic, NoReturn, Self, TypeVar
 
@@ -23,9 +24,31 @@ ATTEMPTS: Final = 3
 GRACE_S: Final = 5.0
 """A worker that is told to stop has this long to remove its temporary files before it is killed."""
 
+WORKER_BYTES: Final = 2 * 2**30
+"""A process that renders needs so much at most."""
+
+WORTH_STARTING: Final = 10
+"""Images that take about as long as a process that renders takes to start."""
+
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 OnTick = Callable[[], None]
+
+
+def default_jobs(images: int) -> int:
+    """How many processes render some images: one for each core of this process, where there is memory to spare, and no
+    more than are worth starting; one at least."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(1, min(cores, _spare_bytes() // WORKER_BYTES, images // WORTH_STARTING))
+
+
+def _spare_bytes() -> int:
+    """Memory that new processes can have without swapping, by the kernel's estimate; elsewhere half of all."""
+    with suppress(OSError), Path("/proc/meminfo").open(encoding="ascii") as file:
+        for name, value, *_ in map(str.split, file):
+            if name == "MemAvailable:":
+                return int(value) * 1024
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
 
 
 class WorkerPool(Generic[Task, Result]):

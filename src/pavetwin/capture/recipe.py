@@ -90,7 +90,7 @@ def build_synthetic(
     *,
     frame_source_factory: FrameSourceFactory,
     adapter: str = "",
-    jobs: int = 1,
+    jobs: int | None = 1,
     on_stage: OnProgress = lambda _share, _what: None,
 ) -> SyntheticSummary:
     """Build what is missing of the worlds and captures, and join all captures.
@@ -99,7 +99,7 @@ def build_synthetic(
         beside: folder of the recipe's file; maps are relative to it.
         frame_source_factory: makes the frame source of each process.
         adapter: name of the graphics adapter.
-        jobs: number of processes that take images.
+        jobs: number of processes that take images, as `capture` has it.
         on_stage: told the share of a stage that is done, and the stage.
 
     Raises:

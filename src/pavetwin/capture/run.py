@@ -25,6 +25,7 @@ from pavetwin.files import working_in
 from pavetwin.labels import SPLITS
 from pavetwin.mission.inputs import OnProgress
 from pavetwin.mission.versions import software_versions
+from pavetwin.workers import default_jobs
 from pavetwin.world.model import World
 from pavetwin.world.store import attribution, load_record, load_world
 
@@ -51,7 +52,7 @@ def capture(
     *,
     frame_source_factory: FrameSourceFactory,
     adapter: str = "",
-    jobs: int = 1,
+    jobs: int | None = 1,
     on_progress: OnProgress | None = None,
 ) -> DatasetSummary:
     """Take the images of a dataset that do not exist yet, and write the files that its formats have for all images.
@@ -59,13 +60,13 @@ def capture(
     Args:
         frame_source_factory: makes the frame source of each process.
         adapter: name of the graphics adapter; a dataset is not resumed with another one.
-        jobs: number of worker processes; it does not change the result.
+        jobs: number of worker processes; it does not change the result. None: by cores, memory and images.
 
     Raises:
         PaveTwinError: the world or a setting is unsuitable, the folder holds something else, or it cannot be written.
             Images taken so far are kept, and the same call resumes from there.
     """
-    if jobs < 1:
+    if jobs is not None and jobs < 1:
         raise PaveTwinError(f"`jobs` {jobs}: at least one process must take the images.")
     report = on_progress or (lambda _share, _what: None)
     check(settings)
@@ -92,7 +93,7 @@ def _take(
     job: CaptureJob,
     context: CaptureContext,
     missing: set[str],
-    jobs: int,
+    jobs: int | None,
     write_settings: Callable[[], None],
     report: OnProgress,
 ) -> None:
@@ -106,7 +107,7 @@ def _take(
         ready += 1
         report(ready / total, f"Taking images {ready}/{total}")
 
-    workers = min(jobs, -(-len(missing) // 2))
+    workers = default_jobs(len(missing)) if jobs is None else min(jobs, -(-len(missing) // 2))
     preparing = "Preparing the scene" + (f" in {workers} processes" if workers > 1 else "")
     report(ready / total, preparing)
     with image_workers(job, context, workers, on_image) as work:

@@ -52,6 +52,13 @@ WorldFolder = Annotated[Path, typer.Argument(help="Folder of the world.", callba
 """Checked before a command loads anything that takes long."""
 
 DatasetFolder = Annotated[Path, typer.Argument(help="Folder of a dataset.")]
+Jobs = Annotated[
+    int | None,
+    typer.Option(
+        help="Number of worker processes; one per core, as far as memory goes, unless given. The images do "
+        "not depend on it."
+    ),
+]
 SheetFile = Annotated[
     Path | None, typer.Option("--output", "-o", help="The picture; contact-sheet.png in the dataset unless given.")
 ]

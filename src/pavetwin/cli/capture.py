@@ -12,6 +12,7 @@ from typer.core import TyperGroup
 from pavetwin.cli.arguments import (
     CacheFolder,
     DatasetFolder,
+    Jobs,
     Mix,
     NamingCommand,
     Plugins,
@@ -119,13 +120,13 @@ def make(
     quality: Annotated[int, typer.Option(help="Of JPEG, 50 to 100.")] = 92,
     cache: CacheFolder = None,  # noqa: ARG001 - its callback does it
     plugin: Plugins = None,
-    jobs: Annotated[int, typer.Option(help="Number of worker processes; the images do not depend on it.")] = 1,
+    jobs: Jobs = None,
 ) -> None:
     """Capture labelled images of a world, or continue an unfinished dataset.
 
     \b
     pavetwin capture worlds/town -o datasets/town --images 500 --altitude 6 --altitude 10 --los B --los E
-    pavetwin capture worlds/town -o datasets/both --platform uav,car --images 200 --seed 3 --jobs 2
+    pavetwin capture worlds/town -o datasets/both --platform uav,car --images 200 --seed 3
     pavetwin capture worlds/town -o datasets/parked --parking by-time
     pavetwin capture worlds/town -o datasets/grey --look uniform
     pavetwin capture worlds/town -o datasets/crops --gsd-mm 2 8 --images 500
@@ -176,9 +177,14 @@ def make(
         instead = ""
         if not (los or hour or density):
             settings, instead = _in_reach(settings, world, tell)
-        adapter = str(find_adapter())
         captured = capture(
-            world, settings, output, frame_source_factory=SceneFrameSource, adapter=adapter, jobs=jobs, on_progress=tell
+            world,
+            settings,
+            output,
+            frame_source_factory=SceneFrameSource,
+            adapter=str(find_adapter()),
+            jobs=jobs,
+            on_progress=tell,
         )
     if instead:
         out.line(instead)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pavetwin.cli.arguments import Jobs
 from pavetwin.cli.console import out, progress
 from pavetwin.cli.data_tables import REFUSED_CODE, balance_table, counts_table, splits_table, tell_report
 from pavetwin.errors import PaveTwinError
@@ -26,15 +27,13 @@ EXPORTED = "export"
 def build(
     recipe: Annotated[Path, typer.Argument(metavar="RECIPE.yaml", help="What the dataset is made of.")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the stages.")] = None,
-    jobs: Annotated[
-        int, typer.Option(min=1, help="Processes that capture synthetic images; the images do not depend on it.")
-    ] = 1,
+    jobs: Jobs = None,
 ) -> None:
     """Build a dataset from a recipe, or go on with a build that was stopped.
 
     \b
     pavetwin data build recipe.yaml -o datasets/everything
-    pavetwin data build recipes/synthetic.yaml -o datasets/synthetic --jobs 2
+    pavetwin data build recipes/synthetic.yaml -o datasets/synthetic
 
     Photographs are imported, merged, composed, balanced, split and exported:
 
@@ -120,7 +119,7 @@ def _photographs(recipe: "Recipe", beside: Path, output: Path) -> "BuildSummary"
     return summary
 
 
-def _synthetic(recipe: "SyntheticRecipe", beside: Path, output: Path, jobs: int) -> "SyntheticSummary":
+def _synthetic(recipe: "SyntheticRecipe", beside: Path, output: Path, jobs: int | None) -> "SyntheticSummary":
     with progress("Building", lines=True) as tell:
         # Inside, since these take seconds to import.
         from pavetwin.capture.recipe import build_synthetic

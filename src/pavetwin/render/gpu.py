@@ -1,6 +1,9 @@
 """Buffers and textures on the device, with a count of the memory in use."""
 
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -59,7 +62,13 @@ class Gpu:
                 twice as long to sample sRGB.
             levels: with all its halved levels.
         """
-        pyramids = [halved(layer, srgb=srgb, rooted=rooted) if levels else [layer] for layer in layers]
+        if not levels:
+            pyramids = [[layer] for layer in layers]
+        elif len(layers) == 1:
+            pyramids = [halved(layers[0], srgb=srgb, rooted=rooted)]
+        else:
+            with ThreadPoolExecutor(os.cpu_count()) as pool:  # NumPy leaves the interpreter to others
+                pyramids = list(pool.map(partial(halved, srgb=srgb, rooted=rooted), layers))
         return self._sampled(pyramids, _CHANNELS[layers[0].shape[2]] + ("-srgb" if srgb else ""))
 
     def levelled(self, levels: Sequence[AnyArray]) -> Any:
