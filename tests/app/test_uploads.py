@@ -376,7 +376,7 @@ def test_the_process_that_builds_may_use_only_so_much(page: RunningPage) -> None
 
     asyncio.run(Sending(page).run(town(), CROSS, look))
     (own,) = limits
-    assert re.search(r"Max address space +8589934592 ", own)
+    assert re.search(r"Max address space +4294967296 ", own)
     assert re.search(r"Max cpu time +600 ", own)
     assert re.search(r"Max file size +2147483648 ", own)
 

@@ -1,10 +1,12 @@
 """What the server answers over HTTP: the page and its files, worlds, missions to play, and results to keep."""
 
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
 from tornado.http1connection import HTTP1Connection
+from tornado.iostream import StreamClosedError
 from tornado.web import HTTPError, RequestHandler, StaticFileHandler, stream_request_body
 
 from pavetwin._core import __version__
@@ -72,11 +74,11 @@ class GuardedHandler(RequestHandler):
             self.set_header("Content-Encoding", "gzip")
         if name is not None:
             self.set_header("Content-Disposition", f'attachment; filename="{name}"')
-        with path.open("rb") as file:
+        with path.open("rb") as file, suppress(StreamClosedError):  # a client that goes away needs nothing more
             while block := file.read(_BLOCK):
                 self.write(block)
                 await self.flush()
-        await self.finish()
+            await self.finish()
 
 
 def check_request(handler: Any) -> None:

@@ -13,7 +13,7 @@ from pavetwin.defects.build import build_folder
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.build import BuildOptions
 
-MEMORY_BYTES: Final = 8 << 30
+MEMORY_BYTES: Final = 4 << 30
 """Address space of this process, and of each that it starts."""
 
 PROCESSOR_S: Final = 600
