@@ -28,6 +28,14 @@ playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is no
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 PATIENCE_S = 120
 
+DROP = """(() => {
+  const dataTransfer = new DataTransfer();
+  dataTransfer.items.add(new File(['<osm'], 'dropped.osm'));
+  const drop = new DragEvent('drop', { bubbles: true, cancelable: true, dataTransfer });
+  document.querySelector('#map').dispatchEvent(drop);
+})()"""
+"""A file that is dropped on the map."""
+
 CROSS = (Path(__file__).parents[1] / "scenes" / "cross.osm").read_bytes()
 
 Launch = Callable[..., Any]
@@ -144,6 +152,9 @@ def building(browser: Any, world: Path, place: Path) -> Iterator[BrowserTab]:
 
 def test_a_map_becomes_a_town_that_is_shown(building: BrowserTab, place: Path) -> None:
     page = building.page
+    building.value(DROP)
+    assert page.input_value("#new-town [name=name]") == "dropped"
+    page.keyboard.press("Escape")
     page.keyboard.press("m")
     page.set_input_files("#new-town [name=file]", files=[{"name": "a.txt", "mimeType": "", "buffer": b"x"}])
     assert "none of these" in page.locator("#new-town .bad").inner_text()
@@ -176,6 +187,9 @@ def test_the_uav_is_flown_by_keys_and_the_flight_is_played(building: BrowserTab)
     building.wait("pavetwin.stateAt(pavetwin.time).speed === 0")
     assert "%" in page.locator("#pilot li").first.inner_text()
     assert building.value("document.querySelector('#mission').inert")
+    page.keyboard.press("Space")
+    page.keyboard.press("c")
+    assert not building.value("document.querySelector('#compare').ariaPressed === 'true'")
     yaw = building.value("pavetwin.stateAt(pavetwin.time).yaw")
     page.keyboard.down("q")
     building.wait(f"pavetwin.stateAt(pavetwin.time).yaw > {yaw} + 0.3")

@@ -11,6 +11,8 @@ const KEYS = {
 };
 const BUTTONS = [['KeyQ', '⟲', 'Turn left'], ['KeyW', '▲', 'Ahead'], ['KeyE', '⟳', 'Turn right'], ['KeyA', '◀', 'Left'], ['KeyS', '▼', 'Back'], ['KeyD', '▶', 'Right']];
 const HELP = 'W A S D or the buttons: ahead, left, back, right. Q E or ← →: turn. Shift: faster. L: fly home and land.';
+/** Keys of the page that change only what is seen; the others wait for the landing. */
+const VIEW_KEYS = new Set(['d', 't', 'f', '+', '=', '-', '0', '1', '2', '3', '4', '?']);
 const AGAIN_MS = 400, LAG_S = 0.1, SHOWN_STREETS = 6;
 
 /** A flight that grows with what the server tells. */
@@ -158,7 +160,10 @@ export class Pilot {
     } else if (event.code in KEYS) {
       this.#fast = event.shiftKey;
       this.#hold(event.code, isDown);
-    } else return;
+    } else {
+      if (!VIEW_KEYS.has(event.key.toLowerCase())) event.stopImmediatePropagation();
+      return;
+    }
     event.preventDefault();
     event.stopImmediatePropagation();
   }
