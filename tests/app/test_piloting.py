@@ -192,12 +192,12 @@ def test_a_stick_without_a_flight_is_of_no_account(page: RunningPage) -> None:
 
 
 class Pipe:
-    """In place of a process: notes what it is told, and ends after a while."""
+    """In place of a process: notes what it is told, and ends when it is let."""
 
     def __init__(self) -> None:
         self.lines: list[dict[str, Any]] = []
         self.stdin = self.stdout = self
-        self.is_first = True
+        self.is_over = asyncio.Event()
 
     def write(self, line: bytes) -> None:
         self.lines.append(json.loads(line))
@@ -206,24 +206,39 @@ class Pipe:
         pass
 
     async def readline(self) -> bytes:
-        await asyncio.sleep(0.5)
+        await self.is_over.wait()
         return b'{"result": {}}\n'
 
 
-def test_of_many_sticks_few_are_passed_on_and_the_latest_last() -> None:
-    pipe = Pipe()
+def test_of_many_sticks_few_are_passed_on_and_the_latest_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    passed_on = asyncio.Event()
 
-    async def flood() -> None:
-        said = Said()
+    async def flood() -> list[dict[str, Any]]:
+        pipe, said = Pipe(), Said()
         process = TaskProcess(pipe)  # type: ignore[arg-type]
         running = asyncio.create_task(process.run({"do": "pilot"}, lambda _: None, said))
-        for number in range(400):
-            said.say({"ahead": number})
-            await asyncio.sleep(0.001)
+        for burst in range(3):
+            for number in range(100):
+                said.say({"ahead": 100 * burst + number})
+                await asyncio.sleep(0)
+            passed_on.set()  # the least time between two has passed
+            await asyncio.sleep(0.01)
+        pipe.is_over.set()
         await running
+        return pipe.lines
 
-    asyncio.run(flood())
-    task, *sticks = pipe.lines
+    sleep = asyncio.sleep
+
+    async def wait(seconds: float) -> None:
+        if seconds == task_pool.SAID_EVERY_S:
+            passed_on.clear()
+            await passed_on.wait()
+        else:
+            await sleep(seconds)
+
+    monkeypatch.setattr(asyncio, "sleep", wait)
+    task, *sticks = asyncio.run(flood())
     assert task == {"do": "pilot"}
-    assert 2 <= len(sticks) <= 0.5 / task_pool.SAID_EVERY_S + 2
-    assert sticks[-1] == {"said": {"ahead": 399}}
+    assert sticks[0]["said"]["ahead"] < 100, "at once"
+    assert sticks[-1] == {"said": {"ahead": 299}}
+    assert len(sticks) <= 5, "one for each time that has passed"
