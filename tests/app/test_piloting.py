@@ -107,6 +107,7 @@ def test_a_flight_grows_lands_is_played_and_can_be_flown_again(page: RunningPage
     assert seen[-1] > seen[0]
     assert seen == sorted(seen)
     assert states[-1]["altitude_m"] == 0.0
+    assert all(state["segment"] in state["coverage"] for state in flying[1:])
     assert live_folders(page) == []
     assert not (world / "missions").exists(), "it is no mission of the world"
 

@@ -191,6 +191,7 @@ class _Live:
             "battery": round(uav.battery, 5),
             "mode": flight.mode,
             "visibility": None if isnan(visibility) else round(visibility, 4),
+            "segment": self._flight.looked_at,
             "coverage": {name: round(share, 4) for name, share in self._flight.coverage().items()},
             "captures": {name: captures[name][new].round(4).tolist() for name in CAPTURES},
             "found": [self._defect(number) for number in found],

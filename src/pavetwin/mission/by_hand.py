@@ -101,6 +101,11 @@ class ByHand(Mission):
         segments = self.environment.world.segments
         return {segments[target].id: self.flight.surface_coverage(target) for target in self.targets}
 
+    @property
+    def looked_at(self) -> str | None:
+        """The segment that the camera looks at; None before the first, and after the last."""
+        return None if self._segment is None or self.is_over else self.environment.world.segments[self._segment].id
+
     def result(self, seed: int) -> MissionResult:
         """What the flight leaves behind; it cannot be flown again as a mission, but from its `changes`.
 
@@ -148,7 +153,7 @@ class ByHand(Mission):
                 return
 
     def _command(self, stick: Stick) -> None:
-        target = self._looked_at()
+        target = self._below()
         if target != self._segment:
             if self._segment is not None:
                 self._leave(self._segment)
@@ -165,7 +170,7 @@ class ByHand(Mission):
             turn_rad_s=stick.turn * float(np.radians(uav.yaw_rate_deg_s)),
         )
 
-    def _looked_at(self) -> int:
+    def _below(self) -> int:
         """The segment below the UAV; between segments that before, or at first the nearest."""
         here = shapely.Point(self.flight.position)
         below = sorted(self._surfaces.query(here, predicate="intersects").tolist())

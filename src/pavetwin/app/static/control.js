@@ -13,7 +13,7 @@ const BUTTONS = [['KeyQ', '⟲', 'Turn left'], ['KeyW', '▲', 'Ahead'], ['KeyE'
 const HELP = 'W A S D or the buttons: ahead, left, back, right. Q E or ← →: turn. Shift: faster. L: fly home and land.';
 /** Keys of the page that change only what is seen; the others wait for the landing. */
 const VIEW_KEYS = new Set(['d', 't', 'f', '+', '=', '-', '0', '1', '2', '3', '4', '?']);
-const AGAIN_MS = 400, LAG_S = 0.1, SHOWN_STREETS = 6;
+const AGAIN_MS = 400, LAG_S = 0.1, SHOWN_STREETS = 2;
 
 /** A flight that grows with what the server tells. */
 class LiveFlight extends Flight {
@@ -132,7 +132,8 @@ export class Pilot {
     if (state.is_low) this.#low = true;
     const flies = mode.name === 'inspect' ? 'The stick is yours.' : `It ${mode.words}.`;
     this.tell(this.#low && mode.name !== 'ground' ? 'The battery is low: it flies home and lands by itself.' : this.#lands && mode.name === 'inspect' ? 'It comes to rest.' : flies);
-    const latest = Object.entries(state.coverage).slice(-SHOWN_STREETS);
+    const { [state.segment]: present, ...others } = state.coverage, before = Object.entries(others).reverse();
+    const latest = [...present === undefined ? [] : [[state.segment, present]], ...before].slice(0, SHOWN_STREETS);
     this.#streets.replaceChildren(...latest.map(([id, share]) => {
       const bar = element('progress', { max: 1, value: share });
       bar.setAttribute('aria-label', `Surface of ${id} seen`);
