@@ -6,9 +6,11 @@ prints the tables of docs/explanation/results.md, of a study by `recipes/eyes.ya
 
     python -m benchmarks.eyes --fly out/eyes/missions town:201 berlin.osm
     python -m benchmarks.eyes --missions out/eyes/missions --captures datasets/town-test --plot agreement.png
+    python -m benchmarks.eyes --inventories out/eyes/missions --only grid-202 town-201
 
 flies the sensor `detector` over a street of each town in each density, and compares what it found with the fitted
-sensor, of each town with one that was fitted to the others and to datasets of `pavetwin capture`.
+sensor, of each town with one that was fitted to the others and to datasets of `pavetwin capture`; and compares the
+inventories of these missions with what is there.
 """
 
 import argparse
@@ -17,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.eyes import agreement, grid, plot, tables
+from benchmarks.eyes import agreement, grid, inventories, plot, tables
 from pavetwin.capture.looks import looks_of
 from pavetwin.cli.console import fail, out, progress
 from pavetwin.errors import PaveTwinError
@@ -36,6 +38,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--light", nargs="+", default=[], metavar="NAME=VALUE", help="as time=14:00 clouds=0.7")
     parser.add_argument("--missions", type=Path, help="what --fly flew")
     parser.add_argument("--captures", nargs="*", type=Path, default=[], help="datasets to fit to as well")
+    parser.add_argument("--inventories", type=Path, help="what --fly flew: compare its inventories with what is there")
+    parser.add_argument("--only", nargs="*", default=[], metavar="TOWN", help="of these towns")
     parser.add_argument("--plot", type=Path, help="also draw the picture")
     asked = parser.parse_args(arguments)
     try:
@@ -45,6 +49,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
             _fly(Path(asked.fly[0]), asked.fly[1:], asked.densities, varied, light)
         if asked.missions is not None:
             _compare(asked.missions, asked.captures, asked.plot)
+        if asked.inventories is not None:
+            folders = [
+                folder
+                for town, folder in agreement.read_grid(asked.inventories)
+                if town in asked.only or not asked.only
+            ]
+            out.print(inventories.markdown(*inventories.inventories(folders)), markup=False)
         if asked.study is not None:
             table = Store(asked.study).table()
             out.print(tables.answers(table), markup=False)

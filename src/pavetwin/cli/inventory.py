@@ -18,11 +18,17 @@ MISSION = "mission.yaml"
 
 
 def inventory(
-    source: Annotated[Path, typer.Argument(metavar="MISSION|PHOTOGRAPHS", help="Folder of a mission or photographs.")],
+    sources: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="MISSION...|PHOTOGRAPHS",
+            help="Folder of photographs or of a mission; several missions are listed together.",
+        ),
+    ],
     model: Model = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="Folder for the files; unless given, inventory in that one."),
+        typer.Option("--output", "-o", help="Folder for the files; of one source inventory in it, unless given."),
     ] = None,
     confidence: Annotated[float, typer.Option(help="The least confidence of what counts, from 0 to 1.")] = 0.25,
     tiled: Annotated[
@@ -45,6 +51,7 @@ def inventory(
 
     \b
     pavetwin inventory missions/monday/hover
+    pavetwin inventory missions/monday/hover missions/tuesday/hover -o both
     pavetwin inventory photographs -o inventory
     pavetwin inventory photographs --model model.onnx -o inventory --gsd-mm 2.7
     pavetwin inventory photographs --model model.onnx -o inventory --height-m 12 --position-error-m 0.5
@@ -54,17 +61,26 @@ def inventory(
     from pavetwin.inventory.files import write_inventory
     from pavetwin.inventory.listing import entries_of
 
-    if not source.is_dir():
-        raise PaveTwinError(f"There is no folder '{source}'; name that of a mission or of photographs.")
+    source, *others = sources
+    for each in sources:
+        if not each.is_dir():
+            raise PaveTwinError(f"There is no folder '{each}'; name that of a mission or of photographs.")
+        if others and not (each / MISSION).is_file():
+            raise PaveTwinError(f"'{each}' holds no {MISSION}; only missions are listed together.")
+    if others and output is None:
+        raise PaveTwinError("Say where the inventory of several missions goes with `output`.")
     target = output or source / "inventory"
     if target.exists() and (not target.is_dir() or any(target.iterdir())) and not force:
         raise PaveTwinError(f"`output` '{target}' exists and holds something; choose another folder, or add `force`.")
     with progress("Reading", lines=True) as tell:
         if (source / MISSION).is_file():
-            from pavetwin.inventory.of_mission import flown
+            from pavetwin.inventory.of_mission import flown, flown_together
 
             _refuse(model=model, gsd_mm=gsd_mm, height_m=height_m, tiled=tiled)
-            reading = flown(source, position_error_m=position_error_m or 0.0)
+            error_m = position_error_m or 0.0
+            reading = (
+                flown_together(sources, position_error_m=error_m) if others else flown(source, position_error_m=error_m)
+            )
         else:
             inner = sorted(path.parent.name for path in source.glob(f"*/{MISSION}"))
             if inner:

@@ -17,6 +17,7 @@ import shapely
 from shapely import Point, Polygon
 
 from pavetwin.inventory.observation import SIZES, Observation
+from pavetwin.inventory.pieces import looks_of
 
 SEVERITIES: Final = ("low", "medium", "high")
 
@@ -57,9 +58,10 @@ class Entry:
 
 
 def entry_of(number: int, observations: Sequence[Observation]) -> Entry:
-    """The entry of the observations of one defect, at least one."""
-    whole = [each for each in observations if not each.is_cut]
-    used = whole or observations
+    """The entry of the observations of one defect, at least one; what an image shows in pieces counts as one look."""
+    looks = looks_of(observations)
+    whole = [each for each in looks if not each.is_cut]
+    used = whole or looks
     best = max(used, key=lambda each: each.confidence)
     place, place_error_m = _place(used)
     return Entry(
@@ -72,7 +74,7 @@ def entry_of(number: int, observations: Sequence[Observation]) -> Entry:
         sizes=_sizes(used, is_cut=not whole),
         is_cut=not whole,
         confidence=max(each.confidence for each in observations),
-        looks=len({each.image for each in observations}),
+        looks=len(looks),
         best=best,
     )
 

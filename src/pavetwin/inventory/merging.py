@@ -15,29 +15,46 @@ from typing import Final
 import numpy as np
 import shapely
 
-from pavetwin.inventory.observation import Observation
+from pavetwin.inventory.observation import Observation, shared
+from pavetwin.inventory.pieces import GAP_M, MOSTLY, continues, may_be_piece
 
 SIGMAS: Final = 3.0
 
 LEAST_SHARED: Final = 0.1
 """Overlap from which two footprints are one defect, as a share of the smaller one: neighbours may touch."""
 
-_MOSTLY: Final = 0.5
-"""Share of a piece in the whole that it is a part of."""
-
 
 def merged(observations: Sequence[Observation]) -> list[list[int]]:
     """Groups of observations (indices, in order), one for each defect; of one alone where it has no place."""
     group_of = list(range(len(observations)))
     members = {index: [index] for index in group_of}
-    for _, one, other in sorted(_pairs(observations)):
-        first, second = group_of[one], group_of[other]
-        if first == second or _conflict(observations, members[first], members[second]):
-            continue
+
+    def join(first: int, second: int) -> None:
         for index in members[second]:
             group_of[index] = first
         members[first] += members.pop(second)
+
+    for _, one, other in sorted(_pairs(observations)):
+        first, second = group_of[one], group_of[other]
+        if first != second and not _conflict(observations, members[first], members[second]):
+            join(first, second)
+    for one, other in _pieces(observations):
+        if group_of[one] != group_of[other]:
+            join(group_of[one], group_of[other])
     return sorted(sorted(group) for group in members.values())
+
+
+def _pieces(observations: Sequence[Observation]) -> Iterator[tuple[int, int]]:
+    """Pairs that go on in one another."""
+    thin = [index for index, each in enumerate(observations) if may_be_piece(each)]
+    if not thin:
+        return
+    shapes = np.array([observations[index].footprint for index in thin])
+    near = shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=GAP_M)
+    for one, other in near.T.tolist():
+        first, second = observations[thin[one]], observations[thin[other]]
+        if one < other and first.kind == second.kind and continues(shapes[one], shapes[other]):
+            yield thin[one], thin[other]
 
 
 def _pairs(observations: Sequence[Observation]) -> Iterator[tuple[float, int, int]]:
@@ -53,16 +70,16 @@ def _pairs(observations: Sequence[Observation]) -> Iterator[tuple[float, int, in
         first, second = observations[placed[one]], observations[placed[other]]
         if one < other and first.kind == second.kind:
             unlikely = _unlikeliness(first, second)
-            if unlikely < (-_MOSTLY if first.image == second.image else inf):
+            if unlikely < (-MOSTLY if first.image == second.image else inf):
                 yield unlikely, placed[one], placed[other]
 
 
 def _unlikeliness(first: Observation, second: Observation) -> float:
     """−1 (one within the other) … 0 by the share that overlaps; above 0 the distance in standard deviations; infinite
     for two defects."""
-    shared = _shared(first, second)
-    if shared >= LEAST_SHARED:
-        return -shared
+    overlap = shared(first, second)
+    if overlap >= LEAST_SHARED:
+        return -overlap
     error_m = hypot(first.position_error_m, second.position_error_m)
     assert first.footprint is not None
     assert second.footprint is not None
@@ -70,18 +87,11 @@ def _unlikeliness(first: Observation, second: Observation) -> float:
     return away / error_m if error_m and away <= SIGMAS * error_m else inf
 
 
-def _shared(first: Observation, second: Observation) -> float:
-    if first.footprint is None or second.footprint is None:
-        return 0.0
-    smaller = min(first.footprint.area, second.footprint.area)
-    return float(first.footprint.intersection(second.footprint).area / smaller) if smaller else 0.0
-
-
 def _conflict(observations: Sequence[Observation], one: Sequence[int], other: Sequence[int]) -> bool:
     """Whether two groups hold observations of one image that lie apart and that nothing whole covers."""
     return any(
         observations[a].image == observations[b].image
-        and _shared(observations[a], observations[b]) < LEAST_SHARED
+        and shared(observations[a], observations[b]) < LEAST_SHARED
         and not _bridged(observations, a, b, (*one, *other))
         for a, b in product(one, other)
     )
@@ -90,8 +100,8 @@ def _conflict(observations: Sequence[Observation], one: Sequence[int], other: Se
 def _bridged(observations: Sequence[Observation], a: int, b: int, group: Sequence[int]) -> bool:
     """Whether another image shows two pieces as one, more surely than the pieces."""
     return any(
-        _shared(observations[whole], observations[a]) >= _MOSTLY
-        and _shared(observations[whole], observations[b]) >= _MOSTLY
+        shared(observations[whole], observations[a]) >= MOSTLY
+        and shared(observations[whole], observations[b]) >= MOSTLY
         for whole in group
         if observations[whole].image != observations[a].image
     )

@@ -43,6 +43,14 @@ class Observation:
     crop: Crop | None = field(default=None, repr=False, compare=False)
 
 
+def shared(first: Observation, second: Observation) -> float:
+    """The area of the ground that two have in common, as a share of the smaller one; 0 where a place is not known."""
+    if first.footprint is None or second.footprint is None:
+        return 0.0
+    smaller = min(first.footprint.area, second.footprint.area)
+    return float(first.footprint.intersection(second.footprint).area / smaller) if smaller else 0.0
+
+
 def numbers_in(sizes: Mapping[str, float | str]) -> dict[str, float]:
     """What was measured, of all that is said of sizes: without what the image does not show."""
     return {name: size for name in SIZES if isinstance(size := sizes.get(name), float)}

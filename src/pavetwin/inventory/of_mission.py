@@ -1,6 +1,7 @@
 """Observations of a mission: what its sensor reported, from its folder alone."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -36,13 +37,44 @@ LATER: Final = ("footprint", "is_cut", "pixel_mm", "severity", *SIZES)
 """Columns that missions of earlier versions do not have."""
 
 
-def flown(folder: Path, *, position_error_m: float = 0.0) -> Reading:
+def flown_together(folders: Sequence[Path], *, position_error_m: float = 0.0) -> Reading:
+    """What the sensors of several missions over one place reported, in the frame of the first; see `flown`.
+
+    A mission that cannot be read is a remark.
+
+    Raises:
+        PaveTwinError: none can be read.
+    """
+    read: list[Reading] = []
+    wrong: list[PaveTwinError] = []
+    frame: GeoReference | None = None
+    for folder in folders:
+        try:
+            mine = flown(folder, position_error_m=position_error_m, frame=frame)
+        except PaveTwinError as error:
+            wrong.append(error)
+            continue
+        frame = frame or mine.frame
+        named = (replace(each, image=f"{folder}, {each.image}") for each in mine.observations)
+        read.append(replace(mine, observations=tuple(named)))
+    if not read:
+        raise wrong[0]
+    return Reading(
+        observations=tuple(each for reading in read for each in reading.observations),
+        frame=frame,
+        images=sum(reading.images for reading in read),
+        remarks=tuple(dict.fromkeys((*map(str, wrong), *(each for reading in read for each in reading.remarks)))),
+    )
+
+
+def flown(folder: Path, *, position_error_m: float = 0.0, frame: GeoReference | None = None) -> Reading:
     """What the sensor of a mission reported: all its detections of defects, as an agency gets them, without the
     judgement of what is there.
 
     Args:
         folder: of the mission.
         position_error_m: standard deviation of the camera's position, east and north each; 0 in the simulation.
+        frame: of the places; unless given, one whose origin is the first detection.
 
     Raises:
         PaveTwinError: its detections are gone, its table of images is damaged, the mission is of an earlier version,
@@ -61,7 +93,7 @@ def flown(folder: Path, *, position_error_m: float = 0.0) -> Reading:
     captures = table["capture"].n_unique()
     if not rows:
         return Reading((), None, captures)
-    frame = anchored(rows[0]["latitude"], rows[0]["longitude"])
+    frame = frame or anchored(rows[0]["latitude"], rows[0]["longitude"])
     observations = tuple(_observed(row, frame, images, position_error_m) for row in rows)
     return Reading(observations, frame, captures, () if images else (NO_CROPS,))
 
