@@ -20,7 +20,6 @@ def mission(folder: Path, seed: int, sha256: str = stated().detector.sha256) -> 
     table = looks.with_columns(
         pl.int_range(count).alias("capture"),
         pl.lit(1280).alias("image_px"),
-        pl.lit(7.0).alias("pixel_mm"),
         pl.lit(100.0).alias("area_m2"),
         pl.col(GROUP).str.split(" ").list.last().cast(pl.Int64).alias("defect"),
     ).select(*LOOK_SCHEMA)

@@ -89,7 +89,7 @@ def test_tours_have_the_draws_by_defects() -> None:
 
 
 def look(number: int) -> Look:
-    return Look("pothole", "medium", 2.0, 50.0 + number, 1.0, 1.0, 0.1, 0.5, 40.0, 0.1)
+    return Look("pothole", "medium", 2.0, 50.0 + number, 8.0, 1.0, 1.0, 0.1, 0.5, 40.0, 0.1)
 
 
 def test_the_chance_of_looks_together_is_that_of_the_model() -> None:

@@ -29,7 +29,7 @@ CLASSES = ("crocodile_crack", "pothole", "single_crack")
 
 EFFECTS = {
     **{"width": 0.3, "size": 0.6, "bend": -0.3, "inside": 0.4, "severity": 0.2},
-    **{"visible": 0.3, "blur": -0.2, "clouds": 0.1},
+    **{"resolution": -0.3, "visible": 0.3, "blur": -0.2, "clouds": 0.1},
 }
 
 
@@ -71,7 +71,7 @@ def stated(*, spread: float = 1.0, level: float = 0.8, error: float = 0.1, alarm
     )
 
 
-CENTRES = {"width": 1.0, "size": 6.0}
+CENTRES = {"width": 1.0, "size": 6.0, "resolution": 3.0}
 
 
 def drawn_looks(model: SensorModel, defects: int, looks: int, seed: int = 0, name: str = "drawn") -> LookSource:
@@ -88,6 +88,7 @@ def drawn_looks(model: SensorModel, defects: int, looks: int, seed: int = 0, nam
                 severity=severity,
                 width_px=width_px,
                 size_px=size_px,
+                pixel_mm=2 ** rng.uniform(1.6, 3.8),
                 visible_fraction=rng.uniform(0.35, 1),
                 inside_fraction=rng.uniform(0.3, 1),
                 off_centre=rng.uniform(0, 1),
@@ -97,6 +98,7 @@ def drawn_looks(model: SensorModel, defects: int, looks: int, seed: int = 0, nam
             )
             score = sum(model.terms[term].estimate * value for term, value in model.row(look).items())
             rows.append((f"{name} {defect}", bool(score + effect + rng.standard_normal() > 0), *look))
+    schema = {GROUP: pl.String, "found": pl.Boolean, **LOOK_COLUMNS}
     per_image = 150.0
     images = pl.DataFrame(
         {"area_m2": [per_image] * defects, "pixel_mm": [float(mm) for mm in rng.uniform(3, 14, defects)]}
@@ -110,7 +112,7 @@ def drawn_looks(model: SensorModel, defects: int, looks: int, seed: int = 0, nam
     return LookSource(
         name=name,
         detector=model.detector,
-        looks=pl.DataFrame(rows, schema={GROUP: pl.String, "found": pl.Boolean, **LOOK_COLUMNS}, orient="row"),
+        looks=pl.DataFrame(rows, schema=schema, orient="row"),
         images=images,
         alarms=pl.DataFrame(alarms, schema=ALARM_SCHEMA, orient="row"),
     )

@@ -51,6 +51,7 @@ def test_a_look_is_told_in_pixels_of_the_image_that_the_detector_sees() -> None:
     look = LookMeter(BLANK.camera.image_px[0] // 2).look(BLANK, seen(0, 0, visible=0.6))
     pixel_m = 2 * BLANK.ground_resolution_m
     assert look.size_px == pytest.approx(0.08**0.5 / pixel_m, rel=1e-3)
+    assert look.pixel_mm == pytest.approx(1000 * pixel_m)
     assert look.width_px == pytest.approx(0.02 / pixel_m)
     assert look.blur_px == pytest.approx(BLANK.blur_px / 2)
     assert (look.visible_fraction, look.inside_fraction, look.off_centre) == (0.6, 1.0, pytest.approx(0.0, abs=1e-9))
@@ -100,7 +101,11 @@ def test_larger_clearer_and_more_visible_defects_are_found_more_often() -> None:
         usual._replace(blur_px=usual.blur_px - 0.1),
     ):
         assert model.chance(better) > chance
-    for worse in (usual._replace(visible_fraction=0.5), usual._replace(inside_fraction=0.5)):
+    for worse in (
+        usual._replace(visible_fraction=0.5),
+        usual._replace(inside_fraction=0.5),
+        usual._replace(pixel_mm=2 * usual.pixel_mm),
+    ):
         assert model.chance(worse) < chance
     assert model.chance(usual._replace(sun_elevation_deg=None)) == pytest.approx(chance)
     assert model.chance(usual._replace(kind="ravelling")) == 0.0

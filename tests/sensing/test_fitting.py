@@ -77,7 +77,7 @@ def test_a_plateau_and_the_steep_fall_below_it_are_recovered() -> None:
     steep = {name: true.terms[name].model_copy(update={"estimate": effect}) for name, effect in effects.items()}
     true = true.model_copy(update={"terms": {**true.terms, **steep}})
     made = fit_sensor([drawn_looks(true, 1500, 2)])
-    look = Look("single_crack", "medium", 2.0, 64.0, 1.0, 1.0, 0.0, 0.0, None, 0.0)
+    look = Look("single_crack", "medium", 2.0, 64.0, 8.0, 1.0, 1.0, 0.0, 0.0, None, 0.0)
     shown = [look._replace(size_px=size_px) for size_px in (16, 32, 64, 128, 256)]
     chances = [true.chance(each) for each in shown]
     assert chances == sorted(chances)
@@ -172,8 +172,8 @@ DAMAGED = {
     "cut": (FILE.read_text(encoding="utf-8")[:900], "it is not JSON"),
     "empty": ("", "it is not JSON"),
     "other": ("[1, 2]", "it has no `pavetwin_sensor`"),
-    "earlier": (changed(lambda c: c.update(pavetwin_sensor=1)), "of format 1; this version reads 2"),
-    "later": (changed(lambda c: c.update(pavetwin_sensor=3)), "of format 3; this version reads 2"),
+    "earlier": (changed(lambda c: c.update(pavetwin_sensor=2)), "of format 2; this version reads 3"),
+    "later": (changed(lambda c: c.update(pavetwin_sensor=4)), "of format 4; this version reads 3"),
     "lost knots": (changed(lambda c: c["knots"].pop("pothole")), "`knots` are three rising numbers for each class"),
     "falling knots": (changed(lambda c: c["knots"]["pothole"].reverse()), "`knots` are three rising numbers"),
     "lost bend": (changed(lambda c: c["terms"].pop("pothole:bend")), "see 'pothole:bend'"),
@@ -185,7 +185,7 @@ DAMAGED = {
     "negative error": (changed(lambda c: c["log_spread"].update(standard_error=-1)), "log_spread.standard_error"),
     "flat variable": (changed(lambda c: c["variables"]["blur"].update(scale=0)), "variables.blur.scale"),
     "lost variable": (changed(lambda c: c["variables"].pop("blur")), "`variables` are width"),
-    "short covariance": (changed(lambda c: c["covariance"].pop()), "`covariance` has 24 rows"),
+    "short covariance": (changed(lambda c: c["covariance"].pop()), "`covariance` has 25 rows"),
     "skew covariance": (changed(lambda c: c["covariance"][0].__setitem__(1, 0.5)), "no covariance matrix"),
     "negative covariance": (changed(lambda c: c["covariance"][0].__setitem__(0, -1)), "no covariance matrix"),
     "fingerprint": (changed(lambda c: c["detector"].update(sha256="abc")), "detector.sha256"),

@@ -156,6 +156,7 @@ def _look(record: Record, thing: LabelledObject, pixel_m: float, off_centre: flo
         severity=str(details["severity"]),
         width_px=float(details["width_m"]) / pixel_m,
         size_px=sqrt(float(details["area_m2"])) / pixel_m,
+        pixel_mm=1000.0 * pixel_m,
         visible_fraction=thing.visible_fraction,
         inside_fraction=1.0 if thing.inside_fraction is None else thing.inside_fraction,
         off_centre=off_centre,

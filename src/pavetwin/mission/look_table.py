@@ -42,20 +42,21 @@ def look_table(result: MissionResult) -> pl.DataFrame:
     seen: dict[int, list[tuple[int, float]]] = {}
     for capture, defect, fraction in result.sighted:
         seen.setdefault(capture, []).append((defect, fraction))
-    rows: list[tuple[object, ...]] = []
+    rows: list[dict[str, object]] = []
     for capture in range(len(result.captures["t_s"])):
         frame = captured_frame(result, capture)
-        sizes = (
-            min(result.looked_px, max(frame.camera.image_px)),
-            1000.0 * meter.pixel_m(frame),
-            float(frame.footprint.area),
-        )
+        image: dict[str, object] = {
+            "capture": capture,
+            "image_px": min(result.looked_px, max(frame.camera.image_px)),
+            "area_m2": float(frame.footprint.area),
+            "pixel_mm": 1000.0 * meter.pixel_m(frame),
+        }
         for defect, fraction in seen.get(capture, ()):
             look = meter.look(frame, environment.sighting(defect, fraction, 0))
-            rows.append((capture, *sizes, defect, (capture, defect) in found, *look))
+            rows.append({**image, "defect": defect, "found": (capture, defect) in found, **look._asdict()})
         if capture not in seen:
-            rows.append((capture, *sizes, *(None,) * (len(LOOK_SCHEMA) - 1 - len(sizes))))
-    return pl.DataFrame(rows, schema=LOOK_SCHEMA, orient="row")
+            rows.append(image)
+    return pl.DataFrame(rows, schema=LOOK_SCHEMA)
 
 
 def read_looks(folder: Path) -> LookSource:

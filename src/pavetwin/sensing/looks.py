@@ -20,6 +20,8 @@ class Look(NamedTuple):
     """Widest opening of a crack, also of one in a network; mean diameter of a pothole."""
     size_px: float
     """Root of its whole area."""
+    pixel_mm: float
+    """Side of a pixel on the ground."""
     visible_fraction: float
     """Of its area, that nothing hides, 0 … 1."""
     inside_fraction: float
@@ -80,6 +82,7 @@ class LookMeter:
             severity=str(defect.severity),
             width_px=defect.width_m / pixel_m,
             size_px=shape.size_m / pixel_m,
+            pixel_mm=1000.0 * pixel_m,
             visible_fraction=sighting.visible_fraction,
             inside_fraction=_inside(frame, defect.polygon, shape, away_m),
             off_centre=min(1.0, away_m / (own_m * hypot(*frame.camera.image_px) / 2)),

@@ -9,7 +9,9 @@ u the same for all looks at a defect and e anew for each. So a single look finds
 (`pavetwin.sensing.draws`).
 
 In x, the logarithm of the size in pixels has a second term for each class, `bend`, so that its effect is a natural
-cubic spline with three knots: what a detector finds has a plateau at fine resolutions and falls steeply below it.
+cubic spline with three knots: what a detector finds has a plateau at fine resolutions and falls steeply below it. The
+ground resolution itself counts too: a defect is lost faster as its pixels get coarser than a smaller one is at the same
+resolution, since the texture around it changes as well.
 """
 
 import json
@@ -35,14 +37,14 @@ SEVERITIES: Final[Mapping[str, float]] = {"low": -1.0, "medium": 0.0, "high": 1.
 OF_CLASS: Final = ("width", "size", "inside", "severity")
 """Variables whose effect each class has for itself."""
 
-OF_ALL: Final = ("visible", "off_centre", "blur", "sun", "clouds")
+OF_ALL: Final = ("resolution", "visible", "off_centre", "blur", "sun", "clouds")
 """Variables whose effect is the same for all classes."""
 
 BEND: Final = "bend"
 """The second term of the size, of each class."""
 
-VERSION: Final = 2
-"""Of the format. Files of version 1 have no `bend`."""
+VERSION: Final = 3
+"""Of the format. Files of version 1 have no `bend`, those of version 2 no `resolution`."""
 
 _LEAST: Final = 0.02
 """Shares and pixels below this count as this much: their logarithms stay finite."""
@@ -58,6 +60,7 @@ def values_of(look: Look) -> dict[str, float | None]:
         "size": log2(max(look.size_px, _LEAST)),
         "inside": log2(max(look.inside_fraction, _LEAST)),
         "severity": SEVERITIES.get(look.severity, 0.0),
+        "resolution": log2(look.pixel_mm),
         "visible": log2(max(look.visible_fraction, _LEAST)),
         "off_centre": look.off_centre**2,
         "blur": look.blur_px,
@@ -140,7 +143,7 @@ class FalseAlarms(Settings):
 class SensorModel(Settings):
     """The content of a file of `pavetwin sensor fit`."""
 
-    pavetwin_sensor: Literal[2] = VERSION
+    pavetwin_sensor: Literal[3] = VERSION
     """Version of the format."""
     detector: FittedDetector
     fitted_to: FittedTo

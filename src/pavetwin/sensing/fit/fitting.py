@@ -30,11 +30,12 @@ from pavetwin.sensing.sensor_model import (
     values_of,
 )
 
-SD_OF_LEVEL, SD_OF_EFFECT, SD_OF_BEND, SD_OF_LIGHT = 2.5, 2.0, 1.0, 0.1
+SD_OF_LEVEL, SD_OF_EFFECT, SD_OF_SHAPE, SD_OF_LIGHT = 2.5, 2.0, 1.0, 0.1
 """Standard deviations of the priors: of a class's level, and of an effect of a variable divided by its spread. A class
 that was always found, or a variable that hardly varies, so gets a finite estimate with a wide error. Effects of the
-size in pixels are near 2: a narrower prior flattens them. Those of `LIGHT` are the same for a whole mission, so that a
-few missions tell little of them: wide priors explained streets by their light, and predicted other streets worse."""
+size in pixels are near 2: a narrower prior flattens them. Those of the resolution and of the size's second term add to
+them, and have narrower ones. Those of `LIGHT` are the same for a whole mission, so that a few missions tell little of
+them: wide priors explained streets by their light, and predicted other streets worse."""
 
 LIGHT: Final = ("off_centre", "blur", "sun", "clouds")
 
@@ -115,7 +116,7 @@ def _estimate(value: float, error: float) -> FittedNumber:
 def _sd_of_effect(term: str) -> float:
     if term in LIGHT:
         return SD_OF_LIGHT
-    return SD_OF_BEND if term.endswith(f":{BEND}") else SD_OF_EFFECT
+    return SD_OF_SHAPE if term.rpartition(":")[2] in (BEND, "resolution") else SD_OF_EFFECT
 
 
 def _knots(sizes: Float64Array) -> tuple[float, float, float]:

@@ -9,23 +9,22 @@ from pavetwin.sensing.sensor_model import FittedDetector
 
 LOOK_COLUMNS: Final = {
     **dict.fromkeys(("kind", "severity"), pl.String),
-    **dict.fromkeys(("width_px", "size_px", "visible_fraction", "inside_fraction", "off_centre"), pl.Float64),
-    **dict.fromkeys(("blur_px", "sun_elevation_deg", "clouds"), pl.Float64),
+    **dict.fromkeys(("width_px", "size_px", "pixel_mm", "visible_fraction", "inside_fraction"), pl.Float64),
+    **dict.fromkeys(("off_centre", "blur_px", "sun_elevation_deg", "clouds"), pl.Float64),
 }
 """Those of `Look`, in its order."""
 
 LOOK_SCHEMA: Final = {
     "capture": pl.Int64,
     "image_px": pl.Int64,
-    "pixel_mm": pl.Float64,
     "area_m2": pl.Float64,
     "defect": pl.Int64,
     "found": pl.Boolean,
     **LOOK_COLUMNS,
 }
-"""A table of looks: the capture's index; of the image that was looked at the longer side, what a pixel covers, and the
-ground in it; the defect's id, whether it was found, and the look. A capture that sees no defect is a row too, whose
-defect is null."""
+"""A table of looks: the capture's index; of the image that was looked at the longer side, and the ground in it; the
+defect's id, whether it was found, and the look. A capture that sees no defect is a row too, of whose look only
+`pixel_mm` is not null."""
 
 GROUP: Final = "group"
 """Column of a table of looks: what names the defect among all sources."""
