@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 Float64Array = npt.NDArray[np.float64]
-Complex128Array = npt.NDArray[np.complex128]
 Float32Array = npt.NDArray[np.float32]
 Float16Array = npt.NDArray[np.float16]
 FloatArray = npt.NDArray[np.floating[Any]]

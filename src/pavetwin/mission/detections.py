@@ -1,6 +1,7 @@
 """The detections of a mission, each compared with the defects that are there."""
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -59,6 +60,8 @@ class DetectionLog:
         candidates = self._candidates(
             frame, all(each.means_nothing or id(each.footprint) in outlines for each in detections)
         )
+        if frame.source is not None:
+            frame = replace(frame, source=None)
         new, judged = set[int](), []
         for detection, (index, is_first) in zip(detections, match(frame, detections, candidates), strict=True):
             defect = None if index is None else candidates[index].id
@@ -70,20 +73,12 @@ class DetectionLog:
             judged.append(
                 JudgedDetection(
                     outcome=outcome,
-                    kind=detection.kind,
-                    confidence=detection.confidence,
+                    detection=detection,
+                    frame=frame,
                     defect=defect,
+                    sighting=sighting,
                     segment=segment,
-                    capture=frame.number,
-                    time_s=frame.time_s,
-                    position=frame.position,
-                    yaw_rad=frame.yaw_rad,
-                    velocity_mps=frame.velocity_mps,
                     on_revisit=on_revisit,
-                    attempt=None if sighting is None else sighting.attempt + 1,
-                    visible_fraction=None if sighting is None else sighting.visible_fraction,
-                    footprint=None if id(detection.footprint) in outlines else detection.ground(frame),
-                    measures=detection.measures,
                 )
             )
         self.all += judged

@@ -1,6 +1,5 @@
 """The sensor that finds what a detector would, without images: by a model that was fitted to rendered captures."""
 
-from cmath import rect
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -8,10 +7,8 @@ from types import MappingProxyType
 from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
-import shapely
-from shapely import Polygon
 
-from pavetwin.arrays import Complex128Array, Float64Array
+from pavetwin.arrays import Float64Array
 from pavetwin.config.mission import SensingSettings
 from pavetwin.config.options import OptionValue
 from pavetwin.files import file_sha256
@@ -28,8 +25,6 @@ from pavetwin.sensing.shipped import DEFAULT, sensor_path
 
 _BLOCK: Final = 128
 """Frames whose false alarms are drawn together."""
-
-_CORNERS: Final = np.array(((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)))
 
 
 @sensor("calibrated")
@@ -81,18 +76,9 @@ class Calibrated(Sensor):
 
         return found_by_draws(self.model, [[*self._looks.get(defect, {}).values()] for defect in defects])
 
-    def _false_alarms(self, frame: Frame) -> list[Detection]:
+    def _false_alarms(self, frame: Frame) -> Sequence[Detection]:
         """Squares of the usual size, of each frame by its number and the seed alone."""
-        drawn = _block(self.seed, frame.number // _BLOCK, self._alarms(frame)).get(frame.number % _BLOCK)
-        if drawn is None:
-            return []
-        kinds, corners = drawn
-        rings = (corners * rect(1.0, frame.yaw_rad) + complex(*frame.position)).view(np.float64)
-        shapes: list[Polygon] = np.asarray(shapely.polygons(rings.reshape(*corners.shape, 2))).tolist()
-        confidence = self.model.detector.confidence
-        return [
-            Detection(kind, confidence, shape, means_nothing=True) for kind, shape in zip(kinds, shapes, strict=True)
-        ]
+        return _block(self.seed, frame.number // _BLOCK, self._alarms(frame)).get(frame.number % _BLOCK, ())
 
     def _alarms(self, frame: Frame) -> "_Alarms":
         place = frame.altitude_m, frame.camera.image_px
@@ -100,11 +86,11 @@ class Calibrated(Sensor):
             across_m, along_m = (frame.ground_resolution_m * side for side in frame.camera.image_px)
             pixel_m, alarms = self._meter.pixel_m(frame), self.model.false_alarms
             self._alarms_at[place] = _Alarms(
-                across_m,
-                along_m,
+                frame.camera.image_px,
+                self.model.detector.confidence,
                 tuple(alarms),
                 tuple(across_m * along_m * each.per_m2(pixel_m) for each in alarms.values()),
-                tuple(pixel_m * each.size_px for each in alarms.values()),
+                tuple(each.size_px * pixel_m / frame.ground_resolution_m for each in alarms.values()),
             )
         return self._alarms_at[place]
 
@@ -112,33 +98,31 @@ class Calibrated(Sensor):
 class _Alarms(NamedTuple):
     """The false alarms in images of one size on the ground; the last three by class."""
 
-    across_m: float
-    along_m: float
+    image_px: tuple[int, int]
+    """Of the camera."""
+    confidence: float
     kinds: tuple[str, ...]
     expected: tuple[float, ...]
     """In an image."""
-    sides_m: tuple[float, ...]
+    sides_px: tuple[float, ...]
+    """In pixels of the camera."""
 
 
-@lru_cache(maxsize=256)
-def _block(seed: int, number: int, alarms: _Alarms) -> dict[int, tuple[list[str], Complex128Array]]:
-    """The false alarms of `_BLOCK` frames: by frame, the class of each, and the corners of its outline.
-
-    The corners are (alarms, 5) complex numbers in metres: ahead of the image's centre, and 1j to its left.
-    """
+@lru_cache(maxsize=64)
+def _block(seed: int, number: int, alarms: _Alarms) -> Mapping[int, Sequence[Detection]]:
+    """The false alarms of `_BLOCK` frames, by frame: all policies and poses have the same ones in their images."""
     generator = child(seed, Stream.FALSE_ALARMS, number)
     counts = generator.poisson(alarms.expected, (_BLOCK, len(alarms.expected)))
     frames, kinds = (np.repeat(each.ravel(), counts.ravel()) for each in np.indices(counts.shape))
-    size_m = np.array((alarms.across_m, alarms.along_m))
-    sides_m = np.minimum(np.array(alarms.sides_m)[kinds, None], size_m)
-    left, top = generator.random((len(frames), 2)).T
-    centres = np.column_stack([left - 0.5, 0.5 - top]) * (size_m - sides_m)
-    right, ahead = np.moveaxis(centres[:, None] + _CORNERS * sides_m[:, None] / 2, 2, 0)
-    corners = ahead - 1j * right
-    return {
-        int(frame): ([alarms.kinds[kind] for kind in kinds[frames == frame].tolist()], corners[frames == frame])
-        for frame in np.unique(frames)
-    }
+    image_px = np.array(alarms.image_px)
+    sides = np.minimum(np.array(alarms.sides_px)[kinds, None], image_px)
+    corners = generator.random((len(frames), 2)) * (image_px - sides)
+    boxes = np.hstack([corners, corners + sides]).tolist()
+    drawn: dict[int, list[Detection]] = {}
+    for frame, kind, box in zip(frames.tolist(), kinds.tolist(), boxes, strict=True):
+        alarm = Detection(alarms.kinds[kind], alarms.confidence, box_px=tuple(box), means_nothing=True)
+        drawn.setdefault(frame, []).append(alarm)
+    return drawn
 
 
 @lru_cache(maxsize=16)

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Final
+from typing import Final, NamedTuple
 
 from shapely import Polygon
 
@@ -104,30 +104,70 @@ class Outcome(StrEnum):
     hidden), or an object that is not a defect."""
 
 
-@dataclass(frozen=True, slots=True)
-class JudgedDetection:
+class JudgedDetection(NamedTuple):
     """A detection of a mission, the capture it is from, and its outcome."""
 
     outcome: Outcome
-    kind: str
-    confidence: float
+    detection: Detection
+    frame: Frame
+    """Of the capture; its `source` is left out."""
     defect: int | None
     """The defect it matches; None for a false alarm and for what is not a defect."""
+    sighting: Sighting | None
+    """Of that defect; None where the capture does not see it."""
     segment: int
     """Index of the segment under inspection."""
-    capture: int
-    """Index of the capture."""
-    time_s: float
-    position: Place
-    """Of the camera."""
-    yaw_rad: float
-    velocity_mps: Place
     on_revisit: bool
-    attempt: int | None
-    """1 for the first capture in which the defect could be found; None where the capture does not see it."""
-    visible_fraction: float | None
-    """Of the defect's area; None where the capture does not see it."""
-    footprint: Polygon | None
-    """On the ground; None where the defect's own outline is meant."""
-    measures: MeasuredSizes | None = None
-    """See `Detection`."""
+
+    @property
+    def kind(self) -> str:
+        return self.detection.kind
+
+    @property
+    def confidence(self) -> float:
+        return self.detection.confidence
+
+    @property
+    def measures(self) -> MeasuredSizes | None:
+        """See `Detection`."""
+        return self.detection.measures
+
+    @property
+    def footprint(self) -> Polygon | None:
+        """On the ground; None where the defect's own outline is meant."""
+        outline = self.detection.footprint
+        if outline is not None and any(each.defect.polygon is outline for each in self.frame.sightings):
+            return None
+        return self.detection.ground(self.frame)
+
+    @property
+    def capture(self) -> int:
+        """Index of the capture."""
+        return self.frame.number
+
+    @property
+    def time_s(self) -> float:
+        return self.frame.time_s
+
+    @property
+    def position(self) -> Place:
+        """Of the camera."""
+        return self.frame.position
+
+    @property
+    def yaw_rad(self) -> float:
+        return self.frame.yaw_rad
+
+    @property
+    def velocity_mps(self) -> Place:
+        return self.frame.velocity_mps
+
+    @property
+    def attempt(self) -> int | None:
+        """1 for the first capture in which the defect could be found; None where the capture does not see it."""
+        return None if self.sighting is None else self.sighting.attempt + 1
+
+    @property
+    def visible_fraction(self) -> float | None:
+        """Of the defect's area; None where the capture does not see it."""
+        return None if self.sighting is None else self.sighting.visible_fraction
