@@ -9,6 +9,7 @@ from PIL import Image
 
 from scenes.command_line import pavetwin, plain_refusal
 from scenes.detections import CAR, CRACK, CROCODILE, FAR, POTHOLE, said, true, write_detections, write_labels
+from scenes.drawn_roads import drawn_roads
 
 
 @pytest.fixture(scope="module")
@@ -87,3 +88,14 @@ def test_bad_input_is_refused_in_one_line(place: Path, arguments: tuple[str, ...
     refused = plain_refusal(pavetwin("evaluate", *arguments, cwd=place))
     assert refused.startswith(line), refused
     assert not (place / "n").exists()
+
+
+def test_what_ships_is_evaluated_by_name(tmp_path: Path) -> None:
+    town = drawn_roads(tmp_path / "town", {"test": 1}, size=(64, 64))
+    words = ("-o", tmp_path / "report", "--against", "mixed-1", "--resamples", 0)
+    done = pavetwin("evaluate", "synthetic-1", town, *words)
+    assert done.returncode == 0, done.stderr
+    told = json.loads((tmp_path / "report" / "metrics.json").read_text())
+    assert len(told["runs"]["others"]) == len(told["runs"]["these"]) == 1
+    refused = plain_refusal(pavetwin("evaluate", "synthetic-9", town, "-o", tmp_path / "other"))
+    assert "synthetic-9" in refused

@@ -42,10 +42,10 @@ def build(
       - {source: rdd2022-china-drone, folder: downloads/China_Drone}
       - {source: mine.yaml, folder: photos, background: checked.txt, gsd_mm: 2.5}
     size: {longest_px: 640, tiles: true}
-    composite: {objects: [mine], roads: [rdd2022-china-drone]}
+    composite: {objects: \\[mine], roads: \\[rdd2022-china-drone]}
     balance: {copies: 50}
     split: [70, 20, 10]
-    export: [yolo, coco]
+    export: \\[yolo, coco]
 
     Synthetic images are captured in worlds, each of which belongs to one split:
 
@@ -54,7 +54,7 @@ def build(
       town: {generate: town, streets: {seed: 1}, defects: {population: paper}}
       mine: {map: mine.osm.pbf, split: test}
     captures:
-      air: {platforms: [uav], images: 300, gsd_mm: [1.5, 12], camera: phantom4pro}
+      air: {platforms: \\[uav], images: 300, gsd_mm: [1.5, 12], camera: phantom4pro}
     pack: {most_mb: 60}
     """
     if output is None:

@@ -28,7 +28,10 @@ VALIDATION = "val"
 
 def evaluate(
     detections: Annotated[
-        Path, typer.Argument(metavar="MODEL", help="model.onnx, weights such as best.pt, or detections (COCO).")
+        Path,
+        typer.Argument(
+            metavar="MODEL", help="model.onnx, what ships by name, weights such as best.pt, or detections (COCO)."
+        ),
     ],
     dataset: Annotated[Path, typer.Argument(help="Folder with annotations/instances_SPLIT.json and images/SPLIT/.")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the report.")] = None,
@@ -53,6 +56,7 @@ def evaluate(
     \b
     pavetwin evaluate model.onnx datasets/streets -o evaluation
     pavetwin evaluate detections.json datasets/streets -o evaluation
+    pavetwin evaluate mine.onnx datasets/mine -o evaluation --against synthetic-1
     pavetwin evaluate mixed.json datasets/china-coco -o evaluation --against real-only.json
     pavetwin evaluate m0.onnx china-coco -o report --run m1.onnx --run m2.onnx --against r0.onnx --against r1.onnx
 
@@ -114,7 +118,10 @@ def _found(
         models_in: number of the splits, the first ones, that a model has to look at; None: those it is measured by.
     """
     from pavetwin.perception.evaluation.detections import read_detections
+    from pavetwin.perception.shipped import model_path, shipped_models
 
+    if not path.exists() and str(path) in shipped_models():
+        path = model_path(path)
     kind = path.suffix.lower()
     if kind not in (".onnx", WEIGHTS):
         return read_detections(path, tuple(each for each in splits if not each.is_renumbered))

@@ -28,7 +28,7 @@ def export(
     pavetwin export runs/first/best.pt -o small.onnx --half --licence Apache-2.0
     pavetwin export runs/first -o int8.onnx --int8 datasets/town/images/train
 
-    Needs PyTorch (`pip install pavetwin[train]`); `pavetwin detect` and `pavetwin serve` run the file without it.
+    Needs PyTorch (`pip install pavetwin\\[train]`); `pavetwin detect` and `pavetwin serve` run the file without it.
     """
     if output is None:
         raise PaveTwinError("Say where the model goes with -o, for example -o model.onnx.")

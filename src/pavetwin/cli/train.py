@@ -37,7 +37,10 @@ def train(
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="Any other setting, as in --set width=0.125; repeatable."),
     ] = None,
-    start: Annotated[Path | None, typer.Option(help="Weights to begin with, as in --start other/best.pt.")] = None,
+    start: Annotated[
+        str | None,
+        typer.Option(help="Weights to begin with: best.pt of a run, an exported model, or one that ships, by name."),
+    ] = None,
     photographs: Annotated[
         Path | None, typer.Option(help="Photographs without labels, for fourier, appearance and teacher_weight.")
     ] = None,
@@ -52,30 +55,31 @@ def train(
     \b
     pavetwin train datasets/china datasets/town -o runs/first
     pavetwin train datasets/china -o runs/real --size s --without Person,Car
+    pavetwin train datasets/mine -o runs/mine --start synthetic-1 --image 320 --native --without Person,Car
     pavetwin train datasets/town -o runs/adapted --photographs photos --set fourier=0.01
     pavetwin train datasets.pack -o runs/small --image 320 --native --set width=0.125 --stop-after 9
 
-    Needs PyTorch (`pip install pavetwin[train]`). The same settings, data and hardware give the same weights.
+    Needs PyTorch (`pip install pavetwin\\[train]`). The same settings, data and hardware give the same weights.
     """
     if output is None:
         raise PaveTwinError("Say where the run goes with -o, for example -o runs/first.")
     from pavetwin.perception.examples.opening import read_examples
     from pavetwin.perception.examples.unlabelled import read_unlabelled
+    from pavetwin.perception.shipped import start_path
     from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
 
     given: dict[str, Any] = {"size": size, "image_px": image, "order": order, "epochs": epochs, "batch": batch}
     given |= {"seed": seed, "without": without, "native": native or None}
     pairs = [f"{name}={value}" for name, value in given.items() if value is not None]
     options = TrainingOptions.parse([*pairs, *(overrides or [])])
-    if start is not None and not start.is_file():
-        raise PaveTwinError(f"`start`: there is no file of weights '{start}'; a run keeps its best in best.pt.")
+    begun = start_path(start) if start is not None else None
     unlabelled = read_unlabelled(photographs) if photographs is not None else None
     check_torch("Training")
     from pavetwin.perception.training.trainer import Trainer
 
     with _watched() as watcher:
         machine = TrainingMachine(device, workers)
-        trainer = Trainer(read_examples(datasets), output, options, machine, watcher, start, unlabelled)
+        trainer = Trainer(read_examples(datasets), output, options, machine, watcher, begun, unlabelled)
         finished = trainer.run(60 * stop_after if stop_after is not None else None)
     if not finished:
         out.line(f"Stopped in time; the same command goes on with {output}/.")

@@ -34,3 +34,17 @@ def model_path(model: str | Path) -> Path:
         f"There is no model '{model}': name one that ships ({', '.join(shipped_models())}), or a file of "
         f"`pavetwin export RUN output=model.onnx`."
     )
+
+
+def start_path(start: str | Path) -> Path:
+    """What a training begins with: weights of a run, an exported model, or one that ships, by name.
+
+    Raises:
+        PaveTwinError: there is none of them.
+    """
+    if Path(start).is_file() or str(start) in shipped_models():
+        return model_path(start)
+    raise PaveTwinError(
+        f"`start`: there is no file of weights '{start}'; name the best.pt of a run, the file of `pavetwin export RUN "
+        f"output=model.onnx`, or a model that ships ({', '.join(shipped_models())})."
+    )

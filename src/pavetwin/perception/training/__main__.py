@@ -9,6 +9,7 @@ from pathlib import Path
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.examples.opening import read_examples
 from pavetwin.perception.examples.unlabelled import read_unlabelled
+from pavetwin.perception.shipped import start_path
 from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
 from pavetwin.perception.training.trainer import Trainer
 from pavetwin.perception.training.watchers import PlainLines
@@ -22,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("datasets", nargs="+", type=Path, help="folders with COCO files, or packed files")
     parser.add_argument("-o", "--output", type=Path, required=True, help="folder of the run")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a setting; may be repeated")
-    parser.add_argument("--start", type=Path, help="weights to begin with")
+    parser.add_argument("--start", help="weights, an exported model, or one that ships by name, to begin with")
     parser.add_argument("--photographs", type=Path, help="folder of photographs without labels, for adaptation")
     parser.add_argument("--stop-after", type=float, metavar="MINUTES", help="save after this time, and stop")
     parser.add_argument("--device", default="", help="cpu or cuda; a graphics card where there is one unless given")
@@ -35,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             TrainingOptions.parse(given.set),
             TrainingMachine(given.device, given.workers),
             PlainLines(),
-            given.start,
+            start_path(given.start) if given.start is not None else None,
             read_unlabelled(given.photographs) if given.photographs is not None else None,
         )
         finished = trainer.run(60 * given.stop_after if given.stop_after is not None else None)

@@ -20,6 +20,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.perception.classes import CLASSES
 from pavetwin.perception.training.architecture import Architecture
+from pavetwin.perception.training.exported import exported_network, is_exported
 from pavetwin.perception.training.network import DetectorNetwork
 
 FORMAT: Final = 1
@@ -83,6 +84,11 @@ class RunFolder:
             table.writeheader()
             table.writerows(curves)
 
+    @property
+    def has_checkpoint(self) -> bool:
+        """Whether there is something to go on from."""
+        return (self.path / CHECKPOINT).is_file()
+
     def save(self, state: Mapping[str, Any]) -> None:
         """Write the checkpoint, and the curves up to it."""
         _save(self.path / CHECKPOINT, state)
@@ -94,8 +100,7 @@ class RunFolder:
         Raises:
             PaveTwinError: it is damaged.
         """
-        path = self.path / CHECKPOINT
-        return _load(path, device) if path.is_file() else None
+        return _load(self.path / CHECKPOINT, device) if self.has_checkpoint else None
 
     def save_best(self, network: DetectorNetwork, told: Mapping[str, Any]) -> None:
         """Write weights that can be used, with what they are of."""
@@ -126,12 +131,15 @@ def load_network(path: Path, device: torch.device | str = "cpu") -> tuple[Detect
 
 
 def load_weights(network: DetectorNetwork, path: Path) -> None:
-    """Begin with the weights of a file.
+    """Begin with the weights of a file, or of an exported model.
 
     Raises:
         PaveTwinError: there is no such file, it is damaged, or it is of another architecture.
     """
-    other, _ = load_network(path, next(network.parameters()).device)
+    if is_exported(path):
+        other = exported_network(path)
+    else:
+        other, _ = load_network(path, next(network.parameters()).device)
     if difference := other.architecture.difference(network.architecture):
         raise PaveTwinError(
             f"'{path}' is of another architecture: {difference}; give what it has, or start without it."

@@ -17,12 +17,13 @@ from pavetwin.perception.classes import CLASSES
 from pavetwin.perception.examples.example import ExampleSet, labelled_classes
 from pavetwin.perception.training.batches import Batch, TrainingViews, ValidationViews, batches
 from pavetwin.perception.training.checks import check_labels, check_photographs
+from pavetwin.perception.training.exported import is_exported, measure_normalisations
 from pavetwin.perception.training.held_pictures import HeldExampleSet
 from pavetwin.perception.training.losses import Losses, detection_losses, mask_loss, subtype_loss
 from pavetwin.perception.training.network import DetectorNetwork
 from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
 from pavetwin.perception.training.references import photometrics
-from pavetwin.perception.training.run_folder import TAUGHT, Curves, RunFolder, load_network, load_weights
+from pavetwin.perception.training.run_folder import TAUGHT, Curves, RunFolder, load_weights
 from pavetwin.perception.training.schedule import MovingAverage, Phase, epoch_order, phases_of, rate_at
 from pavetwin.perception.training.self_training import MeanTeacher
 from pavetwin.perception.training.validate import validate
@@ -36,6 +37,9 @@ forgotten at once."""
 
 LONGEST_GRADIENT: Final = 10.0
 """Gradients are scaled down to this length."""
+
+MEASURED_VIEWS: Final = 320
+"""Training views on which the normalisations of an exported model are measured."""
 
 FITNESS: Final = (0.1, 0.9)
 """Weights of mAP@0.5 and mAP@0.5:0.95 in what is best, as published for YOLOv8."""
@@ -89,7 +93,7 @@ class Trainer:
         photographs: ExampleSet | None = None,
     ) -> None:
         """Args:
-        start: weights to begin with.
+        start: weights to begin with, or an exported model.
         photographs: without labels; given where `options.adaptations` names a setting, and only there.
 
         Raises:
@@ -116,11 +120,10 @@ class Trainer:
         self._half = machine.half and _has_half(self._device)
         self._is_new = start is None
         self._folder = RunFolder(folder)
-        begun = load_network(start)[1].get("run", str(start.name)) if start is not None else None
         settings = {
             "options": options.as_mapping(),
             "data": [each.fingerprint for each in sets],
-            "start": begun,
+            "start": start.name if start is not None else None,
         }
         self._teacher: MeanTeacher | None = None
         if photographs is not None:
@@ -132,6 +135,8 @@ class Trainer:
         self._photometric = photometrics(photographs, options)
         self._folder.claim(settings, TrainingOptions().as_mapping())
         self._progress = _Progress()
+        if start is not None and is_exported(start) and not self._folder.has_checkpoint:
+            self._measure()
         self._begin(self._phases[0])
         self._resume()
 
@@ -157,6 +162,27 @@ class Trainer:
     def curves(self) -> Curves:
         """A row for each epoch so far."""
         return self._progress.curves
+
+    def _measure(self) -> None:
+        """Give the normalisations of an exported model the statistics of the first epoch's views."""
+        phase, key = self._phases[0], (self._options.seed, 0, 0)
+        order = epoch_order(phase, key)[:MEASURED_VIEWS]
+        views = self._views(phase, order, key)
+        measure_normalisations(self.network, batches(views, self._options.batch, workers=self._machine.workers))
+
+    def _views(self, phase: Phase, order: Sequence[int], key: tuple[int, int, int]) -> TrainingViews:
+        """What an epoch shows; `key` is seed, phase and epoch."""
+        options = self._options
+        has_mosaic = not phase.classifier and key[2] < phase.epochs - options.mosaic_off
+        return TrainingViews(
+            phase.members,
+            order,
+            self._known,
+            options.views(mosaic=has_mosaic),
+            options.architecture.mask_px,
+            key,
+            self._photometric,
+        )
 
     def _begin(self, phase: Phase) -> None:
         """A fresh optimiser and moving average, over what the phase trains."""
@@ -212,16 +238,7 @@ class Trainer:
         it, options = self._progress, self._options
         phase = self._phases[it.phase]
         key = (options.seed, it.phase, it.epoch)
-        has_mosaic = not phase.classifier and it.epoch < phase.epochs - options.mosaic_off
-        views = TrainingViews(
-            phase.members,
-            epoch_order(phase, key),
-            self._known,
-            options.views(mosaic=has_mosaic),
-            options.architecture.mask_px,
-            key,
-            self._photometric,
-        )
+        views = self._views(phase, epoch_order(phase, key), key)
         steps = max(1, len(views) // options.batch)
         warmup = round(options.warmup_epochs * steps)
         saved = time.monotonic()
