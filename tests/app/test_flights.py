@@ -4,6 +4,7 @@ import asyncio
 import gzip
 import json
 import os
+import re
 import shutil
 import signal
 import socket
@@ -106,6 +107,61 @@ def test_a_mission_that_was_flown_before_is_played_again(page: RunningPage, ids:
     (answer,) = page.ask({"do": "play", "mission": name})
     assert answer["done"]["key"] == done["key"]
     assert digests(Path(done["folder"])) == before
+
+
+@pytest.mark.slow
+def test_what_was_missed_is_flown_again_as_the_command_line_does(page: RunningPage, world: Path) -> None:
+    done = fly(page, count=2)
+    folder = Path(done["folder"])
+    (again,) = page.ask({"do": "fly_missed", "key": done["key"], "mission": 0})
+    assert Path(again["done"]["folder"]) == folder.with_name(f"{folder.name}-missed")
+    other = folder.with_name("by-command")
+    flown = pavetwin("fly", "--again", folder / "mission.yaml", "--only-missed", "-o", other)
+    assert flown.returncode == 0, flown.stderr
+    assert digests(other) == digests(Path(again["done"]["folder"]))
+    missed = pl.read_csv(folder / "defects.csv").filter(outcome="missed")["segment"]
+    (flight,) = played(page, again["done"]["key"])["missions"]
+    assert set(flight["targets"]) == set(missed)
+    refused = pavetwin("fly", world, "--only-missed")
+    assert refused.returncode == 2
+    assert "--again" in refused.stderr
+
+
+@pytest.mark.slow
+def test_a_mission_is_exported_as_the_command_line_does(page: RunningPage, ids: list[str], tmp_path: Path) -> None:
+    done = fly(page, segments=ids[:1], policies=["skip", "hover"])
+    folder, key = Path(done["folder"]), done["key"]
+    (plan,) = page.ask({"do": "export", "key": key, "mission": 0, "what": "csv"})
+    written = pavetwin("plan", "export", folder / "skip", "--format", "csv", "-o", tmp_path / "plan")
+    assert written.returncode == 0, written.stderr
+    assert {Path(name).name for name in plan["done"]["files"]} == {path.name for path in (tmp_path / "plan").iterdir()}
+    for name in plan["done"]["files"]:
+        answer = page.get(f"/api/played/{key}/made/{name}")
+        assert answer.body == (tmp_path / "plan" / Path(name).name).read_bytes()
+        assert "attachment" in answer.headers["Content-Disposition"]
+    (made,) = page.ask({"do": "export", "key": key, "mission": 0, "what": "html"})
+    (name,) = made["done"]["files"]
+    replayed = pavetwin("replay", folder, "-o", tmp_path / "replay.html")
+    assert replayed.returncode == 0, replayed.stderr
+    text, own = page.get(f"/api/played/{key}/made/{name}").body, (tmp_path / "replay.html").read_bytes()
+    agents = [re.findall(rb'agents-0000.bin.gz">([^<]+)<', each) for each in (text, own)]
+    assert agents[0] == agents[1] != []
+    for name in ("../flight.json.gz", "%2e%2e/flight.json.gz", "nothing", "map.json.gz/.."):
+        assert page.get(f"/api/played/{key}/made/{name}").status == 404
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"do": "export", "key": "x", "mission": 0, "what": "html"},
+        {"do": "export", "key": ["x"], "mission": 0, "what": "html"},
+        {"do": "fly_missed", "key": "../x", "mission": 0},
+        {"do": "fly_missed", "mission": 0},
+    ],
+)
+def test_nothing_is_made_of_a_mission_that_nobody_flew(page: RunningPage, asked: dict[str, Any]) -> None:
+    (answer,) = page.ask(asked)
+    assert "no such mission" in answer["error"]
 
 
 def test_segments_are_drawn_as_the_command_line_draws_them(page: RunningPage, world: Path) -> None:

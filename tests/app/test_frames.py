@@ -54,7 +54,7 @@ def with_mission(page: RunningPage) -> RunningPage:
     folder = page.session.folder / KEY
     folder.mkdir()
     (folder / FILE).write_text("[]")
-    page.session._played[KEY] = Played(folder, folder, (), (5,))
+    page.session._played[KEY] = Played(folder, folder, (), (5,), ("hover",), folder)
     return page
 
 

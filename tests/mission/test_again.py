@@ -100,6 +100,45 @@ def test_results_moved_together_with_their_world_fly_again(described: Path, tmp_
         hidden.rename(home)
 
 
+DEFECTS = """id,segment,outcome,reason
+0,{0},missed,too_small
+1,{1},found,
+2,{2},missed,hidden_by_parked_vehicles
+3,elsewhere,missed,not_recognised
+"""
+
+
+def missing(described: Path, folder: Path, defects: str) -> FormerMission:
+    """The mission over three segments, with other defects."""
+    segments = [segment.id for segment in load_world(described.parents[2] / "town").segments[:3]]
+    (folder / "defects.csv").write_text(defects.format(*segments))
+    return read_mission(changed(described, folder, targets=[segments[2], segments[1], segments[0]]))
+
+
+def test_only_segments_with_missed_defects_are_flown_again(described: Path, tmp_path: Path) -> None:
+    former = missing(described, tmp_path, DEFECTS)
+    world = load_world(described.parents[2] / "town")
+    assert former.missed_segments() == (world.segments[0].id,), "what parked vehicles hide stays hidden"
+    again = former.planned(world, targets=former.missed_segments())
+    assert again.targets == (world.segments[0].id,)
+    assert again.traffic == former.spec.traffic
+    assert again.base == former.spec.base
+    assert former.folder_of_missed == tmp_path.with_name(f"{tmp_path.name}-missed")
+    all_missed = DEFECTS.replace("found,", "missed,outside_swath").replace("hidden_by_parked_vehicles", "too_small")
+    former = missing(described, tmp_path, all_missed)
+    assert former.missed_segments() == former.spec.targets, "in the order of the mission"
+
+
+def test_a_mission_that_missed_nothing_is_not_flown_again(described: Path, tmp_path: Path) -> None:
+    only_parked = "id,segment,outcome,reason\n0,{0},missed,hidden_by_parked_vehicles\n1,{0},found,\n"
+    with pytest.raises(PaveTwinError, match=r"no defect that another flight could find; what it missed is under"):
+        missing(described, tmp_path, only_parked).missed_segments()
+    with pytest.raises(PaveTwinError, match=r"missed no defect that another flight could find\.$"):
+        missing(described, tmp_path, "id,segment,outcome,reason\n").missed_segments()
+    with pytest.raises(PaveTwinError, match=r"defects\.csv' cannot be read"):
+        missing(described, tmp_path, "").missed_segments()
+
+
 def test_data_that_a_policy_declares_is_an_input(described: Path) -> None:
     data = described.parents[2] / "seconds.txt"
     assert str(data) in {file.path for file in read_mission(described).spec.files()}

@@ -216,6 +216,16 @@ class ResultHandler(GuardedHandler):
         await self.send_file(played.results / name, kind, name=shown)
 
 
+class MadeHandler(GuardedHandler):
+    """A file that was made of a mission when it was asked for."""
+
+    async def get(self, key: str, name: str) -> None:
+        file = self.session.made_file(key, name)
+        if file is None:
+            raise RefusedError(404, "There is no such file.")
+        await self.send_file(file, "application/octet-stream", name=name.replace("/", "-"))
+
+
 @stream_request_body
 class UploadHandler(GuardedHandler):
     """A map that a page has announced, block by block as it comes."""

@@ -161,7 +161,9 @@ class _Live:
         }
         text = json.dumps(known, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
         (self._folder / FLIGHT).write_bytes(gzip.compress(text.encode(), 1, mtime=0))
-        self._tell.ready({"key": self._folder.name, "results": str(self._folder), "names": [], "captures": [0]})
+        self._tell.ready(
+            {"key": self._folder.name, "results": str(self._folder), "names": [], "captures": [0], "policies": [PILOT]}
+        )
 
     def _write_minutes(self, count: int) -> None:
         """The traffic of the first minutes; what was not recorded yet is recorded now."""
@@ -229,4 +231,5 @@ def _written(flight: ByHand, spec: MissionSpec, inputs: MissionInputs, session: 
     made.replace(target)
     results = target / "results"
     names = sorted(path.name for path in results.iterdir() if path.is_file())
-    return {"key": key, "captures": [len(result.captures["t_s"])], "results": str(results), "names": names}
+    known_as = {"key": key, "captures": [len(result.captures["t_s"])], "policies": [PILOT]}
+    return {**known_as, "results": str(results), "names": names}

@@ -17,6 +17,9 @@ from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.files import staging_folder
 from pavetwin.world.folder import DESCRIPTION, check_world
 
+EXPORTS: Final = ("html", "rrd", "qgc", "wpml", "litchi", "csv")
+"""What is made of a mission, see `pavetwin.app.exports`."""
+
 WORLDS: Final = "worlds"
 """The folder here whose worlds are shown where none is named, and that gets those built from maps."""
 
@@ -58,6 +61,19 @@ class Played:
     """Of the results that can be fetched."""
     captures: tuple[int, ...]
     """How many each mission has."""
+    policies: tuple[str, ...]
+    """Of each mission."""
+    world: Path
+    """Of its world."""
+
+    @property
+    def made(self) -> Path:
+        """The folder of what is made of the missions when it is asked for."""
+        return self.folder / "made"
+
+    def mission(self, number: int) -> Path:
+        """The folder of one of the missions."""
+        return self.results / self.policies[number] if len(self.policies) > 1 else self.results
 
 
 class Session:
@@ -147,8 +163,8 @@ class Session:
         return await self.tasks.run({"do": "choices"})
 
     async def run(self, asked: Mapping[str, Any], on_progress: OnReport, said: Said | None = None) -> Mapping[str, Any]:
-        """Do what a browser asked for: `estimate`, `fly`, `play`, list the `missions`, `build` a town,
-        `pilot` a flight by hand, or `show` a study or a dataset.
+        """Do what a browser asked for: `estimate`, `fly`, `fly_missed`, `play`, list the `missions`, `build` a town,
+        `pilot` a flight by hand, `export` a mission, or `show` a study or a dataset.
 
         Args:
             said: what the page says to the task while it goes on.
@@ -160,6 +176,8 @@ class Session:
             return await self._build(asked.get("town"), on_progress)
         if asked.get("do") == "show":
             return await self._show(asked.get("exhibit"), on_progress)
+        if asked.get("do") == "export":
+            return await self._export(asked, on_progress)
         world = self.world(asked.get("world"))
         task: dict[str, Any] = {"do": asked.get("do"), "world": str(world.folder), "folder": str(self.folder)}
         match task["do"]:
@@ -167,16 +185,35 @@ class Session:
                 task["request"] = asked.get("request")
             case "play":
                 task["mission"] = asked.get("mission")
+            case "fly_missed":
+                played, number = self._mission(asked)
+                task["mission"] = str(played.mission(number))
             case "missions":
                 pass
             case other:
                 raise PaveTwinError(f"The page asked for '{str(other)[:40]}', which the server does not do.")
 
         def told(message: Mapping[str, Any]) -> None:
-            on_progress({"ready": self._kept(message["ready"])} if "ready" in message else message)
+            on_progress({"ready": self._kept(message["ready"], world)} if "ready" in message else message)
 
         pool = self._flights if task["do"] == "pilot" else self.tasks
-        return self._kept(await pool.run(task, told, said=said))
+        return self._kept(await pool.run(task, told, said=said), world)
+
+    async def _export(self, asked: Mapping[str, Any], on_progress: OnReport) -> Mapping[str, Any]:
+        played, number = self._mission(asked)
+        if not isinstance(what := asked.get("what"), str) or what not in EXPORTS:
+            raise PaveTwinError(f"`what`: '{str(what)[:40]}' is none of {', '.join(EXPORTS)}.")
+        places = {"made": played.made, "played": played.folder, "results": played.results, "world": played.world}
+        task = {"do": "export", "what": what, "mission": str(played.mission(number)), **_texts(places)}
+        return await self.tasks.run(task, on_progress)
+
+    def made_file(self, key: str, name: str) -> Path | None:
+        """What was made of a mission; None where there is no such file."""
+        played = self._played.get(key)
+        if played is None or not played.made.is_dir():
+            return None
+        there = {str(path.relative_to(played.made)): path for path in played.made.rglob("*") if path.is_file()}
+        return there.get(name)
 
     async def _build(self, town: Any, on_progress: OnReport) -> Mapping[str, Any]:
         folder = await self.uploads.build(town, on_progress)
@@ -201,23 +238,30 @@ class Session:
             PaveTwinError: there is no such mission or capture, or it cannot be rendered.
             asyncio.CancelledError: it was dropped.
         """
-        key, search = asked.get("key"), asked.get("search", False)
-        played = self._played.get(key) if isinstance(key, str) else None
-        if played is None:
-            raise PaveTwinError("There is no such mission any more; fly it again.")
-        mission = _index("mission", asked.get("mission"), len(played.captures))
+        search = asked.get("search", False)
+        played, mission = self._mission(asked)
         capture = _index("capture", asked.get("capture"), played.captures[mission])
         if not isinstance(search, bool):
             raise PaveTwinError("`search`: is true or false.")
         task = {"folder": str(played.folder), "mission": mission, "capture": capture, "search": search}
         return await self.frames.frame(page, {"do": "frame", **task})
 
-    def _kept(self, result: Mapping[str, Any]) -> Mapping[str, Any]:
+    def _mission(self, asked: Mapping[str, Any]) -> tuple[Played, int]:
+        """The missions that `key` names, and which of them `mission` does."""
+        key = asked.get("key")
+        played = self._played.get(key) if isinstance(key, str) else None
+        if played is None:
+            raise PaveTwinError("There is no such mission any more; fly it again.")
+        return played, _index("mission", asked.get("mission"), len(played.captures))
+
+    def _kept(self, result: Mapping[str, Any], world: ShownWorld) -> Mapping[str, Any]:
         """A result as the browser gets it: what it may fetch of missions is noted here."""
         if "key" not in result:
             return result
         key, results, names = result["key"], Path(result["results"]), tuple(result["names"])
-        self._played[key] = Played(self.folder / key, results, names, tuple(result["captures"]))
+        self._played[key] = Played(
+            self.folder / key, results, names, tuple(result["captures"]), tuple(result["policies"]), world.folder
+        )
         return {"key": key, "folder": str(results), "files": names}
 
     async def close(self) -> None:
@@ -236,6 +280,10 @@ class Session:
         has_world = any(exhibit_kind(folder) is None for folder in folders)
         here = sorted(place.iterdir()) if not has_world and place.is_dir() else []
         return cls([*folders, *(folder for folder in here if (folder / DESCRIPTION).is_file())])
+
+
+def _texts(places: Mapping[str, Path]) -> dict[str, str]:
+    return {name: str(place) for name, place in places.items()}
 
 
 def _shown(numbered: tuple[int, Path]) -> ShownWorld:

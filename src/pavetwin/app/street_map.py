@@ -1,5 +1,7 @@
 """A world as the page's map draws it: outlines in centimetres of the world frame, and what is asked of a segment."""
 
+import gzip
+import json
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
@@ -8,6 +10,8 @@ import shapely
 from matplotlib.colors import to_hex
 from shapely import Geometry, LineString, Polygon
 
+from pavetwin.config.mission import UavSettings
+from pavetwin.defects.registry import kinds
 from pavetwin.draw import style
 from pavetwin.draw.carriageway import lane_lines, sidewalks
 from pavetwin.draw.mission_layers import BATTERY, REVISIT, STEP, WAIT
@@ -21,6 +25,13 @@ _TOLERANCE_M: Final = 0.05
 
 _SHADES: Final = 16
 """Of the colours of visibility, from 0 to 1."""
+
+
+def packed_map(world: World) -> bytes:
+    """The map of a world with its colours, as gzipped JSON."""
+    values = street_map(world, UavSettings().radius_m) | {"colours": colours(kind.name for kind in kinds())}
+    content = json.dumps(values, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
+    return gzip.compress(content, 6, mtime=0)
 
 
 def street_map(world: World, radius_m: float) -> dict[str, Any]:

@@ -26,7 +26,7 @@ TERMINATED = 143
 """The exit code after SIGTERM, of shells."""
 
 COMMANDS = (
-    *("world", "traffic", "fly", "plan", "aircraft", "policy", "sensor", "defect", "pci", "inventory"),
+    *("world", "traffic", "fly", "replay", "plan", "aircraft", "policy", "sensor", "defect", "pci", "inventory"),
     "handover",
     *(
         "capture",

@@ -125,6 +125,13 @@ def fly(
     again: Annotated[
         Path | None, typer.Option(metavar="mission.yaml", help="Fly that mission again; needs no other option.")
     ] = None,
+    only_missed: Annotated[
+        bool,
+        typer.Option(
+            "--only-missed",
+            help="With --again: only the segments on which it missed a defect that is not behind a parked vehicle.",
+        ),
+    ] = False,
     plugin: Plugins = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the results.")] = None,
     cache: CacheFolder = None,  # noqa: ARG001 - its callback does it
@@ -155,6 +162,7 @@ def fly(
     pavetwin fly worlds/city --segments 3 --traffic-area 200
     pavetwin fly worlds/town --segment s0004 --policy my_policy.py:Careful --set policy.max_wait_s=60
     pavetwin fly --again worlds/town/missions/hover-high-1-10m-default-seed1/mission.yaml
+    pavetwin fly --again worlds/town/missions/hover-high-1-10m-default-seed1/mission.yaml --only-missed
     """
     _refuse_pairs(
         context,
@@ -170,7 +178,10 @@ def fly(
         asked = None  # a mix alone names no level, so the usual one or the nearest to it is flown
     if world is None and again is None and not settings:
         raise PaveTwinError("Name the folder of a world, or a mission.yaml by --again.")
+    if only_missed and again is None:
+        raise PaveTwinError("--only-missed is of a mission that was flown; name its mission.yaml by --again.")
     former = _former(context, again, other_policy=policy is not None)
+    missed = former.missed_segments() if former is not None and only_missed else None
     chosen = (
         former.spec.settings
         if former is not None
@@ -214,7 +225,7 @@ def fly(
     with progress("Preparing the flight domain") as tell:
         environment = None
         if former is not None:
-            specs = [former.planned(loaded, policy=name, defect_seed=defect_seed) for name in names]
+            specs = [former.planned(loaded, policy=name, defect_seed=defect_seed, targets=missed) for name in names]
         else:
             specs, environment = plan_missions(
                 loaded,
@@ -236,7 +247,7 @@ def fly(
 
         def checked_folder() -> Path:
             folder = output or (
-                former.folder_again
+                (former.folder_again if missed is None else former.folder_of_missed)
                 if former is not None
                 else mission_folder(specs[0], names, preset, usual_targets=usual, usual_base=base is None)
             )

@@ -1,12 +1,13 @@
 """Reading a mission's description, and comparing a mission that was flown again with what it was."""
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+import polars as pl
 import yaml
 
 from pavetwin.config.base import overlay
@@ -16,6 +17,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256
 from pavetwin.mission.defect_files import detections_geojson
 from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.inspected_defects import MissReason
 from pavetwin.mission.plan import defect_input
 from pavetwin.mission.results import TOTALS, totals
 from pavetwin.mission.spec import FORMAT, FileInput, MissionSpec, TrafficInput, WorldInput
@@ -25,6 +27,9 @@ from pavetwin.world.model import World
 
 MISSION: Final = "mission.yaml"
 """In the folder of a mission."""
+
+DEFECTS: Final = "defects.csv"
+"""Beside it: what became of each defect."""
 
 READABLE: Final = (3, 4, FORMAT)
 
@@ -48,15 +53,52 @@ class FormerMission:
         folder = self.path.absolute().parent
         return folder.with_name(f"{folder.name}-again")
 
-    def planned(self, world: World, *, policy: str | None = None, defect_seed: int | None = None) -> MissionSpec:
+    @property
+    def folder_of_missed(self) -> Path:
+        """Where the results go when only what it missed is flown again: beside its own folder."""
+        folder = self.path.absolute().parent
+        return folder.with_name(f"{folder.name}-missed")
+
+    def missed_segments(self) -> tuple[str, ...]:
+        """Ids of the inspected segments on which it missed a defect, in their order.
+
+        Defects under or behind parked vehicles do not count: the same vehicles are parked when it is flown again.
+
+        Raises:
+            PaveTwinError: the table of its defects cannot be read, or nothing was missed.
+        """
+        path = self.path.with_name(DEFECTS)
+        columns = dict.fromkeys(("segment", "outcome", "reason"), pl.String)
+        try:
+            table = pl.read_csv(path, columns=list(columns), schema_overrides=columns)
+        except (OSError, pl.exceptions.PolarsError) as error:
+            raise PaveTwinError(f"'{path}' cannot be read; fly the mission again as a whole.") from error
+        missed = table.filter(pl.col("outcome") == "missed")
+        parked = pl.col("reason") == MissReason.HIDDEN_BY_PARKED_VEHICLES.value
+        visible = missed.filter(~parked.fill_null(value=False))
+        if visible.is_empty():
+            hidden = "; what it missed is under or behind parked vehicles" if missed.height else ""
+            raise PaveTwinError(f"'{self.path.parent}' missed no defect that another flight could find{hidden}.")
+        there = set(visible["segment"])
+        return tuple(target for target in dict.fromkeys(self.spec.targets) if target in there)
+
+    def planned(
+        self,
+        world: World,
+        *,
+        policy: str | None = None,
+        defect_seed: int | None = None,
+        targets: Sequence[str] | None = None,
+    ) -> MissionSpec:
         """The spec to fly it again.
 
         Args:
             world: its own, wherever that is now.
             policy: in place of its own.
             defect_seed: place the defects under this seed, in place of its defects.
+            targets: ids of segments, in place of its own.
         """
-        changes: dict[str, Any] = {}
+        changes: dict[str, Any] = {} if targets is None else {"targets": tuple(targets)}
         if world.content_hash == self.spec.world.content_hash:
             changes["world"] = WorldInput.of(world)
         if defect_seed is not None:

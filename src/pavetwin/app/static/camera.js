@@ -14,7 +14,7 @@ export class Camera {
     this.#readings = root.querySelector('#readings');
     this.#doing = root.querySelector('#doing');
     this.#shown = root.querySelector('#shown');
-    for (const name of ['labels', 'search']) root.querySelector(`[name="${name}"]`).addEventListener('change', () => this.#want());
+    for (const name of ['labels', 'search']) root.querySelector(`[name="${name}"]`)?.addEventListener('change', () => this.#want());
     for (const name of ['time', 'speed', 'height', 'battery', 'visibility o']) {
       const cell = document.createElement('div'), term = document.createElement('dt'), value = document.createElement('dd');
       term.textContent = name;
@@ -32,7 +32,7 @@ export class Camera {
   /** Show the rendered frames of captures where they are ready. */
   setFrames(frames) {
     this.#frames = frames;
-    frames.onReady = () => this.#draw();
+    frames.listen(() => this.#draw());
   }
 
   setFlight(flight, mission) {
@@ -60,7 +60,8 @@ export class Camera {
   /** The rendered frame that is shown, if any. */
   get frame() { return this.#frames?.at(this.#time) ?? null; }
 
-  #checked(name) { return this.#root.querySelector(`[name="${name}"]`).checked; }
+  /** Whether a box is ticked; it is not there where no server renders frames. */
+  #checked(name) { return this.#root.querySelector(`[name="${name}"]`)?.checked ?? false; }
 
   #draw() {
     if (!this.#mission || !this.#colours || !this.#map || !this.#canvas.clientWidth) return;

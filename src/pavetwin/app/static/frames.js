@@ -13,18 +13,31 @@ const AHEAD = 4, KEPT = 48;
 const COLOURS = { label: '#ffd84d', confirmed: '#4be08a', duplicate: '#4be08a', false_alarm: '#ff6b57', ignored: '#c9c9c9', search: '#5cc8ff' };
 
 export class Frames {
-  onReady = () => {};
+  #listeners = []; #also = [];
   #tasks; #flight = null; #mission = null; #ready = new Map(); #wanted = null; #asked = null; #took = 1; #search = false;
   /** Why no frame can be rendered of this mission, if so. */
   failure = '';
 
   constructor(tasks) { this.#tasks = tasks; }
 
+  /** @param told that a frame is ready, or that none can be */
+  listen(told) { this.#listeners.push(told); }
+
+  /** Captures whose frames are asked for beside that of the moment, such as those of a defect. */
+  wantAlso(captures) {
+    this.#also = captures;
+    this.#next();
+  }
+
+  /** The frame of a capture, if it is ready. */
+  frameOf(capture) { return this.#mission ? this.#known(capture) : undefined; }
+
   setMission(flight, mission) {
     if (this.#flight !== flight) this.#ready.clear();
     this.#flight = flight;
     this.#mission = mission;
     this.#wanted = this.#asked = null;
+    this.#also = [];
     this.failure = '';
   }
 
@@ -56,12 +69,14 @@ export class Frames {
     if (this.#asked?.capture !== this.#wanted) this.#next(rate > 0);
   }
 
-  /** Ask for what is wanted, or else for the first of the next captures that is not there yet. Before it asks for
-   * another one while time passes it waits for the one before: dropping each would leave none. */
+  /** Ask for what is wanted, or else for the first of the others and of the next captures that is not there yet.
+   * Before it asks for another one while time passes it waits for the one before: dropping each would leave none. */
   #next(isPlaying = false) {
-    if (this.#wanted === null || this.#wanted < 0 || this.failure || (isPlaying && this.#asked !== null)) return;
-    const count = this.#mission.captures.t_s.length, isMissing = capture => capture < count && !this.#known(capture, this.#search);
-    const capture = [...Array(AHEAD + 1).keys()].map(i => this.#wanted + i).find(isMissing);
+    if (!this.#mission || this.failure || (isPlaying && this.#asked !== null)) return;
+    const count = this.#mission.captures.t_s.length, now = this.#wanted ?? -1;
+    const isMissing = capture => capture < count && !this.#known(capture, this.#search);
+    const ahead = now < 0 ? [] : [...Array(AHEAD + 1).keys()].map(i => now + i);
+    const capture = [...ahead.slice(0, 1), ...this.#also, ...ahead].find(isMissing);
     if (capture !== undefined && capture !== this.#asked?.capture && (capture === this.#wanted || this.#asked === null)) this.#ask(capture);
   }
 
@@ -81,7 +96,7 @@ export class Frames {
     }
     const isLatest = this.#asked === asked;
     if (isLatest) this.#asked = null;
-    this.onReady();
+    for (const told of this.#listeners) told();
     if (isLatest) this.#next();
   }
 

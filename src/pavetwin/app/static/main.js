@@ -2,12 +2,17 @@
 
 import { Camera } from './camera.js';
 import { Pilot } from './control.js';
+import { DefectFrames } from './defect_frames.js';
 import { by, element } from './dom.js';
 import { Exhibits } from './exhibits.js';
+import { Files } from './files.js';
 import { MissionForm } from './form.js';
 import { Frames } from './frames.js';
 import { StreetMap } from './map.js';
-import { Flight, clock } from './playback.js';
+import { drawScale, listenToMapTools, tellUnder, toggle } from './map_tools.js';
+import { listenToNotice, notice } from './notice.js';
+import { Flight } from './playback.js';
+import { Player, arrowAct, playerKeys } from './player.js';
 import { Results } from './results.js';
 import { Selection } from './selection.js';
 import { CancelledError, Tasks, fetchJson } from './server.js';
@@ -16,7 +21,6 @@ import { Timeline } from './timeline.js';
 import { TOWN_MODES, TownPanel } from './town_panel.js';
 import { NewTown } from './upload.js';
 
-const LAYERS = { buildings: 'buildings', trees: 'trees', names: 'street names', traffic: 'traffic', parked: 'parked vehicles', route: 'route', windows: 'seen surface', defects: 'defects' };
 const KEYS = [
   ['Enter', 'start the mission'], ['C', 'compare two policies'], ['Escape', 'cancel, or choose none'], ['Space', 'play or pause'],
   ['← →', 'a second back or on (shift: ten), away from the map'], ['N P', 'next or previous occlusion'], ['[ ]', 'slower, faster'],
@@ -26,29 +30,36 @@ const KEYS = [
 ];
 
 startTheme();
-const page = {
-  flight: null, mission: null, time: 0, playing: false, last: 0, map: null, task: null, shownWorld: null,
-};
+const page = { map: null, task: null };
+const seek = t => player.seek(t), showDefect = id => player.showDefect(id);
 const [map, camera, timeline, results, town] = [
-  new StreetMap(by('map'), { pick: (ids, how) => selection?.pick(ids, how), hover: tell, defect: showDefect, view: drawScale }),
+  new StreetMap(by('map'), { pick: (ids, how) => selection?.pick(ids, how), hover: tellUnder, defect: showDefect, view: () => drawScale(map.view) }),
   new Camera(by('camera')),
   new Timeline(by('plots'), by('key'), seek),
   new Results(by('results'), showDefect),
   new TownPanel(by('town'), showDefect),
 ];
+const player = new Player({ map, camera, timeline, results, town });
+player.onMission = mission => {
+  if (!mission || mission.isLive) files?.clear();
+  else files.mission = player.flight.missions.indexOf(mission);
+};
 const pilot = new Pilot(by('pilot'), map, { begin: showLive, time: seek, end: () => setLive(false) });
-let form = null, selection = null, tasks = null, start = null, newTown = null;
+let form = null, selection = null, tasks = null, start = null, newTown = null, files = null;
 
 boot().catch(error => notice(error.message));
 
 async function boot() {
   history.replaceState(null, '', location.pathname + location.hash); // the token is in a cookie now
   listen();
-  setPlayer();
   showTown(kept('pavetwin-3d') !== 'no');
   tasks = new Tasks(isThere => { if (!isThere && start) notice('The server does not answer; is `pavetwin app` still running?'); });
-  camera.setFrames(new Frames(tasks));
+  const frames = new Frames(tasks);
+  camera.setFrames(frames);
+  results.frames = new DefectFrames(frames, moment => { player.play(false); seek(moment); });
+  results.again = { choose: chooseAgain, fly: flyMissed };
   start = await fetchJson('api/start');
+  files = new Files(by('files'), tasks, start.exports);
   form = new MissionForm(by('mission'), start, changed);
   selection = new Selection(by('selection'), tasks, form, (chosen, drawn) => {
     map.setSelection(chosen);
@@ -69,12 +80,11 @@ async function boot() {
 }
 
 async function showWorld() {
-  page.shownWorld = form.world;
   by('selection').classList.add('busy');
   page.map = await fetchJson(`api/worlds/${form.world}/map`);
   document.title = `${page.map.name} – PaveTwin`;
   by('credit').textContent = page.map.credit;
-  setFlight(null);
+  player.setFlight(null);
   map.setWorld(page.map);
   camera.setWorld(page.map);
   town.setWorld(form.world);
@@ -129,7 +139,7 @@ async function takeControl() {
 
 function showLive(flight) {
   setLive(true);
-  setFlight(flight);
+  player.setFlight(flight);
   map.showPlace(...page.map.base_m, 7);
   followUav(true);
 }
@@ -156,7 +166,7 @@ async function follow(task) {
       shown = (isLive ? pilot.begin(told.ready, asked) : showFlight(told.ready)).catch(error => notice(error.message));
       return;
     }
-    if (shown) return isLive ? pilot.tell(`${told.what} …`) : results.tellFiles(`${told.what} …`);
+    if (shown) return isLive ? pilot.tell(`${told.what} …`) : files.tell(`${told.what} …`);
     words.textContent = told.what;
     if (told.share > 0) bar.value = told.share;
   });
@@ -164,11 +174,12 @@ async function follow(task) {
     const done = await asked.promise;
     pilot.end();
     await (isLive || !shown ? showFlight(done) : shown);
-    results.setFiles(done.key, done.folder, done.files);
+    setFiles(done);
+    files.tell('');
     await listFlown();
     isDone = true;
   } catch (error) {
-    if (isLive && pilot.isFlying) setFlight(null);
+    if (isLive && pilot.isFlying) player.setFlight(null);
     notice(error instanceof CancelledError ? 'Cancelled.' : error.message, error instanceof CancelledError);
   } finally {
     clearTimeout(late);
@@ -180,14 +191,28 @@ async function follow(task) {
   return isDone;
 }
 
-async function showFlight({ key, folder, files }) {
-  const flight = await Flight.load(key);
+async function showFlight(made) {
+  const flight = await Flight.load(made.key);
   await flight.fetchAgents(0);
-  setFlight(flight);
-  results.setFiles(key, folder, files);
-  const targets = flight.missions[0].targets.map(id => map.segment(id)).filter(Boolean), base = page.map.base_m;
-  const boxes = [...targets.map(segment => segment.box), [...base, ...base]];
-  map.show(...[0, 1].map(i => Math.min(...boxes.map(box => box[i]))), ...[2, 3].map(i => Math.max(...boxes.map(box => box[i]))), 1.3);
+  player.setFlight(flight);
+  setFiles(made);
+  player.showWhole(page.map.base_m);
+}
+
+function setFiles({ key, folder, files: names }) {
+  files.set(key, folder, names, !player.mission.isByHand);
+}
+
+/** Choose the segments on which the mission missed something, to fly over them with other settings. */
+function chooseAgain(segments) {
+  selection.set(segments);
+  notice('Chosen. Change the altitude or anything else, and press Start.', true);
+}
+
+async function flyMissed(segments) {
+  if (page.task) return;
+  const { flight, mission } = player;
+  if (await follow({ do: 'fly_missed', world: form.world, key: flight.key, mission: flight.missions.indexOf(mission) })) selection.set(segments);
 }
 
 async function listFlown() {
@@ -200,121 +225,7 @@ async function listFlown() {
   by('flown').querySelector('ul').replaceChildren(...entries.length ? entries : [element('li', { className: 'empty' }, 'No mission of this town yet.')]);
 }
 
-function setFlight(flight) {
-  page.flight = flight;
-  page.playing = false;
-  page.time = 0;
-  setMission(flight?.missions[0] ?? null);
-  const choices = flight && flight.missions.length > 1 ? flight.missions : [];
-  by('policies').hidden = !choices.length;
-  by('policies').replaceChildren(...choices.map(mission => {
-    const button = element('button', { type: 'button' }, mission.policy);
-    button.setAttribute('role', 'radio');
-    button.addEventListener('click', () => setMission(mission));
-    return button;
-  }));
-  tellPolicy();
-}
-
-function setMission(mission) {
-  page.mission = mission;
-  map.setFlight(page.flight, mission);
-  camera.setFlight(page.flight, mission);
-  town.setFlight(page.flight, mission);
-  const flown = mission?.isLive ? null : mission;
-  timeline.setMission(flown);
-  if (flown) results.setFlight(page.flight, flown);
-  else results.clear();
-  document.querySelector('footer .empty').hidden = Boolean(flown);
-  by('scrub').max = mission?.duration_s ?? 0;
-  setPlayer();
-  tellPolicy();
-  seek(Math.min(page.time, mission?.duration_s ?? 0));
-}
-
-function tellPolicy() {
-  for (const button of by('policies').children) button.setAttribute('aria-checked', button.textContent === page.mission?.policy);
-}
-
-// The clock.
-
-function seek(t) {
-  page.time = Math.max(0, Math.min(t, page.mission?.duration_s ?? 0));
-  showTime();
-  const { flight, time } = page;
-  flight?.fetchAgents(time).then(isNew => { if (isNew && page.flight === flight) showTime(); }, error => notice(error.message));
-  by('scrub').value = page.time;
-  const words = `${clock(page.time)} / ${clock(page.mission?.duration_s ?? 0)}`;
-  by('clock').textContent = words;
-  by('scrub').setAttribute('aria-valuetext', words);
-}
-
-function showTime() {
-  map.setTime(page.time);
-  town.setTime(page.time);
-  camera.setTime(page.time, page.playing ? Number(by('speed').value) : 0);
-  timeline.setTime(page.time);
-}
-
-function play(on) {
-  page.playing = on && Boolean(page.mission);
-  if (page.playing && page.time >= page.mission.duration_s - 0.05) seek(0);
-  page.last = performance.now();
-  setPlayer();
-  if (!page.playing) camera.setTime(page.time);
-  if (page.playing) requestAnimationFrame(tick);
-}
-
-function tick(now) {
-  if (!page.playing) return;
-  const t = page.time + ((now - page.last) / 1000) * Number(by('speed').value);
-  page.last = now;
-  seek(t);
-  if (t >= page.mission.duration_s) return play(false);
-  requestAnimationFrame(tick);
-}
-
-function jump(direction) {
-  const moments = page.mission?.occlusions ?? [];
-  const found = direction > 0 ? moments.find(t => t > page.time + 0.05) : moments.findLast(t => t < page.time - 0.05);
-  if (found !== undefined) seek(found);
-  else if (page.mission) notice(`There is no ${direction > 0 ? 'later' : 'earlier'} occlusion.`, true);
-}
-
-function setPlayer() {
-  const has = Boolean(page.mission);
-  for (const id of ['play', 'previous', 'next', 'speed', 'scrub']) by(id).disabled = !has;
-  by('play').textContent = page.playing ? '❚❚' : '▶';
-  by('play').setAttribute('aria-label', page.playing ? 'Pause' : 'Play');
-}
-
 // What is shown of the map.
-
-function showDefect(id) {
-  const defect = page.mission?.byId.get(id);
-  if (!defect) return;
-  map.setDefect(id);
-  results.showDefect(id);
-  map.showPlace(...defect.place_m);
-  town.showPlace(...defect.place_m);
-  const moment = defect.found_s ?? defect.time_s;
-  if (moment !== null && moment !== undefined) { play(false); seek(moment); }
-}
-
-function tell(segment, defect, x, y) {
-  const tip = by('tip'), root = by('map');
-  tip.hidden = !segment && !defect;
-  if (defect) tip.textContent = `${defect.class.replaceAll('_', ' ')} ${defect.id}\n${defect.outcome}${defect.reason ? `: ${defect.reason}` : ''}`;
-  if (segment) tip.textContent = `${segment.street}, ${segment.id}\n${segment.length_m.toFixed(0)} m × ${segment.width_m} m, ${segment.lanes} lane${segment.lanes === 1 ? '' : 's'}, ${segment.area_m2} m²`;
-  tip.style.left = `${Math.min(x + 14, root.clientWidth - tip.offsetWidth - 6)}px`;
-  tip.style.top = `${Math.min(y + 14, root.clientHeight - tip.offsetHeight - 6)}px`;
-}
-
-function drawScale() {
-  const { k } = map.view, power = 10 ** Math.floor(Math.log10(110 / k)), metres = [5, 2, 1].find(factor => factor * power * k <= 110) * power;
-  by('scale').style.width = `${metres * k}px`;
-  by('scale').firstElementChild.textContent = metres >= 1000 ? `${metres / 1000} km` : `${+metres.toPrecision(3)} m`;
-}
 
 function find(name) {
   const found = map.segments.filter(segment => segment.street === name || segment.id === name || segment.latin === name);
@@ -324,22 +235,9 @@ function find(name) {
   map.show(...[0, 1].map(i => Math.min(...boxes.map(box => box[i]))), ...[2, 3].map(i => Math.max(...boxes.map(box => box[i]))), 1.8);
 }
 
-function notice(words, isTold = false) {
-  by('notice').firstElementChild.textContent = words;
-  by('notice').classList.toggle('told', isTold);
-  by('notice').hidden = false;
-  clearTimeout(notice.timer);
-  if (isTold) notice.timer = setTimeout(() => { by('notice').hidden = true; }, 3500);
-}
-
-function toggle(id, on = by(id).getAttribute('aria-pressed') !== 'true') {
-  by(id).setAttribute('aria-pressed', on);
-  return on;
-}
-
 function box(on) { map.boxing = toggle('box', on); by('map').classList.toggle('boxing', map.boxing); }
 
-function followUav(on) { map.following = toggle('follow', on); seek(page.time); }
+function followUav(on) { map.following = toggle('follow', on); seek(player.time); }
 
 function theme() { setTheme(isDark() ? 'light' : 'dark'); setColours(); map.redraw(); }
 
@@ -364,39 +262,26 @@ function listen() {
   by('mission').addEventListener('submit', event => { event.preventDefault(); fly(); });
   const actions = {
     compare: () => { form.compare(!form.isCompared); selection.update(); }, share, theme, solid: () => showTown(!town.isShown), help: () => by('keys').showModal(),
-    build: () => newTown?.open(), control: takeControl, play: () => play(!page.playing), previous: () => jump(-1), next: () => jump(1), cancel: () => page.task?.cancel(),
-    in: () => map.zoom(1.4), out: () => map.zoom(1 / 1.4), fit: () => map.fit(), box: () => box(), follow: () => followUav(),
+    build: () => newTown?.open(), control: takeControl, cancel: () => page.task?.cancel(), box: () => box(),
   };
   for (const [id, act] of Object.entries(actions)) by(id).addEventListener('click', act);
-  by('scrub').addEventListener('input', () => { play(false); seek(Number(by('scrub').value)); });
   by('find').addEventListener('change', () => { find(by('find').value.trim()); by('find').value = ''; });
-  by('notice').querySelector('button').addEventListener('click', () => { by('notice').hidden = true; });
-  by('layers').querySelector('ul').append(...Object.entries(LAYERS).map(([layer, words]) => {
-    const check = element('input', { type: 'checkbox', checked: map.layers.has(layer) });
-    check.addEventListener('change', () => { map.layers[check.checked ? 'add' : 'delete'](layer); map.redraw(); });
-    return element('li', {}, element('label', {}, check, words));
-  }));
+  listenToNotice();
+  listenToMapTools(map, () => followUav());
   by('keys').querySelector('dl').append(...KEYS.flatMap(([key, words]) => [element('dt', {}, element('kbd', {}, key)), element('dd', {}, words)]));
-  document.addEventListener('pointerdown', event => {
-    for (const menu of document.querySelectorAll('details[open]')) if (!menu.contains(event.target)) menu.open = false;
-  });
   document.addEventListener('keydown', key);
 }
 
 function key(event) {
   const typed = event.target.matches('input:not([type="checkbox"], [type="range"]), select, textarea, dialog *');
   if (event.ctrlKey || event.metaKey || event.altKey || typed || !form || document.querySelector('dialog[open]')) return;
-  const onMap = event.target === by('map').querySelector('.moving'), onTown = event.target === by('town').querySelector('canvas'), onButton = event.target.matches('button, summary, a, [type="range"], [role="tab"]');
-  const arrow = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
+  const onTown = event.target === by('town').querySelector('canvas'), onButton = event.target.matches('button, summary, a, [type="range"], [role="tab"]');
   const acts = {
-    Enter: onButton ? null : fly, ' ': onButton ? null : () => play(!page.playing), Escape: escape, n: () => jump(1), p: () => jump(-1),
-    c: () => by('compare').click(), v: otherPolicy, b: () => box(), f: () => followUav(), d: theme, m: () => newTown?.open(), u: takeControl, t: () => showTown(!town.isShown), '?': () => by('keys').showModal(),
-    '+': () => map.zoom(1.4), '=': () => map.zoom(1.4), '-': () => map.zoom(1 / 1.4), 0: () => map.fit(), '[': () => speed(-1), ']': () => speed(1),
+    ...playerKeys(player, map, onButton), Enter: onButton ? null : fly, Escape: escape, c: () => by('compare').click(), b: () => box(), f: () => followUav(), d: theme,
+    m: () => newTown?.open(), u: takeControl, t: () => showTown(!town.isShown), '?': () => by('keys').showModal(),
     ...Object.fromEntries(TOWN_MODES.map((mode, i) => [i + 1, () => town.setMode(mode)])),
   };
-  let act = acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-  if (arrow && onMap) act = () => map.move(0.12 * arrow[0], 0.12 * arrow[1]);
-  else if (arrow && arrow[0] && !onButton && !onTown) act = () => { play(false); seek(page.time + arrow[0] * (event.shiftKey ? 10 : 1)); };
+  const act = arrowAct(event, player, map, onButton || onTown) ?? acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
   if (!act) return;
   event.preventDefault();
   act();
@@ -407,24 +292,15 @@ function escape() {
   else if (selection.segments.length) selection.set([]);
 }
 
-function speed(step) {
-  const { options } = by('speed');
-  by('speed').selectedIndex = Math.max(0, Math.min(options.length - 1, by('speed').selectedIndex + step));
-}
-
-function otherPolicy() {
-  const { missions = [] } = page.flight ?? {};
-  if (missions.length > 1) setMission(missions[(missions.indexOf(page.mission) + 1) % missions.length]);
-}
-
 // For tests and for the console: the state at a moment, as it is drawn.
 window.pavetwin = {
-  get time() { return page.time; },
+  get time() { return player.time; },
   seek,
-  fetchAgents: t => page.flight.fetchAgents(t),
-  agentsAt: t => page.flight.agentsAt(t),
-  stateAt: t => page.mission.at(t),
-  get mission() { return page.mission; },
+  fetchAgents: t => player.flight.fetchAgents(t),
+  agentsAt: t => player.flight.agentsAt(t),
+  stateAt: t => player.mission.at(t),
+  get mission() { return player.mission; },
+  get flight() { return player.flight; },
   get frame() { return camera.frame; },
   screenOf: id => map.screenOf(id),
   get town() { return town.town; },

@@ -55,6 +55,15 @@ export class Mission {
     this.finishedAt = new Map(this.events.filter(e => e.kind === 'finish').map(e => [e.segment, e.t_s]));
   }
 
+  /** Flown by hand, which no policy can fly again. */
+  get isByHand() { return this.policy === 'by-hand'; }
+
+  /** Segments, in the order of inspection, with a defect that was missed and is not behind a parked vehicle. */
+  get missedOn() {
+    const missed = new Set(this.defects.filter(({ outcome }) => outcome === 'missed').map(({ segment }) => segment));
+    return this.targets.filter(target => missed.has(target));
+  }
+
   /** The track's last sample up to a moment. */
   row(t) {
     return lastUpTo(this.track.t_s, t + 1e-9);

@@ -1,6 +1,6 @@
-// The results of a flight: the tables of the command line, every defect with why it was found or missed, and the files.
+// The results of a flight: the tables of the command line, and every defect with why it was found or missed.
 
-import { element } from './dom.js';
+import { by, element } from './dom.js';
 import { clock } from './playback.js';
 
 const RESPONSES = {
@@ -9,10 +9,14 @@ const RESPONSES = {
 };
 
 export class Results {
-  #panels; #onDefect; #colours = null; #mission = null; #filter = 'all';
+  #panels; #onDefect; #colours = null; #mission = null; #filter = 'all'; #shown = null;
+  /** The frames of a defect, where there is a server that renders them. */
+  frames = null;
+  /** Told the segments on which a defect was missed: `choose(ids)`, `fly()`; null where nothing can be flown. */
+  again = null;
 
   constructor(root, onDefect) {
-    this.#panels = Object.fromEntries(['table', 'defects', 'files'].map(id => [id, root.querySelector(`#${id}`)]));
+    this.#panels = Object.fromEntries(['table', 'defects'].map(id => [id, root.querySelector(`#${id}`)]));
     this.#onDefect = onDefect;
     this.#tabs([...root.querySelectorAll('[role="tab"]')]);
     this.clear();
@@ -21,48 +25,42 @@ export class Results {
   setColours(colours) { this.#colours = colours; this.#tellDefects(); }
 
   clear() {
-    this.#mission = null;
+    this.#mission = this.#shown = null;
+    this.frames?.clear();
     this.#panels.table.replaceChildren(element('p', {}, 'Nothing is flown yet. Choose streets on the map, or let them be drawn, and press Start.'));
     this.#panels.defects.replaceChildren(element('p', {}, 'Each defect of the inspected streets is listed here after the flight: found, or missed and why.'));
-    this.#panels.files.replaceChildren(element('p', {}, 'The files of a mission are listed here after the flight.'));
   }
 
   setFlight(flight, mission) {
     this.#mission = mission;
+    this.#shown = null;
+    this.frames?.clear();
     const remarks = flight.remarks.map(text => element('p', { className: 'remark' }, text));
     this.#panels.table.replaceChildren(element('p', { className: 'sentence' }, flight.sentence), ...flight.tables.map(tableOf), ...remarks);
     this.#tellDefects();
   }
 
-  setFiles(key, folder, names) {
-    const links = names.map(name => {
-      const link = element('a', { href: `api/played/${key}/files/${name}`, download: name.replaceAll('/', '-') }, name);
-      return element('li', {}, link);
-    });
-    this.#panels.files.replaceChildren(
-      element('p', { className: 'remark' }, `In ${folder}, as \`pavetwin fly\` writes them.`),
-      element('ul', { className: 'list' }, ...links),
-    );
-  }
-
-  /** What is still being written. */
-  tellFiles(words) {
-    const told = this.#panels.files.querySelector('.told') ?? element('p', { className: 'told' });
-    told.textContent = words;
-    this.#panels.files.prepend(told);
-  }
-
   showDefect(id) {
-    this.#panels.defects.parentElement.querySelector('#tab-defects').click();
-    for (const button of this.#panels.defects.querySelectorAll('.list button')) {
-      const is = Number(button.dataset.id) === id;
+    by('tab-defects').click();
+    this.#shown = id;
+    this.#tellShown();
+  }
+
+  /** Mark the defect that is shown, and put its frames below it. */
+  #tellShown() {
+    this.frames?.clear();
+    for (const button of this.#panels.defects.querySelectorAll('.list button[data-id]')) {
+      const is = Number(button.dataset.id) === this.#shown;
       button.setAttribute('aria-current', is);
-      if (is) button.scrollIntoView({ block: 'nearest' });
+      if (!is) continue;
+      if (this.frames) button.after(this.frames.of(this.#mission, this.#mission.byId.get(this.#shown)));
+      button.parentElement.scrollIntoView({ block: 'nearest' });
     }
   }
 
   #tellDefects() {
     if (!this.#mission || !this.#colours) return;
+    this.frames?.clear();
     const counts = new Map();
     for (const { outcome } of this.#mission.defects) counts.set(outcome, (counts.get(outcome) ?? 0) + 1);
     const filters = [['all', this.#mission.defects.length], ...counts].map(([name, count]) => {
@@ -74,8 +72,21 @@ export class Results {
     const shown = this.#mission.defects.filter(({ outcome }) => this.#filter === 'all' || this.#filter === outcome);
     this.#panels.defects.replaceChildren(
       element('div', { className: 'filter' }, ...filters),
+      ...this.#againButtons(),
       element('ul', { className: 'list' }, ...shown.map(defect => element('li', {}, this.#row(defect)))),
     );
+  }
+
+  /** To fly again over the streets on which a defect was missed that another flight could find. */
+  #againButtons() {
+    const segments = this.#mission.missedOn;
+    if (!this.again || !segments.length) return [];
+    const [choose, fly] = [element('button', { type: 'button' }, 'Choose'), element('button', { type: 'button' }, 'Fly them again')];
+    choose.title = 'Choose these segments, to change the altitude or anything else before Start';
+    fly.title = 'Fly the same mission over these segments alone: pavetwin fly --again … --only-missed';
+    choose.addEventListener('click', () => this.again.choose(segments));
+    fly.addEventListener('click', () => this.again.fly(segments));
+    return [element('div', { className: 'again' }, element('span', {}, `Missed on ${segments.length} segment${segments.length === 1 ? '' : 's'}:`), choose, ...this.#mission.isByHand ? [] : [fly])];
   }
 
   #row(defect) {
@@ -96,7 +107,7 @@ export class Results {
       for (const tab of tabs) {
         tab.setAttribute('aria-selected', tab === chosen);
         tab.tabIndex = tab === chosen ? 0 : -1;
-        this.#panels[tab.getAttribute('aria-controls')].hidden = tab !== chosen;
+        by(tab.getAttribute('aria-controls')).hidden = tab !== chosen;
       }
     };
     tabs.forEach((tab, at) => {

@@ -1,0 +1,199 @@
+"""Missions of the page in a task process: flown, flown again, listed, and written as what the browser plays."""
+
+import json
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, Final
+
+from pavetwin.app.flight_request import PRESET, FlightRequest
+from pavetwin.app.kept import kept_environment, kept_world
+from pavetwin.app.task_report import TaskReport
+from pavetwin.errors import PaveTwinError
+from pavetwin.mission.again import MISSION, check_replaceable, mission_file, read_mission
+from pavetwin.mission.fly import MissionResult, fly
+from pavetwin.mission.inputs import MissionInputs, load_inputs
+from pavetwin.mission.naming import mission_folder
+from pavetwin.mission.plan import plan_missions
+from pavetwin.mission.results import check_mission_folder, save_mission, save_missions
+from pavetwin.mission.spec import MissionSpec
+from pavetwin.world.model import World
+
+Told = Callable[[float, str], None]
+"""Told the share done and what is being done."""
+
+LISTED: Final = 40
+"""Missions of a world that the page lists, the latest first."""
+
+
+def listed_missions(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:  # noqa: ARG001 - as every task
+    """The missions of a world, the latest first."""
+    return {"missions": [path.name for path in _mission_folders(Path(task["world"]))[:LISTED]]}
+
+
+def _mission_folders(world: Path) -> list[Path]:
+    place = world / "missions"
+    found = [path for path in place.iterdir() if descriptions(path)] if place.is_dir() else []
+    return sorted(found, key=lambda path: path.stat().st_mtime_ns, reverse=True)
+
+
+def descriptions(folder: Path) -> list[Path]:
+    """The descriptions of a mission, or of missions under several policies."""
+    own = folder / MISSION
+    return [own] if own.is_file() else sorted(folder.glob(f"*/{MISSION}"))
+
+
+def fly_request(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
+    """Fly the missions of a request, write them where the command line does, and what plays them."""
+    request, world = FlightRequest.of(task["request"]), kept_world(Path(task["world"]))
+    tell(0.0, "Preparing the flight domain")
+    names = request.names
+    specs, environment = plan_missions(
+        world,
+        request.settings(),
+        names,
+        density=request.density,
+        mix=request.mix or "",
+        segments=request.segments or request.count,
+        order=request.order,
+        seed=request.seed,
+        environment=kept_environment(request, world),
+    )
+    inputs = load_inputs(specs[0], world=world, environment=environment, on_progress=tell)
+    specs = [inputs.flown(spec) for spec in specs]
+    folder = mission_folder(specs[0], names, PRESET, usual_targets=request.is_usual)
+    return _flown_into(folder, specs, inputs, Path(task["folder"]), tell)
+
+
+def fly_missed(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
+    """Fly a mission again over the segments on which it missed a defect, as `fly --again … --only-missed` does."""
+    world = kept_world(Path(task["world"]))
+    former = read_mission(mission_file(Path(task["mission"])))
+    spec = former.planned(world, targets=former.missed_segments())
+    inputs = load_inputs(spec, world=world, on_progress=tell)
+    return _flown_into(former.folder_of_missed, [inputs.flown(spec)], inputs, Path(task["folder"]), tell)
+
+
+def _flown_into(
+    folder: Path, specs: list[MissionSpec], inputs: MissionInputs, session: Path, tell: TaskReport
+) -> Mapping[str, Any]:
+    check_mission_folder(folder)
+    check_replaceable(folder, specs)
+    with inputs.replay:
+        results = list(_flown(specs, inputs, folder, tell))
+        played = {**_written(results, inputs, session, tell), "results": str(folder)}
+    tell.ready({**played, "names": _file_names(folder, results)})
+    _draw(results, folder, tell)
+    return {**played, "names": _file_names(folder, results)}
+
+
+def play_mission(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
+    """Fly a mission of the world again, to play it; nothing of it is written again."""
+    world = kept_world(Path(task["world"]))
+    folders = {folder.name: folder for folder in _mission_folders(Path(task["world"]))}
+    folder = folders.get(str(task["mission"]))
+    if folder is None:
+        raise PaveTwinError(f"`mission`: '{str(task['mission'])[:80]}' is no mission of '{world.name}'.")
+    results, inputs = again(descriptions(folder), world, tell)
+    played = _written(results, inputs, Path(task["folder"]), tell)
+    return {**played, "results": str(folder), "names": _file_names(folder, results)}
+
+
+def again(files: Sequence[Path], world: World, tell: Told) -> tuple[list[MissionResult], MissionInputs]:
+    """Missions over the same traffic, flown again from their descriptions; nothing is written.
+
+    Raises:
+        PaveTwinError: one cannot be read, or its inputs are not what they were.
+    """
+    specs = [read_mission(file).planned(world) for file in files]
+    inputs = load_inputs(specs[0], world=world, on_progress=tell)
+    with inputs.replay:
+        return [_one(spec, inputs, tell) for spec in specs], inputs
+
+
+def _flown(specs: list[MissionSpec], inputs: MissionInputs, folder: Path, tell: TaskReport) -> Iterator[MissionResult]:
+    """Fly, and write each mission as soon as it is flown."""
+    flown: list[MissionResult] = []
+
+    def missions() -> Iterator[MissionResult]:
+        for spec in specs:
+            flown.append(_one(spec, inputs, tell))
+            yield flown[-1]
+
+    if len(specs) > 1:
+        save_missions(missions(), folder)
+    else:
+        for result in missions():
+            save_mission(result, folder)
+    yield from flown
+
+
+def _one(spec: MissionSpec, inputs: MissionInputs, tell: Told) -> MissionResult:
+    from pavetwin.capture.mission_images import MissionImages
+
+    def said(what: str) -> Callable[[float], None]:
+        return partial(_told, tell, what)
+
+    inputs.on_extend(said("Recording more traffic"))
+    environment = inputs.environment
+    images = MissionImages(environment.inspected_world, inputs.replay, spec.seed, environment.parked)
+    return fly(
+        spec,
+        inputs=inputs,
+        image_source=images,
+        on_progress=said(f"Flying {spec.policy.name}"),
+        on_look=said("Rendering the captures and searching them"),
+    )
+
+
+def _told(tell: Told, what: str, share: float) -> None:
+    tell(share, what)
+
+
+def write_played(results: Sequence[MissionResult], inputs: MissionInputs, folder: Path) -> None:
+    """Write what the browser plays of missions over the same traffic into a folder that exists."""
+    from pavetwin.app.playback import write_playback
+
+    write_playback(results, folder, step_s=inputs.replay.recording.step_s)
+
+
+def _written(results: list[MissionResult], inputs: MissionInputs, session: Path, tell: TaskReport) -> dict[str, Any]:
+    """What plays missions, in a folder that is named by what they are."""
+    from pavetwin.app.frame_source import write_frame_source
+
+    tell(1.0, "Preparing to play")
+    specs = json.dumps([result.spec.as_values() for result in results], sort_keys=True)
+    key = sha256(specs.encode()).hexdigest()[:20]
+    target, made = session / key, session / f"{key}.part"
+    if not target.is_dir():
+        shutil.rmtree(made, ignore_errors=True)
+        made.mkdir(parents=True)
+        write_played(results, inputs, made)
+        write_frame_source(results, made)
+        made.replace(target)
+    captures, policies = [len(result.captures["t_s"]) for result in results], [result.policy for result in results]
+    return {"key": key, "captures": captures, "policies": policies}
+
+
+def _draw(results: list[MissionResult], folder: Path, tell: TaskReport) -> None:
+    """The maps that the command line draws."""
+    from pavetwin.draw.mission_map import save_comparison_map, save_mission_map
+
+    for result in results:
+        tell(1.0, f"Drawing the map: {result.policy}")
+        save_mission_map(result, (folder / result.policy if len(results) > 1 else folder) / "map.png")
+    if len(results) > 1:
+        save_comparison_map(results, folder / "comparison.png")
+
+
+def _file_names(folder: Path, results: list[MissionResult]) -> list[str]:
+    """The files of a result, by their paths within its folder."""
+    inner = [Path(result.policy) for result in results] if len(results) > 1 else []
+    return [
+        str(place / path.name)
+        for place in (Path(), *inner)
+        for path in sorted((folder / place).iterdir())
+        if path.is_file()
+    ]

@@ -1,0 +1,86 @@
+// The files of a mission: those that the command line wrote, and those that are made of it when asked for.
+
+import { element } from './dom.js';
+import { CancelledError } from './server.js';
+
+const WORDS = {
+  'mission.yaml': 'all that the mission depends on, to fly it again', 'captures.geojson': 'found defects, GeoJSON',
+  'defects.gpkg': 'all defects, found or missed and why, GeoPackage for QGIS', 'defects.csv': 'all defects as a table',
+  'mission.parquet': 'a row for each segment', 'track.parquet': 'the UAV every 0.3 s', 'detections.parquet': 'a row for each detection',
+  'streets.csv': 'a row for each street', 'map.png': 'the mission as a map', 'comparison.png': 'the policies side by side',
+  'by-hand.json': 'when the stick moved', 'looks.parquet': 'what each capture showed of each defect',
+};
+
+export class Files {
+  #root; #tasks; #made = element('ul', { className: 'list' }); #told = element('p', { className: 'told' }); #asked = null; #key = null;
+  /** Which mission of the flight is shown. */
+  mission = 0;
+
+  /** @param exports what the server can make: [name, words, command] each */
+  constructor(root, tasks, exports) {
+    this.#root = root;
+    this.#tasks = tasks;
+    this.exports = exports;
+    this.clear();
+  }
+
+  clear() {
+    this.#key = null;
+    this.#root.replaceChildren(element('p', {}, 'The files of a mission are listed here after the flight.'));
+  }
+
+  set(key, folder, names, isMission) {
+    if (this.#key !== key) {
+      this.#asked?.cancel();
+      this.#made.replaceChildren();
+      this.#told.textContent = '';
+    }
+    this.#key = key;
+    const links = names.map(name => this.#link(`api/played/${key}/files/${name}`, name, WORDS[name.split('/').at(-1)]));
+    this.#root.replaceChildren(
+      this.#told, ...this.#makers(isMission), this.#made,
+      element('p', { className: 'remark' }, `In ${folder}, as \`pavetwin fly\` writes them:`), element('ul', { className: 'list' }, ...links),
+    );
+  }
+
+  /** What is being written. */
+  tell(words) { this.#told.textContent = words; }
+
+  #link(href, name, words = '') {
+    return element('li', {}, element('a', { href, download: name.replaceAll('/', '-') }, name, element('small', {}, words)));
+  }
+
+  #makers(isMission) {
+    const choices = this.exports.filter(({ of_missions: only }) => isMission || !only);
+    if (!choices.length) return [];
+    const select = element('select', {}, ...choices.map(({ name, words }) => new Option(words, name)));
+    select.setAttribute('aria-label', 'What to make of this mission');
+    const button = element('button', { type: 'button' }, 'Make'), command = element('small');
+    const tell = () => { command.textContent = choices.find(({ name }) => name === select.value).command; };
+    select.addEventListener('change', tell);
+    button.addEventListener('click', () => this.#make(select.value, button));
+    tell();
+    return [element('div', { className: 'make' }, select, button, command)];
+  }
+
+  async #make(what, button) {
+    const key = this.#key;
+    button.disabled = true;
+    this.tell('Making it …');
+    const asked = this.#asked = this.#tasks.ask({ do: 'export', key, mission: this.mission, what }, ({ what: words }) => { if (words) this.tell(`${words} …`); });
+    try {
+      const { files, told } = await asked.promise;
+      if (this.#key !== key) return;
+      const links = files.map(name => this.#link(`api/played/${key}/made/${name}`, name));
+      const there = new Set(files), kept = [...this.#made.children].filter(item => !there.has(item.querySelector('a').download));
+      this.#made.replaceChildren(...kept, ...links);
+      this.tell(told);
+      if (links.length === 1) links[0].querySelector('a').click();
+    } catch (error) {
+      if (this.#key === key) this.tell(error instanceof CancelledError ? '' : error.message);
+    } finally {
+      button.disabled = false;
+      this.#asked = null;
+    }
+  }
+}

@@ -1,0 +1,18 @@
+// A line over the page: what went wrong, or for a moment what was done.
+
+import { by } from './dom.js';
+
+const SHOWN_MS = 3500;
+let timer = 0;
+
+export function notice(words, isTold = false) {
+  by('notice').firstElementChild.textContent = words;
+  by('notice').classList.toggle('told', isTold);
+  by('notice').hidden = false;
+  clearTimeout(timer);
+  if (isTold) timer = setTimeout(() => { by('notice').hidden = true; }, SHOWN_MS);
+}
+
+export function listenToNotice() {
+  by('notice').querySelector('button').addEventListener('click', () => { by('notice').hidden = true; });
+}
