@@ -12,13 +12,15 @@ import { fetchJson } from './server.js';
 import { isDark, palette, setTheme, startTheme } from './theme.js';
 import { Timeline } from './timeline.js';
 
+/** What the page has for the server alone. */
+const OF_SERVER = '#mission, #exhibits, #flown, #share, #solid, #find, #streets, #box, #selection, #pilot, #town, #camera .under label, #tab-files, #files, #progress, #new-town, #exhibit';
 const KEYS = [
   ['Space', 'play or pause'], ['← →', 'a second back or on (shift: ten), away from the map'], ['N P', 'next or previous occlusion'],
   ['[ ]', 'slower, faster'], ['V', 'the other policy'], ['arrows', 'move the map, when it has the focus'],
   ['+ − 0', 'zoom the map; the whole town'], ['F', 'follow the UAV'], ['D', 'light or dark'], ['?', 'these keys'],
 ];
 
-for (const part of document.querySelectorAll('[data-server]')) part.remove();
+for (const part of document.querySelectorAll(OF_SERVER)) part.remove();
 startTheme();
 const seek = t => player.seek(t), showDefect = id => player.showDefect(id);
 const map = new StreetMap(by('map'), { pick: () => {}, hover: tellUnder, defect: showDefect, view: () => drawScale(map.view) });
