@@ -163,8 +163,8 @@ class Session:
         return await self.tasks.run({"do": "choices"})
 
     async def run(self, asked: Mapping[str, Any], on_progress: OnReport, said: Said | None = None) -> Mapping[str, Any]:
-        """Do what a browser asked for: `estimate`, `fly`, `fly_missed`, `play`, list the `missions`, `build` a town,
-        `pilot` a flight by hand, `export` a mission, or `show` a study or a dataset.
+        """Do what a browser asked for: `choose` what a mission.yaml says, `estimate`, `fly`, `fly_missed`, `play`, list
+        the `missions`, `build` a town, `pilot` a flight by hand, `export` a mission, or `show` a study or a dataset.
 
         Args:
             said: what the page says to the task while it goes on.
@@ -176,6 +176,9 @@ class Session:
             return await self._build(asked.get("town"), on_progress)
         if asked.get("do") == "show":
             return await self._show(asked.get("exhibit"), on_progress)
+        if asked.get("do") == "choose":
+            worlds = {world.id: str(world.folder) for world in self.worlds}
+            return await self.tasks.run({"do": "choose", "text": asked.get("text"), "worlds": worlds}, on_progress)
         if asked.get("do") == "export":
             return await self._export(asked, on_progress)
         world = self.world(asked.get("world"))

@@ -48,6 +48,7 @@ def run(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
         "build": _build,
         "show": _show,
         "export": _export,
+        "choose": _choose,
         "pilot": _pilot,
         "town": _town,
         "frame": _frame,
@@ -74,6 +75,9 @@ def _choices(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:  #
             "mix": DEFAULT_MIX,
             "sensor": usual.sensing.sensor,
             "aircraft": usual.aircraft,
+            "clouds": usual.conditions.clouds,
+            "wind_mps": usual.conditions.wind_mps,
+            "wind_from_deg": usual.conditions.wind_from_deg,
             "date": usual.conditions.date.isoformat(),
             "time": usual.conditions.time.isoformat("minutes"),
         },
@@ -100,6 +104,13 @@ def _export(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
     from pavetwin.app.exports import make_export
 
     return make_export(task, tell)
+
+
+def _choose(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:  # noqa: ARG001 - as every task
+    """The choices that a mission.yaml makes."""
+    from pavetwin.app.described import choices_of
+
+    return choices_of(task)
 
 
 def _pilot(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:

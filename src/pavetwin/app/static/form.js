@@ -1,10 +1,12 @@
 // The controls of a mission, and the request that they make. The same values are the page's address, so that it can be
 // shared; what is as usual is left out of both.
 
-import { by, fillSelect } from './dom.js';
+import { by, element, fillSelect } from './dom.js';
 
 const LEVELS = { A: 'A, free', B: 'B', C: 'C, stable', D: 'D', E: 'E, near capacity', F: 'F, stop and go' };
-const FIELDS = ['altitude_m', 'policy', 'against', 'traffic', 'sensor', 'seed', 'date', 'time'];
+/** Fields whose values are texts, and those that are numbers; what is as usual is left out of a request. */
+const TEXTS = ['traffic', 'mix', 'sensor', 'aircraft', 'date', 'time'], NUMBERS = ['clouds', 'wind_mps', 'wind_from_deg'];
+const FIELDS = ['altitude_m', 'policy', 'against', 'seed', ...TEXTS, ...NUMBERS];
 
 export class MissionForm {
   #form; #usual; #worlds; isCompared = false;
@@ -13,7 +15,9 @@ export class MissionForm {
     this.#form = form;
     this.#usual = { ...start.usual, policy: start.usual.policies[0], traffic: '' };
     this.#worlds = start.worlds;
+    this.orders = start.orders;
     const { elements } = form;
+    this.#addMore(start);
     fillSelect(elements.world, start.worlds.length ? start.worlds.map(({ id, name }) => [id, name]) : [['', 'none']]);
     const policies = start.policies;
     this.#usual.against = policies.find(name => name !== this.#usual.policy) ?? this.#usual.policy;
@@ -26,9 +30,23 @@ export class MissionForm {
       ...Array.from({ length: 24 }, (_, hour) => [`hour-${String(hour).padStart(2, '0')}`, `${hour} to ${hour + 1} o'clock`]),
     ], '');
     fillSelect(elements.sensor, start.sensors, this.#usual.sensor);
+    elements.altitude_m.step = 'any';
     [elements.altitude_m.min, elements.altitude_m.max] = start.altitudes_m;
     for (const name of FIELDS) elements[name].value = this.#usual[name];
     form.addEventListener('change', onChange);
+  }
+
+  /** What is chosen less often, in a menu of its own. */
+  #addMore(start) {
+    const number = (name, max) => element('input', { name, type: 'number', min: 0, max, step: 'any', required: true });
+    const select = (name, choices) => { const made = element('select', { name }); fillSelect(made, choices, this.#usual[name]); return made; };
+    const fields = [
+      ['Vehicles', select('mix', start.mixes)], ['Aircraft', select('aircraft', start.aircraft)], ['Clouds, 0 to 1', number('clouds', 1)],
+      ['Wind, m/s', number('wind_mps', 30)], ['Wind from, degrees', number('wind_from_deg', 359)],
+    ];
+    const items = fields.map(([words, field]) => element('li', {}, element('label', {}, words, field)));
+    const more = element('details', { className: 'menu', id: 'more' }, element('summary', { title: 'Vehicles, aircraft, clouds and wind' }, 'More'), element('ul', {}, ...items));
+    this.#form.querySelector('.actions').before(more);
   }
 
   /** A town that was built since, chosen now. */
@@ -54,20 +72,20 @@ export class MissionForm {
   }
 
   /** The request of a mission over segments, or over `count` that are drawn. */
-  request(segments, count) {
+  request(segments, count, order) {
     const { elements } = this.#form, asked = { policies: this.policies };
-    for (const name of ['traffic', 'sensor', 'date', 'time']) {
-      if (elements[name].value && elements[name].value !== this.#usual[name]) asked[name] = elements[name].value;
-    }
+    const changed = name => elements[name].value && elements[name].value !== String(this.#usual[name]);
+    for (const name of TEXTS) if (changed(name)) asked[name] = elements[name].value;
+    for (const name of NUMBERS) if (changed(name)) asked[name] = Number(elements[name].value);
     asked.altitude_m = Number(elements.altitude_m.value);
     asked.seed = Number(elements.seed.value);
     if (segments.length) asked.segments = segments;
-    else asked.count = count;
+    else Object.assign(asked, { count, order });
     return asked;
   }
 
   /** The page's address for what is chosen. */
-  address(segments, count) {
+  address(segments, count, order) {
     const values = new URLSearchParams({ world: this.worldName });
     for (const name of FIELDS) {
       const { value } = this.#form.elements[name];
@@ -76,10 +94,24 @@ export class MissionForm {
     if (this.isCompared) values.set('against', this.#form.elements.against.value);
     if (segments.length) values.set('segments', segments.join(','));
     else values.set('count', count);
+    if (!segments.length && order !== this.#usual.order) values.set('order', order);
     return `#${values}`;
   }
 
-  /** Set the controls by an address. Returns the segments, and how many are drawn. */
+  /** Set the controls to those of a mission: a town by its key, and values by the names of the controls. */
+  choose(world, values) {
+    const { elements } = this.#form;
+    elements.world.value = world;
+    for (const name of FIELDS) {
+      const value = values[name] ?? this.#usual[name];
+      elements[name].value = value;
+      if (elements[name].selectedIndex === -1) elements[name].append(new Option(value, value, true, true));
+    }
+    elements.time.step = elements.time.value.length > 5 ? 1 : 60; // to the second where it has seconds
+    this.compare(false);
+  }
+
+  /** Set the controls by an address. Returns the segments, or how many are drawn and in which order. */
   read(address) {
     const values = new URLSearchParams(address.replace(/^#/, '')), { elements } = this.#form;
     const named = this.#worlds.find(({ name }) => name === values.get('world'));
@@ -92,6 +124,7 @@ export class MissionForm {
     }
     this.compare(values.has('against'));
     const segments = values.get('segments')?.split(',').filter(Boolean) ?? [];
-    return { segments, count: Math.max(1, Number(values.get('count')) || this.#usual.count) };
+    const order = this.orders.includes(values.get('order')) ? values.get('order') : this.#usual.order;
+    return { segments, count: Math.max(1, Number(values.get('count')) || this.#usual.count), order };
   }
 }

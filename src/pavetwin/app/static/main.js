@@ -26,7 +26,7 @@ const KEYS = [
   ['← →', 'a second back or on (shift: ten), away from the map'], ['N P', 'next or previous occlusion'], ['[ ]', 'slower, faster'],
   ['V', 'the other policy'], ['arrows', 'move the map, when it has the focus'], ['+ − 0', 'zoom the map; the whole town'],
   ['T', 'show or hide the town in 3-D'], ['1 2 3 4', 'see the town by hand, behind the UAV, from its camera, from a car'],
-  ['U', 'fly the UAV yourself'], ['M', 'build a town from a street map'], ['B', 'drag a box around streets'], ['F', 'follow the UAV'], ['D', 'light or dark'], ['?', 'these keys'],
+  ['U', 'fly the UAV yourself'], ['M', 'build a town from a street map'], ['O', 'make the choices of a mission.yaml'], ['B', 'drag a box around streets'], ['F', 'follow the UAV'], ['D', 'light or dark'], ['?', 'these keys'],
 ];
 
 startTheme();
@@ -64,10 +64,10 @@ async function boot() {
   selection = new Selection(by('selection'), tasks, form, (chosen, drawn) => {
     map.setSelection(chosen);
     map.setDrawn(drawn);
-    if (page.map) history.replaceState(null, '', form.address(selection.segments, selection.count));
+    if (page.map) history.replaceState(null, '', form.address(selection.segments, selection.count, selection.order));
   });
   new Exhibits(by('exhibits'), by('exhibit'), tasks, start.exhibits);
-  newTown = new NewTown(by('new-town'), tasks, start, showNewTown);
+  newTown = new NewTown(by('new-town'), tasks, start, showNewTown, chooseDescribed);
   if (!start.worlds.length) {
     by('selection').textContent = 'There is no town yet. Build one from a street map with + above; or generate one with `pavetwin world build --generate town -o worlds/town`, and start the page again.';
     by('start').disabled = by('compare').disabled = by('control').disabled = true;
@@ -75,7 +75,7 @@ async function boot() {
   }
   const shared = form.read(location.hash);
   await showWorld();
-  selection.set(shared.segments.filter(id => map.segment(id)), shared.count);
+  selection.set(shared.segments.filter(id => map.segment(id)), shared.count, shared.order);
   document.documentElement.dataset.ready = 'yes';
 }
 
@@ -125,13 +125,13 @@ function setColours() {
 
 async function fly() {
   if (page.task || !form.isValid) return by('mission').reportValidity();
-  await follow({ do: 'fly', world: form.world, request: form.request(selection.segments, selection.count) });
+  await follow({ do: 'fly', world: form.world, request: form.request(selection.segments, selection.count, selection.order) });
 }
 
 /** Fly by hand: the flight is shown while it grows, and played as any other once the UAV has landed. */
 async function takeControl() {
   if (page.task || !form.isValid) return by('mission').reportValidity();
-  const isLanded = await follow({ do: 'pilot', world: form.world, request: form.request(selection.segments, selection.count) });
+  const isLanded = await follow({ do: 'pilot', world: form.world, request: form.request(selection.segments, selection.count, selection.order) });
   if (!isLanded) return;
   notice('Landed. The flight can be played like any other, but it is no mission of this town: what you want to keep of it is under Files.');
   by('notice').classList.add('told');
@@ -199,6 +199,29 @@ async function showFlight(made) {
   player.showWhole(page.map.base_m);
 }
 
+/** Let a mission.yaml be chosen. */
+function openDescribed() {
+  by('flown').open = false;
+  const file = element('input', { type: 'file', accept: '.yaml,.yml' });
+  file.addEventListener('change', () => { if (file.files[0]) chooseDescribed(file.files[0]); });
+  file.click();
+}
+
+/** Make the choices of a mission.yaml that was chosen or dropped. */
+async function chooseDescribed(file) {
+  try {
+    const { world, values, segments, left_out: left } = await tasks.ask({ do: 'choose', text: await file.text() }).promise;
+    const isOther = world !== form.world;
+    form.choose(world, values);
+    if (isOther || !page.map) await showWorld();
+    selection.set(segments);
+    if (left.length) notice(`Chosen as ${file.name} says, but for what the page has no field for: ${left.join(', ')}. \`pavetwin fly --again\` flies it as it was.`);
+    else notice(`Chosen as ${file.name} says. Start flies it.`, true);
+  } catch (error) {
+    notice(`${file.name}: ${error.message}`);
+  }
+}
+
 function setFiles({ key, folder, files: names }) {
   files.set(key, folder, names, !player.mission.isByHand);
 }
@@ -222,7 +245,9 @@ async function listFlown() {
     button.addEventListener('click', () => { by('flown').open = false; follow({ do: 'play', world: form.world, mission: name }); });
     return element('li', {}, button);
   });
-  by('flown').querySelector('ul').replaceChildren(...entries.length ? entries : [element('li', { className: 'empty' }, 'No mission of this town yet.')]);
+  const other = element('button', { type: 'button', title: 'Make the choices of a mission.yaml (O); or drop the file on the page' }, 'From a mission.yaml …');
+  other.addEventListener('click', openDescribed);
+  by('flown').querySelector('ul').replaceChildren(element('li', {}, other), ...entries.length ? entries : [element('li', { className: 'empty' }, 'No mission of this town yet.')]);
 }
 
 // What is shown of the map.
@@ -249,7 +274,7 @@ function showTown(on) {
 }
 
 async function share() {
-  const address = location.origin + location.pathname + form.address(selection.segments, selection.count);
+  const address = location.origin + location.pathname + form.address(selection.segments, selection.count, selection.order);
   try {
     await navigator.clipboard.writeText(address);
     notice('The address of this mission is copied.', true);
@@ -278,7 +303,7 @@ function key(event) {
   const onTown = event.target === by('town').querySelector('canvas'), onButton = event.target.matches('button, summary, a, [type="range"], [role="tab"]');
   const acts = {
     ...playerKeys(player, map, onButton), Enter: onButton ? null : fly, Escape: escape, c: () => by('compare').click(), b: () => box(), f: () => followUav(), d: theme,
-    m: () => newTown?.open(), u: takeControl, t: () => showTown(!town.isShown), '?': () => by('keys').showModal(),
+    m: () => newTown?.open(), o: openDescribed, u: takeControl, t: () => showTown(!town.isShown), '?': () => by('keys').showModal(),
     ...Object.fromEntries(TOWN_MODES.map((mode, i) => [i + 1, () => town.setMode(mode)])),
   };
   const act = arrowAct(event, player, map, onButton || onTown) ?? acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];

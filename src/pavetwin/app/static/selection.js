@@ -4,11 +4,13 @@ import { element } from './dom.js';
 import { CancelledError } from './server.js';
 
 const PATIENCE_MS = 250;
+const ORDERS = { random: 'anywhere, by the seed', near: 'in a short tour' };
 
 export class Selection {
   #root; #tasks; #form; #changed; #timer = 0; #asked = null; #numbers; #words; #row; #note;
   segments = [];
   count = 8;
+  order = 'random';
   isDrawable = true;
 
   /** @param changed told the segments that a mission would inspect: the chosen ones, or those drawn */
@@ -24,9 +26,8 @@ export class Selection {
     root.append(this.#words, this.#numbers, this.#note, this.#row);
   }
 
-  set(segments, count = this.count) {
-    this.segments = segments;
-    this.count = count;
+  set(segments, count = this.count, order = this.order) {
+    Object.assign(this, { segments, count, order });
     this.update();
   }
 
@@ -60,7 +61,10 @@ export class Selection {
     }
     const number = element('input', { type: 'number', min: 1, max: 2000, value: count, id: 'count' });
     number.addEventListener('change', () => { if (number.checkValidity()) this.set([], Number(number.value)); });
-    this.#row.replaceChildren(element('label', { htmlFor: 'count' }, 'Number of segments'), number);
+    const order = element('select', {}, ...this.#form.orders.map(name => new Option(ORDERS[name] ?? name, name, name === this.order, name === this.order)));
+    order.setAttribute('aria-label', 'How they are chosen');
+    order.addEventListener('change', () => this.set([], this.count, order.value));
+    this.#row.replaceChildren(element('label', { htmlFor: 'count' }, 'Number of segments'), number, order);
   }
 
   async #estimate() {
@@ -68,7 +72,7 @@ export class Selection {
     if (!this.#form.world || !this.#form.isValid) return this.#numbers.replaceChildren();
     this.#root.classList.add('busy');
     const asked = this.#asked = this.#tasks.ask({
-      do: 'estimate', world: this.#form.world, request: this.#form.request(this.segments, this.count),
+      do: 'estimate', world: this.#form.world, request: this.#form.request(this.segments, this.count, this.order),
     });
     try {
       const known = await asked.promise;

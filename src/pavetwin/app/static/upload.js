@@ -6,18 +6,20 @@ import { CancelledError } from './server.js';
 const RULES = { europe: 'as in Europe', north_america: 'as in North America', none: 'none' };
 
 export class NewTown {
-  #dialog; #form; #tasks; #maps; #onTown; #file = null; #asked = null;
+  #dialog; #form; #tasks; #maps; #onTown; #onMission; #file = null; #asked = null;
 
   /**
    * @param start what the server can build, as `api/start` tells it
    * @param onTown told the new town, once it is there
+   * @param onMission told a mission.yaml that was dropped
    */
-  constructor(dialog, tasks, start, onTown) {
+  constructor(dialog, tasks, start, onTown, onMission) {
     this.#dialog = dialog;
     this.#form = dialog.querySelector('form');
     this.#tasks = tasks;
     this.#maps = start.maps;
     this.#onTown = onTown;
+    this.#onMission = onMission;
     const { elements } = this.#form;
     fillSelect(elements.parking_rule, start.parking_rules.map(name => [name, RULES[name] ?? name.replaceAll('_', ' ')]), 'europe');
     this.#part('.drop span').textContent = 'Choose a file, or drop it here';
@@ -32,12 +34,15 @@ export class NewTown {
 
   open() { if (!this.#dialog.open) this.#dialog.showModal(); }
 
-  /** Anywhere on the page; a file that is dropped on the map is a map too. */
+  /** Anywhere on the page: a file that is dropped is a map, or a mission.yaml. */
   #drag(event) {
     if (!event.dataTransfer?.types.includes('Files')) return;
     event.preventDefault();
+    if (event.type !== 'drop' || this.#asked) return;
+    const [file] = event.dataTransfer.files;
+    if (/\.ya?ml$/i.test(file.name)) return this.#onMission(file);
     this.open();
-    if (event.type === 'drop' && !this.#asked) this.#choose(event.dataTransfer.files[0]);
+    this.#choose(file);
   }
 
   #part(selector) { return this.#form.querySelector(selector); }
