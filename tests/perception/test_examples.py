@@ -14,6 +14,7 @@ from pavetwin.labels.rle import encode
 from pavetwin.perception.classes import CAR, CLASSES, COARSE, NO_SUBTYPE, ROAD_DEFECT, class_of, coarse_of, subtype_of
 from pavetwin.perception.examples.coco import read_coco
 from pavetwin.perception.examples.example import Outline, RunLengths, labelled_classes, mask_in, missing_classes
+from pavetwin.perception.examples.pack import PackOptions, read_pack, write_pack
 from scenes.drawn_roads import NAMES, drawn_roads
 
 
@@ -99,6 +100,21 @@ def test_what_has_iscrowd_is_ignored_and_its_class_may_be_missing(tmp_path: Path
 def test_a_capture_is_synthetic(tmp_path: Path) -> None:
     data = read_coco(drawn_roads(tmp_path, {"train": 1}, synthetic=True), ("train",))
     assert data.examples[0].is_synthetic
+
+
+@pytest.mark.parametrize("told", [{"camera": {"platform": "car"}}, {"attributes": {"platform": "car"}}])
+def test_what_a_car_has_taken_is_from_the_road_and_stays_so_when_packed(tmp_path: Path, told: dict[str, Any]) -> None:
+    folder = drawn_roads(tmp_path, {"train": 3}, synthetic=True)
+    labels = folder / "annotations" / "instances_train.json"
+    content = json.loads(labels.read_text())
+    content["images"][1] |= told
+    content["images"][2] |= {section: {"platform": "uav"} for section in told}
+    labels.write_text(json.dumps(content))
+    data = read_coco(folder, ("train",))
+    assert [each.is_from_road for each in data.examples] == [False, True, False]
+    write_pack([data], tmp_path / "all.pack", PackOptions())
+    packed = read_pack(tmp_path / "all.pack", ("train",))
+    assert [each.is_from_road for each in packed.examples] == [False, True, False]
 
 
 def test_masks_are_read_in_any_window() -> None:

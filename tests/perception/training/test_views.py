@@ -79,6 +79,18 @@ def test_masks_lie_where_the_picture_shows_the_thing(data: ExampleSet, name: str
     assert np.mean(agreement) > 0.8
 
 
+def test_what_a_car_has_taken_stays_upright(data: ExampleSet) -> None:
+    """And the rest of the view is the same."""
+    other = replace(data, examples=tuple(replace(each, is_from_road=True) for each in data.examples))
+    for seed in range(4):
+        views = [
+            random_view(members(each)[seed], members(each), VARIED["upside down"], np.random.default_rng(seed))
+            for each in (data, other)
+        ]
+        assert (views[0].pixels[::-1] == views[1].pixels).all()
+        assert views[0].pixels.std() > 1
+
+
 def test_a_letterbox_shows_the_whole_image_in_the_middle(data: ExampleSet) -> None:
     """128 × 96 in 256 × 256: twice as large, 32 rows of grey above and below."""
     view = view_of([fitted(data, data.examples[0], 256)], 256)

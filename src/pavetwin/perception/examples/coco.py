@@ -24,6 +24,9 @@ SYNTHETIC: Final = "PaveTwin synthetic images"
 SYNTHETIC_SOURCE: Final = "pavetwin"
 """The source of captures within a dataset of many sources."""
 
+ROAD_PLATFORMS: Final = ("car",)
+"""Platforms of captures that drive."""
+
 _OUTSIDE_PX: Final = 1.0
 """Labels may reach this far out of an image, by rounding; what does is clipped."""
 
@@ -102,7 +105,16 @@ def _example(
         place=f"images/{split}/{image['file_name']}",
         gsd_mm=image.get("gsd_mm"),
         objects=objects,
+        is_from_road=_platform(image) in ROAD_PLATFORMS,
     )
+
+
+def _platform(image: dict[str, Any]) -> object:
+    """What took the image: captures tell it of their camera, merged datasets among the attributes."""
+    for section in (image.get("camera"), image.get("attributes")):
+        if isinstance(section, dict) and "platform" in section:
+            return section["platform"]
+    return None
 
 
 def _object(row: dict[str, Any], kinds: dict[int, Kind], size: tuple[int, int], path: Path) -> TrueObject:

@@ -96,6 +96,8 @@ class Example:
     gsd_mm: float | None = None
     """Millimetres of the road that a pixel covers, where it is known."""
     objects: tuple[TrueObject, ...] = ()
+    is_from_road: bool = False
+    """Whether it is known to be taken from a vehicle on the road: then it has a top and a bottom."""
 
 
 @dataclass(frozen=True)

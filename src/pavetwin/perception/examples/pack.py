@@ -179,6 +179,7 @@ def _row(example: Example) -> dict[str, Any]:
         "source": example.source,
         "synthetic": example.is_synthetic,
         "gsd_mm": example.gsd_mm,
+        "from_road": example.is_from_road,
         "objects": [_object(each) for each in example.objects],
     }
 
@@ -237,6 +238,7 @@ def _example(row: dict[str, Any], place: tuple[int, int]) -> Example:
         is_synthetic=row["synthetic"],
         place=place,
         gsd_mm=row["gsd_mm"],
+        is_from_road=row.get("from_road", False),  # packed files did not tell it at first
         objects=tuple(_true_object(each) for each in row["objects"]),
     )
 

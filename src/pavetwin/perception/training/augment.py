@@ -41,7 +41,7 @@ class ViewOptions:
     mirror: float = 0.5
     """Share of images with left and right exchanged."""
     upside_down: float = 0.0
-    """Share of images with top and bottom exchanged; for images from above."""
+    """Share of images with top and bottom exchanged, but for those that are known to be taken from a vehicle."""
     hue: float = 0.015
     saturation: float = 0.7
     brightness: float = 0.4
@@ -111,7 +111,7 @@ def _part(member: Member, window: PixelBox, options: ViewOptions, rng: np.random
         float(window[0] + np.round(offset[0])),
         float(window[1] + np.round(offset[1])),
         mirrored=bool(rng.random() < options.mirror),
-        upside_down=bool(rng.random() < options.upside_down),
+        upside_down=bool(rng.random() < options.upside_down) and not example.is_from_road,
     )
 
 

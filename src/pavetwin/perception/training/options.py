@@ -64,7 +64,7 @@ class TrainingOptions:
     mosaic_off: int = _about("Last epochs of each stage without mosaics.", 10, 0, 10_000)
     scale: float = _about("Scales vary from 1 − this to 1 + this.", 0.5, 0, 0.9)
     mirror: float = _about("Share of images with left and right exchanged.", 0.5, 0, 1)
-    upside_down: float = _about("Share of images with top and bottom exchanged.", 0.0, 0, 1)
+    upside_down: float = _about("Share of images with top and bottom exchanged, but for those from a car.", 0.0, 0, 1)
     hue: float = _about("Hues turn by at most this share of a circle.", 0.015, 0, 0.5)
     saturation: float = _about("Saturations vary by at most this share.", 0.7, 0, 1)
     brightness: float = _about("Brightnesses vary by at most this share.", 0.4, 0, 1)
