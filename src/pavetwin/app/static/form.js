@@ -45,7 +45,7 @@ export class MissionForm {
       ['Wind, m/s', number('wind_mps', 30)], ['Wind from, degrees', number('wind_from_deg', 359)],
     ];
     const items = fields.map(([words, field]) => element('li', {}, element('label', {}, words, field)));
-    const more = element('details', { className: 'menu', id: 'more' }, element('summary', { title: 'Vehicles, aircraft, clouds and wind' }, 'More'), element('ul', {}, ...items));
+    const more = element('details', { className: 'menu', id: 'more' }, element('summary', { title: 'More: vehicles, aircraft, clouds and wind', ariaLabel: 'More settings' }, '⋯'), element('ul', {}, ...items));
     this.#form.querySelector('.actions').before(more);
   }
 
