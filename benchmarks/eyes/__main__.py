@@ -35,6 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--policies", nargs="+", default=["baseline", "hover", "micro", "skip"], help="to fly")
     parser.add_argument("--densities", nargs="+", default=[*grid.DENSITIES], choices=grid.DENSITIES, help="to fly in")
     parser.add_argument("--altitudes", nargs="+", type=float, default=grid.STUDY["altitudes_m"], help="to fly at")
+    parser.add_argument("--damage", default="paper", choices=["paper", "survey"], help="to place")
     parser.add_argument("--light", nargs="+", default=[], metavar="NAME=VALUE", help="as time=14:00 clouds=0.7")
     parser.add_argument("--missions", type=Path, help="what --fly flew")
     parser.add_argument("--captures", nargs="*", type=Path, default=[], help="datasets to fit to as well")
@@ -44,7 +45,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     asked = parser.parse_args(arguments)
     try:
         if asked.fly:
-            varied = {"policies": asked.policies, "altitudes_m": asked.altitudes}
+            varied = {
+                "policies": asked.policies,
+                "altitudes_m": asked.altitudes,
+                "defects": {"population": asked.damage},
+            }
             light = dict(each.split("=", 1) for each in asked.light)
             _fly(Path(asked.fly[0]), asked.fly[1:], asked.densities, varied, light)
         if asked.missions is not None:

@@ -28,6 +28,7 @@ from pavetwin.draw.strip import caption
 from pavetwin.draw.turned import MapTransform
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.report.canvas import looks
+from pavetwin.mission.detections import DetectionLog
 from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.spec import TrafficInput
@@ -245,7 +246,9 @@ def test_the_file_is_small_and_the_same_every_time(tmp_path: Path) -> None:
 def test_a_mission_that_saw_nothing_has_a_map_too(tmp_path: Path) -> None:
     result = tiny.result("empty_street", "baseline")
     empty = {name: column[:0] for name, column in result.captures.items()}
-    save_mission_map(replace(result, captures=empty, rows=(), detections=()), tmp_path / "map.png")
+    save_mission_map(
+        replace(result, captures=empty, rows=(), log=DetectionLog(result.environment)), tmp_path / "map.png"
+    )
     assert (tmp_path / "map.png").is_file()
 
 

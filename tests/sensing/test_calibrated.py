@@ -9,6 +9,7 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.special import ndtr
 from shapely import Point, box
 
 from pavetwin.config.mission import SensingSettings
@@ -20,6 +21,7 @@ from pavetwin.perception.shipped import model_path
 from pavetwin.sensing import Outcome, Sighting
 from pavetwin.sensing.calibrated import Calibrated
 from pavetwin.sensing.conformance import trial_defect, trial_frames
+from pavetwin.sensing.look_scores import LookScorer
 from pavetwin.sensing.looks import LookMeter
 from pavetwin.sensing.sensor_model import SensorModel
 from pavetwin.sensing.shipped import DEFAULT, sensor_path
@@ -229,3 +231,42 @@ def test_looks_are_read_from_a_missions_folder(tmp_path: Path) -> None:
     (tmp_path / "m" / LOOKS).unlink()
     with pytest.raises(PaveTwinError, match=r"looks.parquet' is not there; only missions of the sensor 'detector'"):
         read_looks(tmp_path / "m")
+
+
+def test_scores_in_flight_are_those_of_the_model() -> None:
+    model, meter = stated(), LookMeter(640)
+    scorer = LookScorer(model, meter)
+    rng = np.random.default_rng(3)
+    for number in range(60):
+        defect = replace(trial_defect(number), kind=(*model.classes, "ravelling")[number % 4])
+        long, east, north = rng.uniform(0.1, 4.0), *rng.uniform(-6, 6, 2)
+        outline = shapely.affinity.translate(box(-long / 2, -0.1, long / 2, 0.1), east, north)
+        sighting = Sighting(replace(defect, polygon=outline), rng.uniform(), 0, across_m=0.2)
+        frame = replace(
+            BLANK,
+            altitude_m=(6.0, 10.0)[number % 2],
+            velocity_mps=(rng.normal(0, 3), rng.normal(0, 3)),
+            yaw_rad=rng.uniform(-3, 3),
+            sun_elevation_deg=(None, 20.0, 50.0)[number % 3],
+            sightings=(sighting,),
+        )
+        ((seen, score, report),) = scorer.scored(frame)
+        assert seen is sighting
+        assert report.footprint is outline
+        assert ndtr(score) == pytest.approx(model.chance(meter.look(frame, sighting)), abs=1e-12)
+
+
+def test_what_is_found_is_what_the_first_version_found() -> None:
+    """Draws that studies were flown with: 48 looks at defects across and beyond the image, at all visible fractions."""
+    one, found, alarms = sensor(stated(), seed=5), [], []
+    for number in range(48):
+        outline = shapely.affinity.translate(box(-0.1, -0.02, 0.1 + 0.02 * number, 0.2), number % 7 - 3, 2 - number % 5)
+        defect = replace(trial_defect(number % 3), id=number, kind="pothole", polygon=outline)
+        sighting = Sighting(defect, 1 - 0.01 * number, number % 4, across_m=0.1)
+        frame = replace(BLANK, number=number, velocity_mps=(0.1 * number, 1.0), yaw_rad=0.1 * number)
+        reported = one.detect(replace(frame, sightings=(sighting,)))
+        found.append(any(each.footprint is outline for each in reported))
+        alarms.append(sum(each.means_nothing for each in reported))
+    assert sum(is_found << look for look, is_found in enumerate(found)) == 193818787611322
+    assert (sum(found), sum(alarms)) == (25, 71)
+    assert alarms[:16] == [1, 2, 1, 3, 2, 2, 1, 1, 1, 0, 1, 2, 2, 2, 1, 2]

@@ -189,7 +189,7 @@ class ByHand(Mission):
             self.flight,
             self.memory,
             0,
-            self.detections.all,
+            self.detections.outcomes,
             permanently_hidden=self.environment.permanently_hidden(target, self.settings),
             inspected=self.memory.status_of(segment.id) is SegmentStatus.INSPECTED,
             swaps=0,

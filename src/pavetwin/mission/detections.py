@@ -1,8 +1,11 @@
 """The detections of a mission, each compared with the defects that are there."""
 
-from collections.abc import Collection, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
+from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -12,6 +15,9 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import MissionEnvironment
 from pavetwin.sensing import Detection, Frame, JudgedDetection, Outcome, Sighting, match, unknown_class
 from pavetwin.world.model import Defect
+
+_Told = tuple[Outcome, int | None, Sighting | None]
+"""The outcome of a detection, its defect, and the sighting of that."""
 
 
 class DetectionLog:
@@ -32,7 +38,30 @@ class DetectionLog:
         """
         self._defects = environment.defects
         self._sensor, self._other_classes = sensor, other_classes
-        self.all: list[JudgedDetection] = []
+        self._batches: list[_Batch] = []
+        self._listed: list[JudgedDetection] = []
+        self._listed_batches = self._counted_batches = 0
+        self._outcomes = Counter[Outcome]()
+
+    @property
+    def all(self) -> list[JudgedDetection]:
+        """All of them, in the order of time; made when they are asked for, since many missions are only counted."""
+        self._listed += chain.from_iterable(map(_listed, self._batches[self._listed_batches :]))
+        self._listed_batches = len(self._batches)
+        return self._listed
+
+    @property
+    def outcomes(self) -> Counter[Outcome]:
+        """How many there are of each."""
+        for batch in self._batches[self._counted_batches :]:
+            self._outcomes.update(outcome for outcome, _, _ in batch.told)
+            self._outcomes[Outcome.FALSE_ALARM] += len(batch.detections) - len(batch.told)
+        self._counted_batches = len(self._batches)
+        return self._outcomes.copy()
+
+    def latest(self) -> list[JudgedDetection]:
+        """Those of the capture that was judged last, where anything was reported of it."""
+        return _listed(self._batches[-1]) if self._batches else []
 
     def judge(
         self,
@@ -42,27 +71,52 @@ class DetectionLog:
         *,
         segment: int,
         on_revisit: bool,
-    ) -> list[JudgedDetection]:
-        """Args:
-        confirmed: ids of the defects that are confirmed already.
-        segment: index of the segment under inspection.
+    ) -> list[int]:
+        """Judge what is reported of a capture; returns the defects that it confirms.
+
+        Args:
+            confirmed: ids of the defects that are confirmed already.
+            segment: index of the segment under inspection.
 
         Raises:
             PaveTwinError: a detection's class is not known.
         """
         if not detections:
             return []
-        for kind in sorted({detection.kind for detection in detections} - self._classes):
-            if unknown := unknown_class(kind, self._classes, self._other_classes):
-                raise PaveTwinError(f"The sensor '{self._sensor}' reports {unknown}.")
-        sightings = {sighting.defect.id: sighting for sighting in frame.sightings}
-        outlines = {id(sighting.defect.polygon) for sighting in frame.sightings}
-        candidates = self._candidates(
-            frame, all(each.means_nothing or id(each.footprint) in outlines for each in detections)
-        )
+        self._check(detections)
         if frame.source is not None:
             frame = replace(frame, source=None)
-        new, judged = set[int](), []
+        places = [at for at, each in enumerate(detections) if not each.means_nothing]
+        told = self._told(frame, [detections[at] for at in places], confirmed) if places else []
+        self._batches.append(_Batch(frame, detections, segment, on_revisit, places, told))
+        return [defect for outcome, defect, _ in told if outcome is Outcome.CONFIRMED and defect is not None]
+
+    def _check(self, detections: Sequence[Detection]) -> None:
+        kinds = {detection.kind for detection in detections}
+        if kinds <= self._classes:
+            return
+        for kind in sorted(kinds - self._classes):
+            if unknown := unknown_class(kind, self._classes, self._other_classes):
+                raise PaveTwinError(f"The sensor '{self._sensor}' reports {unknown}.")
+
+    def _told(self, frame: Frame, detections: Sequence[Detection], confirmed: Collection[int]) -> "list[_Told]":
+        """The outcome, the defect and its sighting of each detection."""
+        seen = {id(sighting.defect.polygon): sighting for sighting in frame.sightings}
+        told: list[_Told] = []
+        for each in detections:
+            sighting = seen.pop(id(each.footprint), None)
+            if sighting is None or sighting.defect.kind != each.kind:
+                return [*self._matched(frame, detections, confirmed)]
+            # The outline of a defect that the capture sees, reported once: nothing needs to be matched.
+            defect = sighting.defect.id
+            told.append((Outcome.DUPLICATE if defect in confirmed else Outcome.CONFIRMED, defect, sighting))
+        return told
+
+    def _matched(self, frame: Frame, detections: Sequence[Detection], confirmed: Collection[int]) -> "Iterator[_Told]":
+        sightings = {sighting.defect.id: sighting for sighting in frame.sightings}
+        outlines = {id(sighting.defect.polygon) for sighting in frame.sightings}
+        candidates = self._candidates(frame, are_outlines=all(id(each.footprint) in outlines for each in detections))
+        new = set[int]()
         for detection, (index, is_first) in zip(detections, match(frame, detections, candidates), strict=True):
             defect = None if index is None else candidates[index].id
             sighting = None if defect is None else sightings.get(defect)
@@ -70,19 +124,7 @@ class DetectionLog:
             outcome = self._outcome(detection, defect, sighting, is_known=is_known, is_first=is_first)
             if outcome is Outcome.CONFIRMED and defect is not None:
                 new.add(defect)
-            judged.append(
-                JudgedDetection(
-                    outcome=outcome,
-                    detection=detection,
-                    frame=frame,
-                    defect=defect,
-                    sighting=sighting,
-                    segment=segment,
-                    on_revisit=on_revisit,
-                )
-            )
-        self.all += judged
-        return judged
+            yield outcome, defect, sighting
 
     def _outcome(
         self, detection: Detection, defect: int | None, sighting: Sighting | None, *, is_known: bool, is_first: bool
@@ -105,8 +147,31 @@ class DetectionLog:
     def _tree(self) -> shapely.STRtree:
         return shapely.STRtree([defect.polygon for defect in self._defects])
 
-    def _candidates(self, frame: Frame, are_outlines: bool) -> list[Defect]:
+    def _candidates(self, frame: Frame, *, are_outlines: bool) -> list[Defect]:
         """The defects in the image; the sighted ones are enough where every detection is the outline of one."""
         if are_outlines:
             return [sighting.defect for sighting in frame.sightings]
         return [self._defects[index] for index in np.sort(self._tree.query(frame.footprint, "intersects"))]
+
+
+class _Batch(NamedTuple):
+    """What was reported of a capture, and its judgement."""
+
+    frame: Frame
+    detections: Sequence[Detection]
+    segment: int
+    on_revisit: bool
+    places: Sequence[int]
+    """Which of the detections are no false alarms by intent."""
+    told: Sequence[_Told]
+    """Of these."""
+
+
+def _listed(batch: _Batch) -> list[JudgedDetection]:
+    judgements: list[_Told] = [(Outcome.FALSE_ALARM, None, None)] * len(batch.detections)
+    for at, told in zip(batch.places, batch.told, strict=True):
+        judgements[at] = told
+    return [
+        JudgedDetection(outcome, detection, batch.frame, defect, sighting, batch.segment, batch.on_revisit)
+        for detection, (outcome, defect, sighting) in zip(batch.detections, judgements, strict=True)
+    ]

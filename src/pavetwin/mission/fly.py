@@ -4,7 +4,7 @@ import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -16,6 +16,7 @@ from pavetwin._core import Captured, Occluded, Trace
 from pavetwin.arrays import UInt8Array
 from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError
+from pavetwin.mission.detections import DetectionLog
 from pavetwin.mission.environment import MissionEnvironment
 from pavetwin.mission.events import ActionTaken, BatteryRanLow, MissionEvent, MissionObserver, ProgressMade
 from pavetwin.mission.inputs import MissionInputs, load_inputs
@@ -62,8 +63,8 @@ class MissionResult:
     """What the policy calls itself."""
     sensor: str
     rows: tuple[SegmentMetrics, ...]
-    detections: tuple[JudgedDetection, ...]
-    """All that the sensor reported, in the order of time."""
+    log: DetectionLog = field(repr=False)
+    """What the sensor reported."""
     memory: InspectionMemory
     track: "TrackColumns"
     captures: "CaptureColumns"
@@ -84,6 +85,11 @@ class MissionResult:
     """Everything that happened, in the order of time."""
     recording: Recording | None = None
     """The recorded traffic; None where it was handed in as a value."""
+
+    @cached_property
+    def detections(self) -> tuple[JudgedDetection, ...]:
+        """All that the sensor reported, in the order of time."""
+        return tuple(self.log.all)
 
     @cached_property
     def flow(self) -> Flow | None:
@@ -204,8 +210,10 @@ def fly(
     flown = mission(tell)
 
     def detect(frame: Frame) -> Sequence[Detection]:
-        with _failures_named("sensor", looking.name, frame.time_s):
+        try:
             return looking.detect(frame)
+        except Exception as error:  # no context manager: this runs for every capture
+            raise _named(error, "sensor", looking.name, frame.time_s) from error
 
     _answer(flown, chosen, detect, is_told=not looking.after_landing)
     defect_classes = {defect.kind for defect in loaded.environment.defects}
@@ -233,7 +241,7 @@ def result_of(mission: Mission, spec: MissionSpec | None = None) -> MissionResul
         policy=mission.policy,
         sensor=mission.sensor,
         rows=tuple(mission.rows),
-        detections=tuple(mission.detections.all),
+        log=mission.detections,
         memory=mission.memory,
         track=flight.track(),
         captures=flight.captures(),
@@ -338,7 +346,7 @@ def _answer(mission: Mission, policy: Policy, detect: Callable[[Frame], Sequence
     for event in mission:
         match event:
             case Captured():
-                mission.confirm(detect(mission.frame(event)))
+                mission.note(detect(mission.frame(event)))
             case Occluded():
                 snapshot = mission.snapshot(event)
                 if not is_told:
@@ -353,12 +361,17 @@ def _failures_named(what: str, name: str, time_s: float | None = None) -> Iterat
     """A user's own code may fail in a situation that its check did not think of."""
     try:
         yield
-    except PaveTwinError:
-        raise
     except Exception as error:
-        where = traceback.extract_tb(error.__traceback__)[-1]
-        when = "after landing" if time_s is None else f"{time_s:.1f} s into the mission"
-        raise PaveTwinError(
-            f"The {what} '{name}' failed {when}: "
-            f"{type(error).__name__}: {error} ({Path(where.filename).name}, line {where.lineno})."
-        ) from error
+        raise _named(error, what, name, time_s) from error
+
+
+def _named(error: Exception, what: str, name: str, time_s: float | None) -> PaveTwinError:
+    """An error of a user's own code in one line; our own as it is."""
+    if isinstance(error, PaveTwinError):
+        return error
+    where = traceback.extract_tb(error.__traceback__)[-1]
+    when = "after landing" if time_s is None else f"{time_s:.1f} s into the mission"
+    return PaveTwinError(
+        f"The {what} '{name}' failed {when}: "
+        f"{type(error).__name__}: {error} ({Path(where.filename).name}, line {where.lineno})."
+    )

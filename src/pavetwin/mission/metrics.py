@@ -1,13 +1,12 @@
 """The metrics of a mission, segment by segment. Definitions: docs/explanation/definitions.md."""
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from pavetwin._core import Flight
 from pavetwin.mission.environment import MissionEnvironment
-from pavetwin.sensing import JudgedDetection, Outcome
+from pavetwin.sensing import Outcome
 from pavetwin.twin import InspectionMemory
 
 
@@ -70,7 +69,7 @@ class SegmentMeter:
             **{"time_s": 0.0, "energy": 0.0, "wait_s": 0.0, "distance_m": 0.0},
             **{"occlusions": 0, "swaps": 0},
         }
-        self._judged = 0
+        self._judged = Counter[Outcome]()
 
     def close(
         self,
@@ -79,7 +78,7 @@ class SegmentMeter:
         flight: Flight,
         memory: InspectionMemory,
         revisits: int,
-        detections: Sequence[JudgedDetection],
+        outcomes: Counter[Outcome],
         *,
         permanently_hidden: float,
         inspected: bool,
@@ -88,7 +87,7 @@ class SegmentMeter:
         """The row of a segment that has just ended.
 
         Args:
-            detections: all of the mission so far.
+            outcomes: of all detections of the mission so far.
         """
         segment = self._environment.world.segments[target]
         now = {
@@ -101,10 +100,9 @@ class SegmentMeter:
         swept = sum(bool(swept_flags[defect]) for defect in defects)
         found = [memory.confirmed[defect] for defect in defects if defect in memory.confirmed]
         recovered = sum(confirmation.on_revisit for confirmation in found)
-        outcomes = Counter(each.outcome for each in detections[self._judged :])
-        self._judged = len(detections)
-        matched = outcomes[Outcome.CONFIRMED] + outcomes[Outcome.DUPLICATE]
-        false_alarms = outcomes[Outcome.FALSE_ALARM]
+        here, self._judged = outcomes - self._judged, outcomes
+        matched = here[Outcome.CONFIRMED] + here[Outcome.DUPLICATE]
+        false_alarms = here[Outcome.FALSE_ALARM]
         surface_coverage = flight.surface_coverage(target)
         seen_m2 = surface_coverage * segment.area_m2
         survey = self._environment.survey_of(segment)
@@ -129,7 +127,7 @@ class SegmentMeter:
             end_s=now["time_s"],
             **{name: value - before[name] for name, value in now.items()},
             revisits=revisits,
-            duplicates=outcomes[Outcome.DUPLICATE],
+            duplicates=here[Outcome.DUPLICATE],
             false_alarms=false_alarms,
             precision=matched / (matched + false_alarms) if matched + false_alarms else None,
             false_alarms_per_100_m2=100 * false_alarms / seen_m2 if seen_m2 else None,

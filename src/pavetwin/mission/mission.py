@@ -32,7 +32,7 @@ from pavetwin.mission.moment import KernelMoment
 from pavetwin.mission.track import MODES
 from pavetwin.navigation.patterns import Pass, from_nearest_end, passes
 from pavetwin.policies import Action, Displace, GoOn, Revisit, Wait
-from pavetwin.sensing import Detection, Frame, ImageSource, JudgedDetection, Outcome
+from pavetwin.sensing import Detection, Frame, ImageSource, JudgedDetection
 from pavetwin.twin import (
     Confirmation,
     Episode,
@@ -197,17 +197,18 @@ class Mission:
 
     def frame(self, event: Captured) -> Frame:
         """The capture as a sensor sees it; each sighting in it is an attempt."""
-        sightings = []
+        sightings, number, attempts = [], event.number, self._attempts
         for defect, fraction in event.sightings:
-            attempt = self._attempts.get(defect, 0)
-            self._attempts[defect] = attempt + 1
+            attempt = attempts.get(defect, 0)
+            attempts[defect] = attempt + 1
             sightings.append(self.environment.sighting(defect, fraction, attempt))
-            self.sighted.append((event.number, defect, fraction))
-            if self.settings.sensing.attempts == "first_capture":
+            self.sighted.append((number, defect, fraction))
+        if sightings and self.settings.sensing.attempts == "first_capture":
+            for defect, _ in event.sightings:
                 self.flight.set_wanted(defect, False)
                 self._tried.add(defect)
         self._frame = Frame(
-            number=event.number,
+            number=number,
             time_s=event.time_s,
             position=event.position,
             altitude_m=event.altitude_m,
@@ -228,21 +229,26 @@ class Mission:
         Raises:
             PaveTwinError: no frame was asked for.
         """
+        self.note(detections)
+        return self.detections.latest() if detections else []
+
+    def note(self, detections: Sequence[Detection]) -> None:
+        """As `confirm`, quicker: the judgements are made into objects when somebody asks for them.
+
+        Raises:
+            PaveTwinError: no frame was asked for.
+        """
         if self._frame is None or self._segment is None:
             raise PaveTwinError("Detections belong to a frame: call mission.frame(event) before mission.confirm(…).")
-        judged = self.detections.judge(
+        confirmed = self.detections.judge(
             self._frame, detections, self.memory.confirmed, segment=self._segment, on_revisit=self._on_revisit
-        )
-        confirmed = tuple(
-            each.defect for each in judged if each.outcome is Outcome.CONFIRMED and each.defect is not None
         )
         if confirmed:
             self.memory = self.memory.confirm(confirmed, Confirmation(self.flight.time_s, self._on_revisit))
             if not self.sees_confirmed:
                 for defect in confirmed:
                     self.flight.set_wanted(defect, False)
-            self._tell(DefectsConfirmed(self.flight.time_s, confirmed, self._on_revisit))
-        return judged
+            self._tell(DefectsConfirmed(self.flight.time_s, tuple(confirmed), self._on_revisit))
 
     def __iter__(self) -> Iterator[Event]:
         """Fly on to the end, from event to event."""
@@ -308,7 +314,7 @@ class Mission:
                 self.flight,
                 self.memory,
                 revisits,
-                self.detections.all,
+                self.detections.outcomes,
                 permanently_hidden=self.environment.permanently_hidden(target, self.settings),
                 inspected=inspected,
                 swaps=self.swaps,

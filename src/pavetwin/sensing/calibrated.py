@@ -16,8 +16,9 @@ from pavetwin.perception.shipped import model_path
 from pavetwin.seeds import Stream, child
 from pavetwin.sensing.base import Sensor
 from pavetwin.sensing.detection import Detection
-from pavetwin.sensing.draws import look_draw
+from pavetwin.sensing.draws import look_quantile
 from pavetwin.sensing.frame import Frame
+from pavetwin.sensing.look_scores import LookScorer
 from pavetwin.sensing.looks import Look, LookMeter
 from pavetwin.sensing.registered import sensor
 from pavetwin.sensing.sensor_model import SensorModel
@@ -51,48 +52,58 @@ class Calibrated(Sensor):
                 the one that the option `model` names.
         """
         super().__init__(settings, seed)
-        self.model = model or self._opened()
-        self._meter = LookMeter(self.model.detector.image_px)
-        self._looks: dict[int, dict[int, Look]] = {}
-        """By defect and attempt."""
-        self._alarms_at: dict[tuple[float, tuple[int, int]], _Alarms] = {}
+        self.model, self._meter, self._scorer = _Opened.of(model) if model else self._opened()
+        self._shown: list[Frame] = []
+        """Those with sightings."""
+        self._blocks: dict[tuple[int, float, tuple[int, int]], Mapping[int, Sequence[Detection]]] = {}
+        """False alarms by the number of the block, altitude and image size."""
 
-    def _opened(self) -> SensorModel:
+    def _opened(self) -> "_Opened":
         file, detector = sensor_path(str(self.options["fitted"])), str(self.options["model"])
         return _read(file, file_sha256(file), detector)
 
     def detect(self, frame: Frame) -> Sequence[Detection]:
-        correlation = self.model.correlation
-        found = []
-        for sighting in frame.sightings:
-            look, defect = self._meter.look(frame, sighting), sighting.defect.id
-            self._looks.setdefault(defect, {})[sighting.attempt] = look
-            if look_draw(self.seed, defect, sighting.attempt, correlation) < self.model.chance(look):
-                found.append(Detection.of(sighting))
-        return [*found, *self._false_alarms(frame)]
+        alarms = self._false_alarms(frame)
+        if not frame.sightings:
+            return alarms
+        self._shown.append(frame)
+        seed, correlation = self.seed, self.model.correlation
+        found = [
+            report
+            for sighting, score, report in self._scorer.scored(frame)
+            if look_quantile(seed, sighting.defect.id, sighting.attempt, correlation) < score
+        ]
+        return [*found, *alarms]
 
     def found_by_draws(self, defects: Sequence[int]) -> Float64Array:
         from pavetwin.sensing.fit.draws import found_by_draws
 
-        return found_by_draws(self.model, [[*self._looks.get(defect, {}).values()] for defect in defects])
+        looks: dict[int, list[Look]] = {defect: [] for defect in defects}
+        for frame in self._shown:
+            for sighting in frame.sightings:
+                if sighting.defect.id in looks:
+                    looks[sighting.defect.id].append(self._meter.look(frame, sighting))
+        return found_by_draws(self.model, [*looks.values()])
 
     def _false_alarms(self, frame: Frame) -> Sequence[Detection]:
         """Squares of the usual size, of each frame by its number and the seed alone."""
-        return _block(self.seed, frame.number // _BLOCK, self._alarms(frame)).get(frame.number % _BLOCK, ())
+        number, place = divmod(frame.number, _BLOCK)
+        known = number, frame.altitude_m, frame.camera.image_px
+        block = self._blocks.get(known)
+        if block is None:
+            block = self._blocks[known] = _block(self.seed, number, self._alarms(frame))
+        return block.get(place, ())
 
     def _alarms(self, frame: Frame) -> "_Alarms":
-        place = frame.altitude_m, frame.camera.image_px
-        if place not in self._alarms_at:
-            across_m, along_m = (frame.ground_resolution_m * side for side in frame.camera.image_px)
-            pixel_m, alarms = self._meter.pixel_m(frame), self.model.false_alarms
-            self._alarms_at[place] = _Alarms(
-                frame.camera.image_px,
-                self.model.detector.confidence,
-                tuple(alarms),
-                tuple(across_m * along_m * each.per_m2(pixel_m) for each in alarms.values()),
-                tuple(each.size_px * pixel_m / frame.ground_resolution_m for each in alarms.values()),
-            )
-        return self._alarms_at[place]
+        across_m, along_m = (frame.ground_resolution_m * side for side in frame.camera.image_px)
+        pixel_m, alarms = self._meter.pixel_m(frame), self.model.false_alarms
+        return _Alarms(
+            frame.camera.image_px,
+            self.model.detector.confidence,
+            tuple(alarms),
+            tuple(across_m * along_m * each.per_m2(pixel_m) for each in alarms.values()),
+            tuple(each.size_px * pixel_m / frame.ground_resolution_m for each in alarms.values()),
+        )
 
 
 class _Alarms(NamedTuple):
@@ -125,7 +136,20 @@ def _block(seed: int, number: int, alarms: _Alarms) -> Mapping[int, Sequence[Det
     return drawn
 
 
+class _Opened(NamedTuple):
+    """A fitted sensor, and what missions with it share."""
+
+    model: SensorModel
+    meter: LookMeter
+    scorer: LookScorer
+
+    @classmethod
+    def of(cls, model: SensorModel) -> "_Opened":
+        meter = LookMeter(model.detector.image_px)
+        return cls(model, meter, LookScorer(model, meter))
+
+
 @lru_cache(maxsize=16)
-def _read(fitted: Path, content: str, detector: str) -> SensorModel:  # noqa: ARG001 - it is of the cache's key
+def _read(fitted: Path, content: str, detector: str) -> _Opened:  # noqa: ARG001 - it is of the cache's key
     """A fitted sensor, read again only when its content has changed."""
-    return SensorModel.read(fitted, model_path(detector) if detector else None)
+    return _Opened.of(SensorModel.read(fitted, model_path(detector) if detector else None))

@@ -27,13 +27,32 @@ def look_draw(seed: int, defect: int, look: int, correlation: float) -> float:
         defect: its id.
         look: 0 for the first attempt at it.
     """
+    if not correlation:
+        return _drawn(seed, defect, look)
+    return _NORMAL.cdf(look_quantile(seed, defect, look, correlation))
+
+
+def look_quantile(seed: int, defect: int, look: int, correlation: float) -> float:
+    """The z of `look_draw`, standard normal: a look finds its defect where this is below its score, Φ⁻¹ of its
+    chance."""
+    known = _quantiles(seed, defect, correlation)
+    while len(known) <= look:
+        own = _NORMAL.inv_cdf(max(_drawn(seed, defect, len(known)), _SMALLEST))
+        known.append(sqrt(correlation) * _common(seed, defect) + sqrt(1 - correlation) * own)
+    return known[look]
+
+
+def _drawn(seed: int, defect: int, look: int) -> float:
     generator, drawn = _noise(seed, defect)
     while len(drawn) <= look:
         drawn.append(float(generator.random()))
-    if not correlation:
-        return drawn[look]
-    own = _NORMAL.inv_cdf(max(drawn[look], _SMALLEST))
-    return _NORMAL.cdf(sqrt(correlation) * _common(seed, defect) + sqrt(1 - correlation) * own)
+    return drawn[look]
+
+
+@lru_cache(maxsize=8192)
+def _quantiles(seed: int, defect: int, correlation: float) -> list[float]:  # noqa: ARG001 - the cache's key
+    """Those of a defect that are computed so far."""
+    return []
 
 
 @lru_cache(maxsize=8192)

@@ -47,7 +47,9 @@ def seen_camera(camera: Camera, longest_px: int) -> Camera:
     return camera.model_copy(update={"image_px": (width, height)})
 
 
-class _Shape(NamedTuple):
+class OutlineShape(NamedTuple):
+    """What counts of an outline, world frame."""
+
     x: float
     y: float
     size_m: float
@@ -74,9 +76,10 @@ class LookMeter:
         """What a capture shows of a defect."""
         defect, own_m = sighting.defect, frame.ground_resolution_m
         pixel_m = self.pixel_m(frame)
-        shape = _shape_of(defect.polygon)
+        shape = shape_of(defect.polygon)
         east, north = frame.position
         away_m = hypot(shape.x - east, shape.y - north)
+        is_whole = away_m + shape.reach_m <= own_m * min(frame.camera.image_px) / 2
         return Look(
             kind=defect.kind,
             severity=str(defect.severity),
@@ -84,7 +87,7 @@ class LookMeter:
             size_px=shape.size_m / pixel_m,
             pixel_mm=1000.0 * pixel_m,
             visible_fraction=sighting.visible_fraction,
-            inside_fraction=_inside(frame, defect.polygon, shape, away_m),
+            inside_fraction=1.0 if is_whole else inside_share(frame, defect.polygon),
             off_centre=min(1.0, away_m / (own_m * hypot(*frame.camera.image_px) / 2)),
             blur_px=frame.blur_px * own_m / pixel_m,
             sun_elevation_deg=frame.sun_elevation_deg,
@@ -92,12 +95,13 @@ class LookMeter:
         )
 
 
-_SHAPES: Final[dict[int, tuple[Polygon, _Shape]]] = {}
+_SHAPES: Final[dict[int, tuple[Polygon, OutlineShape]]] = {}
 """By the outline's identity, which missions over one environment share; hashing an outline takes longer."""
 _MOST_SHAPES: Final = 16384
 
 
-def _shape_of(polygon: Polygon) -> _Shape:
+def shape_of(polygon: Polygon) -> OutlineShape:
+    """The shape of an outline, measured once."""
     known = _SHAPES.get(id(polygon))
     if known is None or known[0] is not polygon:
         if len(_SHAPES) >= _MOST_SHAPES:
@@ -106,15 +110,14 @@ def _shape_of(polygon: Polygon) -> _Shape:
     return known[1]
 
 
-def _measured(polygon: Polygon) -> _Shape:
+def _measured(polygon: Polygon) -> OutlineShape:
     centre = polygon.centroid
     reach_m = np.hypot(*(shapely.get_coordinates(polygon) - (centre.x, centre.y)).T).max()
-    return _Shape(centre.x, centre.y, sqrt(polygon.area), float(reach_m))
+    return OutlineShape(centre.x, centre.y, sqrt(polygon.area), float(reach_m))
 
 
-def _inside(frame: Frame, polygon: Polygon, shape: _Shape, away_m: float) -> float:
-    if away_m + shape.reach_m <= frame.ground_resolution_m * min(frame.camera.image_px) / 2:
-        return 1.0
+def inside_share(frame: Frame, polygon: Polygon) -> float:
+    """The share of an outline's area that lies within the image, 0 … 1."""
     cosine, sine = cos(frame.yaw_rad), sin(frame.yaw_rad)
     turn = np.array([[sine, cosine], [-cosine, sine]])
     turned = shapely.transform(polygon, lambda places: (places - frame.position) @ turn)

@@ -20,7 +20,7 @@ from functools import cached_property
 from math import exp, log2, radians, sin, sqrt
 from pathlib import Path
 from statistics import NormalDist
-from typing import Annotated, Any, Final, Literal, Self
+from typing import Annotated, Any, Final, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -46,7 +46,7 @@ BEND: Final = "bend"
 VERSION: Final = 3
 """Of the format. Files of version 1 have no `bend`, those of version 2 no `resolution`."""
 
-_LEAST: Final = 0.02
+LEAST: Final = 0.02
 """Shares and pixels below this count as this much: their logarithms stay finite."""
 
 _NORMAL: Final = NormalDist()
@@ -56,16 +56,23 @@ def values_of(look: Look) -> dict[str, float | None]:
     """The variables of a look, by the names of `OF_CLASS` and `OF_ALL`; None where one is not known."""
     sun_deg = look.sun_elevation_deg
     return {
-        "width": log2(max(look.width_px, _LEAST)),
-        "size": log2(max(look.size_px, _LEAST)),
-        "inside": log2(max(look.inside_fraction, _LEAST)),
-        "severity": SEVERITIES.get(look.severity, 0.0),
-        "resolution": log2(look.pixel_mm),
-        "visible": log2(max(look.visible_fraction, _LEAST)),
+        **of_defect(look.severity, look.width_px, look.size_px, look.pixel_mm),
+        "inside": log2(max(look.inside_fraction, LEAST)),
+        "visible": log2(max(look.visible_fraction, LEAST)),
         "off_centre": look.off_centre**2,
         "blur": look.blur_px,
         "sun": None if sun_deg is None else sin(radians(sun_deg)),
         "clouds": look.clouds,
+    }
+
+
+def of_defect(severity: str, width_px: float, size_px: float, pixel_mm: float) -> dict[str, float]:
+    """The variables that are the same for all looks at a defect at one ground resolution; arguments as in `Look`."""
+    return {
+        "width": log2(max(width_px, LEAST)),
+        "size": log2(max(size_px, LEAST)),
+        "severity": SEVERITIES.get(severity, 0.0),
+        "resolution": log2(pixel_mm),
     }
 
 
@@ -96,6 +103,18 @@ class Variable(Settings):
 
     centre: float
     scale: Positive
+
+
+class Effect(NamedTuple):
+    """What a variable adds to the score of a look."""
+
+    weight: float
+    """Of a unit."""
+    centre: float
+    """Where it adds nothing."""
+
+    def at(self, value: float) -> float:
+        return self.weight * (value - self.centre)
 
 
 class FittedDetector(Settings):
@@ -207,39 +226,47 @@ class SensorModel(Settings):
 
     def chance(self, look: Look) -> float:
         """The probability that a single look finds its defect; 0 for a class that it was not fitted to."""
-        own = self._weights.get(look.kind)
-        if own is None:
+        effects = self.effects_of(look.kind)
+        if effects is None:
             return 0.0
-        level, bent, knots, weights = own
         values = values_of(look)
-        score = level + bent * bend(values["size"], knots)  # type: ignore[arg-type]
-        for (weight, centre), value in zip(weights, values.values(), strict=True):
-            if value is not None:
-                score += weight * (value - centre)
-        return _NORMAL.cdf(score / self._width)
+        score = self.level_of(look.kind, values["size"])  # type: ignore[arg-type]
+        return _NORMAL.cdf(score + sum(effects[name].at(it) for name, it in values.items() if it is not None))
+
+    def level_of(self, kind: str, size: float) -> float:
+        """The part of a look's score that is no multiple of a variable: the class's own, and the bend of the size.
+
+        Scores are x · β / √(1 + σ²), of which Φ is the chance of a single look.
+
+        Args:
+            size: log₂ of the size in pixels.
+        """
+        bent = self._estimates[f"{kind}:{BEND}"] / self.variables["size"].scale
+        return (self._estimates[kind] + bent * bend(size, self.knots[kind])) / self._width
+
+    def effects_of(self, kind: str) -> Mapping[str, Effect] | None:
+        """What each variable adds to the score of a look at a class; None for one that it was not fitted to."""
+        return self._effects.get(kind)
+
+    @cached_property
+    def effects_of_all(self) -> Mapping[str, Effect]:
+        """The same of the variables of `OF_ALL`, whatever the class."""
+        return {name: self._effect(name, name) for name in OF_ALL}
+
+    @cached_property
+    def _effects(self) -> Mapping[str, Mapping[str, Effect]]:
+        return {
+            kind: {**{name: self._effect(f"{kind}:{name}", name) for name in OF_CLASS}, **self.effects_of_all}
+            for kind in self.classes
+        }
+
+    def _effect(self, term: str, variable: str) -> Effect:
+        it = self.variables[variable]
+        return Effect(self._estimates[term] / it.scale / self._width, it.centre)
 
     @cached_property
     def _width(self) -> float:
         return sqrt(1 + self.spread**2)
-
-    @cached_property
-    def _weights(self) -> dict[str, tuple[float, float, tuple[float, float, float], list[tuple[float, float]]]]:
-        """By class: its level, what a unit of `bend` adds, the knots, and of each variable what a unit of it adds, and
-        its centre."""
-        own = {
-            kind: [self._estimates[name if name in OF_ALL else f"{kind}:{name}"] for name in (*OF_CLASS, *OF_ALL)]
-            for kind in self.classes
-        }
-        variables = [self.variables[name] for name in (*OF_CLASS, *OF_ALL)]
-        return {
-            kind: (
-                self._estimates[kind],
-                self._estimates[f"{kind}:{BEND}"] / self.variables["size"].scale,
-                self.knots[kind],
-                [(weight / it.scale, it.centre) for weight, it in zip(weights, variables, strict=True)],
-            )
-            for kind, weights in own.items()
-        }
 
     @cached_property
     def _estimates(self) -> dict[str, float]:
