@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from base64 import b64decode
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -17,6 +18,7 @@ from PIL import Image
 from pavetwin.mission.again import read_mission
 from pavetwin.mission.fly import MissionResult, fly
 from pavetwin.mission.timeline import Timeline
+from pavetwin.uav import camera_of
 from pavetwin.world.store import save_world
 from scenes import damaged
 from scenes.command_line import pavetwin
@@ -332,12 +334,179 @@ def test_a_defect_says_why_and_leads_to_its_moment(flown: Flown) -> None:
     assert tab.value("pavetwin.time") == pytest.approx(missed.time_s, abs=1e-3)
 
 
+def test_a_defect_shows_the_images_that_have_it_in_them(flown: Flown) -> None:
+    tab, result = flown.tab, flown.result
+    indices = {segment.id: index for index, segment in enumerate(result.environment.world.segments)}
+    seen = tab.value(
+        "import('/static/defect_frames.js').then(({ capturesOf }) => Object.fromEntries(pavetwin.mission.defects.map("
+        "defect => [defect.id, capturesOf(pavetwin.mission, defect)])))"
+    )
+    across_m, along_m = camera_of(result.settings).footprint_m(result.settings.altitude_m)
+    for each in result.inspected_defects:
+        captures = seen[str(each.defect.id)]
+        assert sum(capture["inWindow"] for capture in captures) == each.captures, "as defects.csv counts them"
+        if each.capture is not None:
+            assert each.capture in [capture["capture"] for capture in captures]
+        for capture in captures:
+            row = capture["capture"]
+            yaw, x, y = (result.captures[name][row] for name in ("yaw_rad", "x_m", "y_m"))
+            ahead, left = (0.5 - capture["down"]) * along_m, (0.5 - capture["right"]) * across_m
+            place = (x + ahead * np.cos(yaw) - left * np.sin(yaw), y + ahead * np.sin(yaw) + left * np.cos(yaw))
+            assert np.hypot(place[0] - each.defect.centre.x, place[1] - each.defect.centre.y) < 0.01
+            if capture["inWindow"]:
+                assert result.captures["segment"][row] == indices[each.defect.segment]
+    chosen = next(each for each in result.inspected_defects if each.captures)
+    tab.page.click("#tab-defects")
+    tab.page.click(f"#defects .list button[data-id='{chosen.defect.id}']")
+    thumbs = tab.page.locator("#defects .thumbs button")
+    assert thumbs.count() == min(6, len(seen[str(chosen.defect.id)]))
+    times = sorted(capture["time"] for capture in seen[str(chosen.defect.id)])
+    thumbs.first.click()
+    assert tab.value("pavetwin.time") in times
+
+
+@pytest.mark.needs_adapter
+@pytest.mark.timeout(600)
+def test_without_webgl_frames_are_rendered_and_cut_to_the_defect(flown: Flown) -> None:
+    """The label of a defect lies where its place in the image is computed to be."""
+    tab = flown.tab
+    assert tab.value("document.createElement('canvas').getContext('webgl2')") is None
+    chosen = max(flown.result.inspected_defects, key=lambda each: (each.captures > 0, each.defect.area_m2))
+    tab.page.click("#tab-defects")
+    tab.page.click(f"#defects .list button[data-id='{chosen.defect.id}']")
+    tab.wait("pavetwin.frame && document.querySelector('#defects .seen-by .told').textContent === ''")
+    drawn = "[...document.querySelectorAll('#defects .thumbs canvas')].map(each => each.toDataURL('image/png'))"
+    for content in tab.value(drawn):
+        with Image.open(BytesIO(b64decode(content.partition(",")[2]))) as image:
+            assert np.asarray(image.convert("RGB"), dtype=float).std() > 5, "a blank image"
+    frame = tab.value("({ labels: pavetwin.frame.labels, capture: pavetwin.frame.capture })")
+    labels = [each for each in frame["labels"] if each["id"].startswith("defect ")]
+    assert labels
+    captures = tab.value(
+        "import('/static/defect_frames.js').then(({ capturesOf }) => pavetwin.mission.defects.map("
+        f"defect => [defect.id, capturesOf(pavetwin.mission, defect).find(each => each.capture === {frame['capture']})]))"
+    )
+    places = {f"defect {number}": place for number, place in captures if place}
+    for label in labels:
+        left, top, right, bottom = label["box"]
+        if min(left, top) > 0.02 and max(right, bottom) < 0.98 and label["id"] in places:
+            place = places[label["id"]]
+            assert left - 0.03 < place["right"] < right + 0.03
+            assert top - 0.03 < place["down"] < bottom + 0.03
+
+
+def test_two_policies_are_compared_over_the_same_agents_by_one_clock(tab: BrowserTab) -> None:
+    tab.open("#world=cross&traffic=low&seed=1&segments=s0001&policy=baseline&against=hover")
+    tab.ready()
+    tab.fly()
+    names = tab.value("pavetwin.flight.missions.map(each => each.policy)")
+    assert names == ["baseline", "hover"]
+    last_s = min(tab.value("pavetwin.flight.missions.map(each => each.duration_s)"))
+    places = set()
+    for moment in np.linspace(0.0, last_s, 20).tolist():
+        tab.value(f"pavetwin.seek({moment!r})")
+        tab.value(f"pavetwin.fetchAgents({moment!r}).then(() => null)")
+        sides = []
+        for name in names:
+            tab.page.click(f"#policies button:text-is('{name}')")
+            assert tab.value("[pavetwin.mission.policy, pavetwin.time]") == [name, pytest.approx(moment)]
+            sides.append(tab.value("pavetwin.agentsAt(pavetwin.time)"))
+            uav = tab.value("pavetwin.stateAt(pavetwin.time)")
+            places.add((name, round(uav["x"], 2), round(uav["y"], 2)))
+        assert sides[0] == sides[1] != []
+        assert sides[0] == tab.value(f"pavetwin.agentsAt({moment!r})")
+    assert len({place[1:] for place in places}) > 20, "the UAVs are not where each other is"
+    tab.page.keyboard.press("v")
+    assert tab.value("pavetwin.mission.policy") == "baseline"
+
+
+YAML = """text => {
+  const dataTransfer = new DataTransfer();
+  dataTransfer.items.add(new File([text], 'mission.yaml'));
+  const drop = new DragEvent('drop', { bubbles: true, cancelable: true, dataTransfer });
+  document.querySelector('#map').dispatchEvent(drop);
+}"""
+"""A mission.yaml that is dropped on the map."""
+
+
+def test_a_dropped_mission_is_flown_byte_for_byte(tab: BrowserTab, world: Path, tmp_path: Path) -> None:
+    chosen = ("--segment", "s0003", "--altitude", "12.5", "--policy", "skip", "--aircraft", "phantom4pro")
+    done = pavetwin("fly", world, "--density", "low", "--seed", "5", "--time", "15:20", *chosen, "-o", tmp_path / "m")
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "m" / "mission.yaml").read_text()
+    tab.open("#world=cross&seed=9")
+    tab.ready()
+    tab.page.evaluate(YAML, text)
+    tab.wait("document.querySelector('#notice').textContent.includes('Start flies it')")
+    assert tab.page.input_value("#mission [name=altitude_m]") == "12.5"
+    assert not tab.page.locator("#new-town").is_visible()
+    before = set((world / "missions").glob("*"))
+    tab.fly()
+    (folder,) = set((world / "missions").glob("*")) - before
+    assert (folder / "mission.yaml").read_text() == text
+    tab.page.evaluate(YAML, text.replace("name: skip", "name: /tmp/own.py:Skip"))
+    tab.wait("document.querySelector('#notice').textContent.includes('does not take')")
+    assert tab.page.input_value("#mission [name=policy]") == "skip", "the form is as it was"
+
+
+def test_what_was_missed_is_chosen_and_flown_again(flown: Flown) -> None:
+    tab, missed = flown.tab, read_mission(flown.folder / "mission.yaml").missed_segments()
+    tab.page.click("#tab-defects")
+    tab.page.click("#defects .again button:text-is('Choose')")
+    assert tab.value("location.hash").endswith("segments=" + "%2C".join(missed))
+    tab.page.click("#defects .again button:text-is('Fly them again')")
+    tab.wait("document.querySelector('#start').disabled")
+    tab.wait("!document.querySelector('#start').disabled")
+    tab.page.click("#tab-files")
+    tab.wait("document.querySelector('#files .remark')?.textContent.includes('-missed')")
+    assert tab.value("pavetwin.mission.targets") == list(missed)
+    again = flown.folder.with_name(f"{flown.folder.name}-missed")
+    assert read_mission(again / "mission.yaml").spec.targets == missed
+
+
+def test_the_offline_page_plays_the_mission_without_a_server(launch: Launch, flown: Flown, tmp_path: Path) -> None:
+    done = pavetwin("replay", flown.folder, "-o", tmp_path / "replay.html")
+    assert done.returncode == 0, done.stderr
+    browser = launch("--disable-3d-apis")
+    context = browser.new_context(viewport={"width": 1366, "height": 768}, offline=True)
+    tab = BrowserTab(context.new_page(), flown.tab.server)
+    asked: list[str] = []
+    tab.page.on("console", lambda message: tab.errors.append(message.text) if message.type == "error" else None)
+    tab.page.on("pageerror", lambda error: tab.errors.append(str(error)))
+    tab.page.on("request", lambda request: asked.append(request.url.partition(":")[0]))
+    tab.page.goto((tmp_path / "replay.html").as_uri())
+    tab.ready()
+    moment = flown.result.duration_s / 3
+    tab.value(f"pavetwin.seek({moment!r})")
+    tab.value(f"pavetwin.fetchAgents({moment!r}).then(() => null)")
+    shown = {agent["agent"]: agent for agent in tab.value("pavetwin.agentsAt(pavetwin.time)")}
+    true = flown.result.trace.agents_at(moment)
+    assert sorted(shown) == sorted(true["agent"].tolist())
+    for row, agent in enumerate(true["agent"].tolist()):
+        assert np.hypot(shown[agent]["x"] - true["x_m"][row], shown[agent]["y"] - true["y_m"][row]) < 0.05
+    state = Timeline(flown.result).at(moment)
+    uav = tab.value("pavetwin.stateAt(pavetwin.time)")
+    assert np.hypot(uav["x"] - state.uav.position[0], uav["y"] - state.uav.position[1]) < 0.01
+    for place in ("#map", "#camera canvas", "#plots"):
+        assert tab.picture(place).std() > 5, f"{place} is blank"
+    rows = tab.page.locator("#table tbody tr")
+    assert rows.count() == len(SEGMENTS)
+    tab.page.keyboard.press("Space")
+    tab.wait(f"pavetwin.time > {moment + 2}")
+    tab.page.click("#tab-defects")
+    tab.page.click("#defects .list button >> nth=0")
+    assert not tab.page.locator("#start, #new-town, #tab-files").count(), "what needs the server is not there"
+    assert tab.errors == []
+    assert set(asked) <= {"file", "data"}
+    browser.close()
+
+
 def test_an_address_makes_the_same_choices(tab: BrowserTab) -> None:
-    tab.open("#world=cross&altitude_m=14&policy=skip&traffic=los-D&seed=7&segments=s0003,s0001")
+    tab.open("#world=cross&altitude_m=14&policy=skip&traffic=los-D&seed=7&aircraft=phantom4&segments=s0003,s0001")
     tab.ready()
     values = "Object.fromEntries(new FormData(document.getElementById('mission')))"
     chosen = tab.value(values)
-    wanted = {"altitude_m": "14", "policy": "skip", "traffic": "los-D", "seed": "7"}
+    wanted = {"altitude_m": "14", "policy": "skip", "traffic": "los-D", "seed": "7", "aircraft": "phantom4"}
     assert wanted.items() <= chosen.items()
     tab.wait("location.hash.includes('s0003')")
     assert "2 segments chosen" in tab.page.locator("#selection").inner_text()

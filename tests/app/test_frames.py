@@ -17,6 +17,7 @@ from pavetwin.app import frames, task_pool
 from pavetwin.app.frame_source import FILE, SHOWN_PX, _sources, shown_frame, write_frame_source
 from pavetwin.app.frames import FrameRenderer
 from pavetwin.app.session import Played
+from pavetwin.app.task_pool import KeptProcess
 from pavetwin.capture.mission_frames import CAPTURES, FOLDER, save_frames
 from pavetwin.capture.mission_images import MissionImages
 from pavetwin.capture.record import read_records
@@ -144,7 +145,7 @@ def test_the_poses_of_captures_cannot_be_fetched_as_a_file(page: RunningPage) ->
 
 def renderers(page: RunningPage) -> list[int]:
     """The process that renders, if there is one."""
-    process = page.session.frames._process._process
+    process = page.session._renders._process
     return [] if process is None else [process.id]
 
 
@@ -172,15 +173,19 @@ def test_the_process_is_gone_with_the_page_and_with_the_server(world: Path, how:
 class Stand:
     """A process whose tasks end when they are told to."""
 
-    ran: list[int] = field(default_factory=list)
+    ran: list[Any] = field(default_factory=list)
     is_let: bool = False
     is_alive: bool = True
+    dies: bool = False
 
     async def run(self, task: Mapping[str, Any], told: Any) -> Mapping[str, Any]:  # noqa: ARG002
-        self.ran.append(task["capture"])
+        (shown,) = [name for name in ("capture", "name") if name in task]
+        self.ran.append(task[shown])
         while not self.is_let:
             await asyncio.sleep(0.005)
-        return {"capture": task["capture"]}
+        if self.dies:
+            raise task_pool.ProcessDiedError
+        return {} if "world" in task else {shown: task[shown]}
 
     async def stop(self) -> None:
         self.is_alive, self.is_let = False, True
@@ -206,7 +211,7 @@ def processes(monkeypatch: pytest.MonkeyPatch) -> StandProcesses:
 
 def test_of_a_page_only_the_latest_request_waits(processes: StandProcesses) -> None:
     async def scrub() -> list[Any]:
-        renderer = FrameRenderer()
+        renderer = FrameRenderer(KeptProcess())
         asked = []
         for capture in range(6):
             asked.append(asyncio.create_task(renderer.frame("one", {"capture": capture})))
@@ -252,7 +257,7 @@ def test_the_latest_frames_are_kept_and_no_more(processes: StandProcesses, monke
     monkeypatch.setattr(frames, "KEPT", 4)
 
     async def look() -> None:
-        renderer = FrameRenderer()
+        renderer = FrameRenderer(KeptProcess())
         first = asyncio.create_task(renderer.frame("one", {"capture": 0}))
         await asyncio.sleep(0.01)
         processes.started[0].is_let = True
@@ -268,7 +273,7 @@ def test_the_latest_frames_are_kept_and_no_more(processes: StandProcesses, monke
 
 def test_a_page_that_stays_keeps_the_process_that_another_one_leaves(processes: StandProcesses) -> None:
     async def come_and_go() -> None:
-        renderer = FrameRenderer()
+        renderer = FrameRenderer(KeptProcess())
         asked = [asyncio.create_task(renderer.frame(page, {"capture": at})) for at, page in enumerate(("one", "two"))]
         await asyncio.sleep(0.01)
         await renderer.leave("one")
@@ -285,3 +290,46 @@ def test_a_page_that_stays_keeps_the_process_that_another_one_leaves(processes: 
         assert not processes.started[1].is_alive
 
     asyncio.run(come_and_go())
+
+
+def test_the_frames_and_the_town_are_made_by_one_process(processes: StandProcesses, world: Path) -> None:
+    """A page that shows the town keeps the process that another one leaves; with the last one it ends."""
+
+    async def look(page: RunningPage) -> None:
+        first, other = await page.connect(), await page.connect()
+        await first.write_message(json.dumps({"id": 1, "do": "frame", "key": KEY, "mission": 0, "capture": 3}))
+        assert await asyncio.to_thread(is_over, lambda: processes.started and processes.started[0].ran == [3])
+        tile = asyncio.create_task(asyncio.to_thread(page.get, "/town/w0/manifest.json"))
+        await asyncio.sleep(0.05)
+        assert processes.started[0].ran == [3], "one at a time"
+        processes.started[0].is_let = True
+        assert json.loads(await first.read_message() or "{}")["done"] == {"capture": 3}
+        assert (await tile).status == 404, "the stand-in has no town"
+        first.close()
+        await asyncio.sleep(0.1)
+        assert processes.started[0].is_alive
+        other.close()
+        assert await asyncio.to_thread(is_over, lambda: not processes.started[0].is_alive)
+
+    with running_page([world]) as page:
+        asyncio.run(look(with_mission(page)))
+    assert len(processes.started) == 1
+    assert processes.started[0].ran == [3, "manifest.json"]
+
+
+def test_a_tile_is_made_again_where_its_process_is_ended_meanwhile(processes: StandProcesses) -> None:
+    async def load() -> Mapping[str, Any]:
+        kept = KeptProcess()
+        tile = asyncio.create_task(kept.run({"name": "tile"}, again=True))
+        frame = asyncio.create_task(kept.run({"capture": 1}))
+        await asyncio.sleep(0.01)
+        processes.started[0].dies = True
+        await kept.end()
+        await asyncio.sleep(0.01)
+        processes.started[1].is_let = True
+        answers = await asyncio.gather(tile, frame)
+        await kept.close()
+        return answers[0]
+
+    assert asyncio.run(load()) == {"name": "tile"}
+    assert [each.ran for each in processes.started] == [["tile"], ["tile", 1]]

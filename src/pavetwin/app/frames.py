@@ -1,4 +1,5 @@
-"""The rendered frames of captures as the server sees them: one process that renders, and the latest ones kept."""
+"""The rendered frames of captures as the server sees them: made one at a time by a process that stays, the latest
+ones kept."""
 
 import asyncio
 import json
@@ -14,14 +15,15 @@ KEPT: Final = 160
 
 
 class FrameRenderer:
-    """Renders one frame at a time in a process of its own, which is there while a page uses it.
+    """Renders one frame at a time in a process that is there while a page is open: the one that makes the tiles of the
+    town in 3-D, of the same world.
 
     Of each page only its latest request waits: moving the slider asks for many frames, and all but the last are of no
     use any more. Pages take turns.
     """
 
-    def __init__(self) -> None:
-        self._process = KeptProcess()
+    def __init__(self, process: KeptProcess) -> None:
+        self._process = process
         self._pages: set[object] = set()
         self._waiting: dict[object, tuple[Mapping[str, Any], asyncio.Future[Mapping[str, Any]]]] = {}
         self._running: asyncio.Task[None] | None = None
@@ -68,6 +70,10 @@ class FrameRenderer:
         while len(self._kept) > KEPT:
             self._kept.popitem(last=False)
 
+    def enter(self, page: object) -> None:
+        """A page was opened."""
+        self._pages.add(page)
+
     async def leave(self, page: object) -> None:
         """A page has gone: nothing of it is rendered any more, and with the last page the process ends."""
         self._drop(page)
@@ -76,7 +82,7 @@ class FrameRenderer:
             await self._process.end()
 
     async def close(self) -> None:
-        """End the process."""
+        """End the process, and render nothing more."""
         for page in tuple(self._pages):
             self._drop(page)
         await self._process.close()

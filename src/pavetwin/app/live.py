@@ -62,6 +62,7 @@ class LiveHandler(WebSocketHandler):
             return
         LiveHandler.open_pages += 1
         self._is_open = True
+        self.session.frames.enter(self)
 
     def on_close(self) -> None:
         if self._is_open:

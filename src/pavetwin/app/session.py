@@ -102,8 +102,8 @@ class Session:
         self.tasks = TaskPool()
         self.uploads = Uploads(self.folder, self.tasks, place)
         self._flights = TaskPool(PILOTS)
-        self._town = KeptProcess()
-        self.frames = FrameRenderer()
+        self._renders = KeptProcess()
+        self.frames = FrameRenderer(self._renders)
         self._played: dict[str, Played] = {}
 
     @property
@@ -155,7 +155,7 @@ class Session:
         """
         world = self.world(key)
         task = {"do": "town", "world": str(world.folder), "name": name, "folder": str(self.folder / "town")}
-        found = await self._town.run(task)
+        found = await self._renders.run(task, again=True)  # a page that loads again may end it
         return TownFile(Path(found["path"]), found.get("tag")) if found else None
 
     async def choices(self) -> Mapping[str, Any]:
@@ -269,7 +269,7 @@ class Session:
 
     async def close(self) -> None:
         """End all tasks and remove what was made for the browser."""
-        await asyncio.gather(self.tasks.close(), self._flights.close(), self._town.close(), self.frames.close())
+        await asyncio.gather(self.tasks.close(), self._flights.close(), self.frames.close())
         self._held.close()
 
     @classmethod

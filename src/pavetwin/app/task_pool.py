@@ -215,8 +215,11 @@ class KeptProcess:
         self._process: TaskProcess | None = None
         self._is_closed = False
 
-    async def run(self, task: Mapping[str, Any]) -> Mapping[str, Any]:
+    async def run(self, task: Mapping[str, Any], *, again: bool = False) -> Mapping[str, Any]:
         """Run a task in its turn.
+
+        Args:
+            again: run it in the next process where this one is ended meanwhile.
 
         Raises:
             PaveTwinError: as `TaskProcess.run`, or the server ends.
@@ -227,9 +230,10 @@ class KeptProcess:
             try:
                 return await self._run_in(process, task)
             except ProcessDiedError:
-                if process is not known or process is not self._process:
+                was_ended = process is not self._process
+                if (was_ended and not again) or (not was_ended and process is not known):
                     raise
-                return await self._run_in(await self._ready(), task)  # it had died before, while nobody looked
+                return await self._run_in(await self._ready(), task)  # or it had died before, while nobody looked
 
     async def _run_in(self, process: TaskProcess, task: Mapping[str, Any]) -> Mapping[str, Any]:
         try:
