@@ -383,8 +383,8 @@ def test_without_webgl_frames_are_rendered_and_cut_to_the_defect(flown: Flown) -
     labels = [each for each in frame["labels"] if each["id"].startswith("defect ")]
     assert labels
     captures = tab.value(
-        "import('/static/defect_frames.js').then(({ capturesOf }) => pavetwin.mission.defects.map("
-        f"defect => [defect.id, capturesOf(pavetwin.mission, defect).find(each => each.capture === {frame['capture']})]))"
+        "import('/static/defect_frames.js').then(({ capturesOf }) => pavetwin.mission.defects.map(defect => "
+        f"[defect.id, capturesOf(pavetwin.mission, defect).find(each => each.capture === {frame['capture']})]))"
     )
     places = {f"defect {number}": place for number, place in captures if place}
     for label in labels:

@@ -276,12 +276,19 @@ def test_one_page_does_not_take_all(page: RunningPage) -> None:
 
 
 def test_a_client_that_never_reads_is_no_burden(page: RunningPage) -> None:
+    before = resident_bytes()
     with socket.create_connection(("127.0.0.1", page.port)) as client:
         client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         for _ in range(50):
             client.sendall(f"GET /static/vendor.js HTTP/1.1\r\nHost: 127.0.0.1:{page.port}\r\n".encode())
             client.sendall(f"Cookie: {page.cookie['Cookie']}\r\n\r\n".encode())
         assert page.get("/").status == 200
+        assert resident_bytes() - before < 15e6, "36 MB are not held for who does not take them"
+
+
+def resident_bytes() -> int:
+    """Of this process, in which the server runs."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def task_processes() -> list[int]:
