@@ -538,6 +538,22 @@ def test_streets_are_chosen_by_a_box_and_by_name_and_let_go(tab: BrowserTab) -> 
     assert "empty streets" in tab.page.locator("#selection small").inner_text()
 
 
+def test_streets_are_chosen_by_the_keyboard(tab: BrowserTab) -> None:
+    tab.open("#world=cross&traffic=low&seed=1")
+    tab.ready()
+    tab.page.locator("#map .moving").focus()
+    tab.page.keyboard.press("a")
+    assert "segments chosen" in tab.page.locator("#selection").inner_text()
+    tab.page.keyboard.press("Escape")
+    box = tab.page.locator("#map .moving").bounding_box()
+    x, y = tab.value("pavetwin.screenOf('s0002')")
+    tab.value(f"pavetwin.map.move({(x - box['width'] / 2) / box['width']}, {(box['height'] / 2 - y) / box['height']})")
+    tab.page.keyboard.press("x")
+    tab.wait("location.hash.endsWith('segments=s0002')")
+    tab.page.keyboard.press("x")
+    assert "chosen by the seed" in tab.page.locator("#selection").inner_text(), "again lets it go"
+
+
 def test_what_cannot_be_flown_is_told_in_the_page(tab: BrowserTab) -> None:
     tab.open("#world=cross&traffic=low&seed=1&count=2000")
     tab.ready()

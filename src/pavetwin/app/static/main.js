@@ -26,7 +26,9 @@ const KEYS = [
   ['← →', 'a second back or on (shift: ten), away from the map'], ['N P', 'next or previous occlusion'], ['[ ]', 'slower, faster'],
   ['V', 'the other policy'], ['arrows', 'move the map, when it has the focus'], ['+ − 0', 'zoom the map; the whole town'],
   ['T', 'show or hide the town in 3-D'], ['1 2 3 4', 'see the town by hand, behind the UAV, from its camera, from a car'],
-  ['U', 'fly the UAV yourself'], ['M', 'build a town from a street map'], ['O', 'make the choices of a mission.yaml'], ['B', 'drag a box around streets'], ['F', 'follow the UAV'], ['D', 'light or dark'], ['?', 'these keys'],
+  ['U', 'fly the UAV yourself'], ['M', 'build a town from a street map'], ['O', 'make the choices of a mission.yaml'],
+  ['X', 'choose the street, or the defect, in the middle of the map'], ['A', 'choose all streets in view'],
+  ['B', 'drag a box around streets'], ['F', 'follow the UAV'], ['D', 'light or dark'], ['?', 'these keys'],
 ];
 
 startTheme();
@@ -303,7 +305,7 @@ function key(event) {
   const onTown = event.target === by('town').querySelector('canvas'), onButton = event.target.matches('button, summary, a, [type="range"], [role="tab"]');
   const acts = {
     ...playerKeys(player, map, onButton), Enter: onButton ? null : fly, Escape: escape, c: () => by('compare').click(), b: () => box(), f: () => followUav(), d: theme,
-    m: () => newTown?.open(), o: openDescribed, u: takeControl, t: () => showTown(!town.isShown), '?': () => by('keys').showModal(),
+    m: () => newTown?.open(), o: openDescribed, x: () => map.clickMiddle(), a: () => map.pickView(), u: takeControl, t: () => showTown(!town.isShown), '?': () => by('keys').showModal(),
     ...Object.fromEntries(TOWN_MODES.map((mode, i) => [i + 1, () => town.setMode(mode)])),
   };
   const act = arrowAct(event, player, map, onButton || onTown) ?? acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
@@ -327,6 +329,7 @@ window.pavetwin = {
   get mission() { return player.mission; },
   get flight() { return player.flight; },
   get frame() { return camera.frame; },
+  map,
   screenOf: id => map.screenOf(id),
   get town() { return town.town; },
 };

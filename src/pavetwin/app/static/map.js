@@ -457,6 +457,18 @@ export class StreetMap {
     if (segment) this.#events.pick([segment.id], { toggle: true });
   }
 
+  /** As a click on the middle of the map, for the keyboard. */
+  clickMiddle() {
+    const { width, height } = this.#size();
+    if (this.#view) this.#click([width / 2, height / 2]);
+  }
+
+  /** Pick all segments in view. */
+  pickView() {
+    const { width, height } = this.#size();
+    if (this.#view) this.#pickBox([0, 0, width, height]);
+  }
+
   #pickBox([x0, y0, x1, y1]) {
     const [west, north] = this.#toWorld(Math.min(x0, x1), Math.min(y0, y1));
     const [east, south] = this.#toWorld(Math.max(x0, x1), Math.max(y0, y1));
