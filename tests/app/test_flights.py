@@ -82,7 +82,7 @@ def test_a_mission_is_the_command_lines_byte_for_byte(page: RunningPage, world: 
     assert set(done["files"]) == {path.name for path in folder.iterdir()}
     answer = page.get(f"/api/played/{done['key']}/files/mission.yaml")
     assert answer.body == (folder / "mission.yaml").read_bytes()
-    assert "mission.yaml" in answer.headers["Content-Disposition"]
+    assert answer.headers["Content-Disposition"] == "attachment; filename*=UTF-8''mission.yaml"
     assert page.get(f"/api/played/{done['key']}/files/../mission.yaml").status == 404
 
 

@@ -4,6 +4,7 @@ import json
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
+from urllib.parse import quote
 
 from tornado.http1connection import HTTP1Connection
 from tornado.iostream import StreamClosedError
@@ -73,7 +74,7 @@ class GuardedHandler(RequestHandler):
         if gzipped:
             self.set_header("Content-Encoding", "gzip")
         if name is not None:
-            self.set_header("Content-Disposition", f'attachment; filename="{name}"')
+            self.set_header("Content-Disposition", f"attachment; filename*=UTF-8''{quote(name, safe='')}")
         with path.open("rb") as file, suppress(StreamClosedError):  # a client that goes away needs nothing more
             while block := file.read(_BLOCK):
                 self.write(block)

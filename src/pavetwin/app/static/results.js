@@ -75,6 +75,7 @@ export class Results {
       ...this.#againButtons(),
       element('ul', { className: 'list' }, ...shown.map(defect => element('li', {}, this.#row(defect)))),
     );
+    if (this.#shown !== null) this.#tellShown();
   }
 
   /** To fly again over the streets on which a defect was missed that another flight could find. */
