@@ -3,10 +3,10 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
+from pavetwin._core import __version__
 from pavetwin.capture.context import check, packages_in_use, prepare
 from pavetwin.capture.disk_space import check_disk_space
 from pavetwin.capture.formats import find_formats
@@ -145,7 +145,7 @@ def _manifest(world: World, context: CaptureContext, statistics: Statistics) -> 
             streets.setdefault(split, set()).add(segment.street_name)
     credit = attribution(load_record(world.folder).source) if world.folder is not None else None
     return {
-        "pavetwin": version("pavetwin"),
+        "pavetwin": __version__,
         "world": world.name,
         **({"credit": credit} if credit else {}),
         "streets": {split: sorted(streets[split]) for split in SPLITS if split in streets},

@@ -8,7 +8,6 @@ nothing but the bias, until it is trained.
 """
 
 from collections.abc import Iterable
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
@@ -61,7 +60,7 @@ def exported_network(path: Path) -> DetectorNetwork:
 
 def _read(path: Path) -> Any:
     try:
-        onnx: Any = import_module("onnx")
+        import onnx
     except ImportError as error:
         raise PaveTwinError(
             f"Beginning with '{path}' needs onnx, which is an extra; install it with `pip install pavetwin[train]`."
@@ -101,8 +100,9 @@ def _weights(model: Any, network: DetectorNetwork) -> dict[str, Tensor]:
 
 def _values(model: Any) -> dict[str, Tensor]:
     """The constants of a model by name, in single precision, also where it casts them."""
-    to_array = import_module("onnx.numpy_helper").to_array
-    found = {each.name: to_array(each) for each in model.graph.initializer}
+    from onnx import numpy_helper
+
+    found = {each.name: numpy_helper.to_array(each) for each in model.graph.initializer}
     for node in model.graph.node:
         if node.op_type == "Cast" and node.input[0] in found:
             found[node.output[0]] = found[node.input[0]]
