@@ -154,7 +154,11 @@ def write_found(file: Path, found: Sequence[FoundBox], split: LabelledSplit) -> 
             "image_id": each.image,
             "category_id": numbers[each.number_of_class],
             "bbox": [each.box[0], each.box[1], each.box[2] - each.box[0], each.box[3] - each.box[1]],
-            "attributes": {"det_conf": each.detection, "cls_conf": min(1.0, each.confidence / each.detection)},
+            "attributes": {
+                "det_conf": each.detection,
+                "cls_conf": min(1.0, each.confidence / each.detection),
+                **each.sizes,
+            },
         }
         for each in found
         if each.number_of_class in numbers
@@ -175,11 +179,12 @@ def table(
     rows = [f"| variant | {heads} |", "|---" * (1 + 3 * len(metrics)) + "|"]
     for name, found in runs.items():
         compared = compare_in_pairs(split, runs[base], found, resamples=resamples)
-        rows.append(f"| {name} | {' | '.join(_cells(compared, key, is_base=name == base) for key in metrics)} |")
+        rows.append(f"| {name} | {' | '.join(cells_of(compared, key, is_base=name == base) for key in metrics)} |")
     return "\n".join(rows)
 
 
-def _cells(compared: PairedComparison, key: str, *, is_base: bool) -> str:
+def cells_of(compared: PairedComparison, key: str, *, is_base: bool) -> str:
+    """The mean of the runs, each run, and the difference to the base with its interval; that is empty for the base."""
     values = [100 * each[key] for each in compared.second]
     told = compared.differences[key]
     less = "" if is_base else f"{100 * told.value:+.1f} ({100 * told.low:+.1f} to {100 * told.high:+.1f})"

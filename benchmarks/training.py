@@ -23,6 +23,7 @@ from benchmarks.adaptation import VALIDATION, table, with_examples, write_found
 from pavetwin.cli.console import fail, progress
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.evaluation.detections import FoundBox, read_detections
+from pavetwin.perception.evaluation.evaluate import RESAMPLES
 from pavetwin.perception.evaluation.labelled import LabelledSplit, numbered_after, read_split
 from pavetwin.perception.evaluation.running import LEAST_CONFIDENCE, found_by
 from pavetwin.perception.examples.example import ExampleSet
@@ -129,10 +130,21 @@ def sized(sets: Sequence[ExampleSet], views: int, options: TrainingOptions) -> t
     return kept, replace(options, epochs=epochs)
 
 
+def chosen(groups: Sequence[str], only: Sequence[str] | None = None) -> dict[str, Mapping[str, Any]]:
+    """Variants of groups with their settings: all, or the first of each group and those that are named."""
+    return {
+        name: settings
+        for group in groups
+        for at, (name, settings) in enumerate(GROUPS[group].items())
+        if at == 0 or only is None or name in only
+    }
+
+
 def shown(
     groups: Sequence[str],
     runs: Mapping[str, Sequence[Mapping[str, list[FoundBox]]]],
     splits: Mapping[str, LabelledSplit],
+    resamples: int = RESAMPLES,
 ) -> str:
     """A table for each group and test split."""
     parts = []
@@ -140,7 +152,9 @@ def shown(
         names = [name for name in GROUPS[group] if runs.get(name)]
         for where, split in splits.items():
             found = {name: [each[where] for each in runs[name]] for name in names}
-            parts.append(f"{group}, on {where}:\n\n{table(found, split, base=names[0], metrics=METRICS[where])}")
+            parts.append(
+                f"{group}, on {where}:\n\n{table(found, split, resamples, base=names[0], metrics=METRICS[where])}"
+            )
     return "\n\n".join(parts)
 
 
@@ -156,21 +170,16 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--groups", nargs="+", choices=list(GROUPS), default=list(GROUPS), metavar="GROUP")
     parser.add_argument("--only", nargs="+", metavar="VARIANT", help="and the first variant of each group")
     asked = parser.parse_args(arguments)
-    chosen = {
-        name: settings
-        for group in asked.groups
-        for at, (name, settings) in enumerate(GROUPS[group].items())
-        if at == 0 or asked.only is None or name in asked.only
-    }
-    runs: dict[str, list[dict[str, list[FoundBox]]]] = {name: [] for name in chosen}
+    wanted = chosen(asked.groups, asked.only)
+    runs: dict[str, list[dict[str, list[FoundBox]]]] = {name: [] for name in wanted}
     try:
         recipe = {**RECIPE, "image_px": asked.image}
         study = Study(asked.datasets, asked.photographs, asked.output, asked.views, recipe)
         with progress("Training") as tell:
             # Seed by seed, so that a study that is stopped has whole comparisons.
-            for at, (seed, name) in enumerate((seed, name) for seed in range(asked.seeds) for name in chosen):
-                tell(at / (asked.seeds * len(chosen)), f"Training {name}, seed {seed}")
-                runs[name].append(study.found(name, chosen[name], seed))
+            for at, (seed, name) in enumerate((seed, name) for seed in range(asked.seeds) for name in wanted):
+                tell(at / (asked.seeds * len(wanted)), f"Training {name}, seed {seed}")
+                runs[name].append(study.found(name, wanted[name], seed))
     except PaveTwinError as error:
         fail(str(error))
         return 2
