@@ -20,6 +20,7 @@ from benchmarks import (
     images,
     machine,
     missions,
+    page,
     photographs,
     startup,
     streets,
@@ -104,7 +105,7 @@ class Setup:
 
 GROUPS = (
     *("starting", "streets", "world", "defects", "recording", "missions", "sensors", "commands", "survey", "study"),
-    *("visibility", "frames", "images", "photographs", "detector", "memory", "city"),
+    *("visibility", "frames", "images", "photographs", "detector", "memory", "city", "page"),
 )
 """Each can be measured alone."""
 
@@ -132,6 +133,7 @@ def measure(
         "photographs": lambda: [photographs.line(folder, size)],
         "detector": lambda: detecting.lines(folder, size),
         "memory": lambda: [missions.memory_line(setup.town, len(setup.course.targets))],
+        "page": lambda: page.lines(setup.town, folder, size),
         "city": lambda: [growing.line(setup.course, 2 * size.runs + 1, size.copies)],
     }
     for name in GROUPS:

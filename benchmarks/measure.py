@@ -17,6 +17,7 @@ class Kind(Enum):
     PER_SECOND = "/s"
     RATIO = "ratio"
     MEBIBYTES = "MiB"
+    COUNT = ""
 
     @property
     def more_is_better(self) -> bool:
@@ -38,7 +39,9 @@ class Kind(Enum):
             case Kind.RATIO:
                 return f"{value:.2f} times"
             case Kind.MEBIBYTES:
-                return f"{value:,.0f} MiB"
+                return f"{value:,.0f} MiB" if value >= 10 else f"{value:.1f} MiB"
+            case Kind.COUNT:
+                return f"{value:,.0f}"
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from benchmarks import (
     frames,
     images,
     machine,
+    page,
     pairs,
     process,
     startup,
@@ -39,7 +40,8 @@ from rich.console import Console
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.replay import replay_of
 from pavetwin.world.folder import CACHE_VARIABLE
-from pavetwin.world.store import load_world
+from pavetwin.world.store import load_world, save_world
+from scenes import damaged
 from scenes.command_line import pavetwin
 from scenes.traffic import make_network
 
@@ -146,6 +148,9 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], list[
         # Whole commands take seconds each; here their words are checked.
         for module in (commands, surveys, images):
             patch.setattr(module, "run", partial(checked, folder / "cache"))
+        # A browser and tiles take a minute; see the slow test.
+        patch.setattr(page, "chromium", lambda: None)
+        patch.setattr(page, "WebTown", create_autospec(page.WebTown))
         built = worlds.build(folder / "short", network, defects_per_segment=3)
         lines = [built, *measure(folder / "short", SMOKE, folder, begun.append)]
     return begun, lines, folder
@@ -200,6 +205,21 @@ def test_frames_are_measured(measured: tuple[list[str], list[Line], Path]) -> No
     lines = list(frames.lines(world, replay, SMOKE))
     assert {line.what for line in lines} <= {line.what for line in measured[1]}
     assert all(line.value > 0 for line in lines)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+@pytest.mark.needs_adapter
+def test_the_page_is_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    if page.chromium() is None:
+        pytest.skip("no browser")
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+    save_world(damaged("cross", 8), tmp_path / "cross")
+    lines = list(page.lines(tmp_path / "cross", tmp_path, SMOKE))
+    assert all(line.value > 0 for line in lines)
+    assert sum(line.target is not None for line in lines) >= 13
+    (calls,) = (line for line in lines if line.what == "its draw calls")
+    assert calls.reached
 
 
 def line_functions() -> set[str]:

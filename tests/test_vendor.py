@@ -60,6 +60,12 @@ def test_the_bundle_is_small_and_names_no_host() -> None:
     assert set(re.findall(r"https?://[\w./-]+", BUNDLE)) <= {"http://www.w3.org/1999/xhtml"}
 
 
+def test_the_page_adds_less_than_a_megabyte_to_a_wheel() -> None:
+    files = [path for path in STATIC.rglob("*") if path.is_file()]
+    assert len(files) > 20
+    assert sum(len(zlib.compress(path.read_bytes(), 6)) for path in files) < WHEEL_BYTES / 3
+
+
 @pytest.mark.slow
 def test_the_same_versions_give_the_same_bytes(tmp_path: Path) -> None:
     if shutil.which("npm") is None:

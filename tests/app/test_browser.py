@@ -1,19 +1,16 @@
 """The page in Chromium: streets are clicked, a mission is started, and what is shown is what the command line says."""
 
 import json
-import shutil
 from base64 import b64decode
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from pavetwin.mission.again import read_mission
 from pavetwin.mission.fly import MissionResult, fly
@@ -21,14 +18,10 @@ from pavetwin.mission.timeline import Timeline
 from pavetwin.uav import camera_of
 from pavetwin.world.store import save_world
 from scenes import damaged
+from scenes.browser import NO_WEBGL, SOFTWARE, BrowserTab, Launch, chromium, tab_of
 from scenes.command_line import pavetwin
 from scenes.page import RunningPage, running_page
 from scenes.photographs import picture, voc
-
-playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed (make setup)")
-
-PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
-PATIENCE_S = 120
 
 DROP = """(() => {
   const dataTransfer = new DataTransfer();
@@ -40,66 +33,19 @@ DROP = """(() => {
 
 CROSS = (Path(__file__).parents[1] / "scenes" / "cross.osm").read_bytes()
 
-Launch = Callable[..., Any]
-"""Starts a browser with options."""
-
 pytestmark = pytest.mark.slow
-
-
-@dataclass
-class BrowserTab:
-    """A tab with the page, and what went wrong in it."""
-
-    page: Any
-    server: RunningPage
-    errors: list[str] = field(default_factory=list)
-    hosts: set[str] = field(default_factory=set)
-
-    def value(self, expression: str) -> Any:
-        return self.page.evaluate(expression)
-
-    def wait(self, expression: str) -> None:
-        """Until an expression is true. The page's policy forbids what Playwright's own waiting evaluates."""
-        for _ in range(PATIENCE_S * 10):
-            if self.value(f"Boolean({expression})"):
-                return
-            self.page.wait_for_timeout(100)
-        raise AssertionError(f"never: {expression}")
-
-    def open(self, address: str = "") -> None:
-        place = f"http://127.0.0.1:{self.server.port}/?token={self.server.guard.token}{address}"
-        self.page.goto(place, timeout=1000 * PATIENCE_S)
-
-    def ready(self) -> None:
-        self.page.wait_for_selector("html[data-ready=yes]", timeout=1000 * PATIENCE_S)
-
-    def click_street(self, segment: str) -> None:
-        box = self.page.locator("#map .moving").bounding_box()
-        x, y = self.value(f"pavetwin.screenOf('{segment}')")
-        self.page.mouse.click(box["x"] + x, box["y"] + y)
-
-    def fly(self) -> None:
-        self.page.click("#start")
-        self.wait("pavetwin.mission && !document.querySelector('#start').disabled")
-
-    def picture(self, selector: str) -> np.ndarray:
-        with Image.open(BytesIO(self.page.locator(selector).screenshot())) as image:
-            return np.asarray(image.convert("RGB"), dtype=np.float64)
 
 
 @pytest.fixture(scope="module")
 def launch() -> Iterator[Launch]:
-    program = next(filter(None, map(shutil.which, PROGRAMS)), None)
-    if program is None:
-        pytest.skip(f"no browser: none of {', '.join(PROGRAMS)}")
-    with playwright.sync_playwright() as driver:
-        yield lambda *options: driver.chromium.launch(executable_path=program, args=["--no-sandbox", *options])
+    with chromium() as start:
+        yield start
 
 
 @pytest.fixture(scope="module")
 def browser(launch: Launch) -> Iterator[Any]:
     """Without WebGL: all but the town in 3-D works."""
-    started = launch("--disable-3d-apis")
+    started = launch(*NO_WEBGL)
     yield started
     started.close()
 
@@ -115,14 +61,6 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def server(world: Path) -> Iterator[RunningPage]:
     with running_page([world]) as running:
         yield running
-
-
-def tab_of(browser: Any, server: RunningPage) -> BrowserTab:
-    tab = BrowserTab(browser.new_page(viewport={"width": 1366, "height": 768}), server)
-    tab.page.on("console", lambda message: tab.errors.append(message.text) if message.type == "error" else None)
-    tab.page.on("pageerror", lambda error: tab.errors.append(str(error)))
-    tab.page.on("request", lambda request: tab.hosts.add(urlsplit(request.url).netloc))
-    return tab
 
 
 @pytest.fixture
@@ -592,9 +530,6 @@ def test_without_webgl_the_panel_says_so(tab: BrowserTab) -> None:
     tab.page.reload()
     tab.ready()
     assert not tab.page.locator("#town").is_visible(), "the choice is kept"
-
-
-SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 
 
 @pytest.fixture(scope="module")

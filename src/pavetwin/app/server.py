@@ -98,7 +98,7 @@ async def serve_forever(session: Session, guard: Guard, host: str, port: int, te
     server = AppServer(session, guard)
     try:
         tell(server.start(host, port))
-        await session.tasks.warm_up()
+        await session.read_ahead()
         await asyncio.Event().wait()
     finally:
         await server.stop()

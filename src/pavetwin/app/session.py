@@ -4,7 +4,7 @@ fetches, which is gone when the server ends."""
 import asyncio
 import tempfile
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Self
@@ -79,10 +79,11 @@ class Played:
 class Session:
     """The state of a server. The browser names worlds and missions by keys of it, never by paths."""
 
-    def __init__(self, folders: Sequence[Path], place: Path = Path(WORLDS)) -> None:
+    def __init__(self, folders: Sequence[Path], place: Path = Path(WORLDS), tasks: TaskPool | None = None) -> None:
         """Args:
             folders: of worlds, studies and datasets.
             place: the folder that gets the worlds built from maps.
+            tasks: whose processes do what the page asks for; a pool of its own unless given.
 
         Raises:
             PaveTwinError: a folder is none of these.
@@ -99,7 +100,8 @@ class Session:
         }
         self._held = ExitStack()
         self.folder = self._held.enter_context(staging_folder(Path(tempfile.gettempdir()) / FOLDER))
-        self.tasks = TaskPool()
+        self.tasks = tasks or TaskPool()
+        self._making: dict[str, asyncio.Task[Mapping[str, Any]]] = {}
         self.uploads = Uploads(self.folder, self.tasks, place)
         self._flights = TaskPool(PILOTS)
         self._renders = KeptProcess()
@@ -144,7 +146,7 @@ class Session:
             raise PaveTwinError(f"The world '{world.folder}' is not there any more.") from error
         file = self.folder / f"{world.id}-{changed_ns}.json.gz"
         if not file.is_file():
-            await self.tasks.run({"do": "map", "world": str(world.folder), "file": str(file)})
+            await self._once(file.name, {"do": "map", "world": str(world.folder), "file": str(file)})
         return file
 
     async def town_file(self, key: str, name: str) -> TownFile | None:
@@ -160,7 +162,27 @@ class Session:
 
     async def choices(self) -> Mapping[str, Any]:
         """What a mission may be made of: names of policies, sensors, aircraft, traffic; and its usual values."""
-        return await self.tasks.run({"do": "choices"})
+        return await self._once("choices", {"do": "choices"})
+
+    async def _once(self, name: str, task: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Run a task, or wait for the same one that runs already."""
+        if (made := self._making.get(name)) is None:
+            made = self._making[name] = asyncio.create_task(self._made(name, task))
+            made.add_done_callback(lambda done: done.cancelled() or done.exception())  # nobody may wait any more
+        return await asyncio.shield(made)
+
+    async def _made(self, name: str, task: Mapping[str, Any]) -> Mapping[str, Any]:
+        try:
+            return await self.tasks.run(task)
+        finally:
+            del self._making[name]
+
+    async def read_ahead(self) -> None:
+        """What a browser asks for first, so that most of it is there when it does."""
+        with suppress(PaveTwinError):
+            await self.choices()
+            for world in self.worlds[:1]:
+                await self.map_file(world.id)
 
     async def run(self, asked: Mapping[str, Any], on_progress: OnReport, said: Said | None = None) -> Mapping[str, Any]:
         """Do what a browser asked for: `choose` what a mission.yaml says, `estimate`, `fly`, `fly_missed`, `play`, list
@@ -273,7 +295,7 @@ class Session:
         self._held.close()
 
     @classmethod
-    def of(cls, folders: Sequence[Path]) -> Self:
+    def of(cls, folders: Sequence[Path], tasks: TaskPool | None = None) -> Self:
         """Of these worlds, studies and datasets, and of the worlds in the folder `worlds` here where no world is named.
 
         Raises:
@@ -282,7 +304,7 @@ class Session:
         place = Path(WORLDS)
         has_world = any(exhibit_kind(folder) is None for folder in folders)
         here = sorted(place.iterdir()) if not has_world and place.is_dir() else []
-        return cls([*folders, *(folder for folder in here if (folder / DESCRIPTION).is_file())])
+        return cls([*folders, *(folder for folder in here if (folder / DESCRIPTION).is_file())], place, tasks)
 
 
 def _texts(places: Mapping[str, Path]) -> dict[str, str]:

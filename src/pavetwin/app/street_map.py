@@ -2,34 +2,30 @@
 
 import gzip
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import shapely
-from matplotlib.colors import to_hex
 from shapely import Geometry, LineString, Polygon
 
 from pavetwin.config.mission import UavSettings
-from pavetwin.defects.registry import kinds
-from pavetwin.draw import style
 from pavetwin.draw.carriageway import lane_lines, sidewalks
-from pavetwin.draw.mission_layers import BATTERY, REVISIT, STEP, WAIT
-from pavetwin.draw.mission_style import AGENT_COLOURS, HIDDEN, OPEN_DEFECT, SEEN, UAV
-from pavetwin.draw.world_map import credit, world_bounds
+from pavetwin.draw.extent import credit, world_bounds
 from pavetwin.navigation.base import with_roadside_base
 from pavetwin.world.model import FurnitureKind, World
+
+_COLOURS: Final = Path(__file__).with_name("colours.json")
+"""Written by `pavetwin.app.colours`; reading it takes none of the seconds that matplotlib takes to load."""
 
 _TOLERANCE_M: Final = 0.05
 """Of simplified outlines."""
 
-_SHADES: Final = 16
-"""Of the colours of visibility, from 0 to 1."""
-
 
 def packed_map(world: World) -> bytes:
     """The map of a world with its colours, as gzipped JSON."""
-    values = street_map(world, UavSettings().radius_m) | {"colours": colours(kind.name for kind in kinds())}
+    values = street_map(world, UavSettings().radius_m)
     content = json.dumps(values, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
     return gzip.compress(content, 6, mtime=0)
 
@@ -43,6 +39,7 @@ def street_map(world: World, radius_m: float) -> dict[str, Any]:
     base = with_roadside_base(world, radius_m).base
     return {
         "name": world.name,
+        "colours": json.loads(_COLOURS.read_text(encoding="utf-8")),
         "content": world.content_hash,
         "bounds_m": [round(each, 2) for each in world_bounds(world)],
         "credit": credit(world) or "",
@@ -74,36 +71,6 @@ def street_map(world: World, radius_m: float) -> dict[str, Any]:
             }
             for segment in world.segments
         ],
-    }
-
-
-def colours(defect_classes: Iterable[str] = ()) -> Mapping[str, Any]:
-    """The colours of maps, pictures and reports, which the page shares."""
-    ramp = [to_hex(style.VISIBILITY(shade / (_SHADES - 1))) for shade in range(_SHADES)]
-    return {
-        "ground": style.GROUND,
-        "park": style.PARK,
-        "sidewalk": style.SIDEWALK,
-        "carriageway": style.CARRIAGEWAY,
-        "casing": style.CASING,
-        "marking": style.MARKING,
-        "building": style.BUILDING,
-        "building_edge": style.BUILDING_EDGE,
-        "tree": style.TREE,
-        "base": style.BASE,
-        "visibility": ramp,
-        "outcomes": dict(style.OUTCOME_COLOURS),
-        "open_defect": OPEN_DEFECT,
-        "agents": dict(AGENT_COLOURS),
-        "policies": dict(style.POLICY_COLOURS),
-        "defects": {kind: colour for kind, colour, _ in style.defect_styles(defect_classes)},
-        "seen": SEEN,
-        "hidden": HIDDEN,
-        "uav": UAV,
-        "wait": WAIT,
-        "revisit": REVISIT,
-        "displace": STEP,
-        "battery": BATTERY,
     }
 
 

@@ -2,13 +2,17 @@
 
 import signal
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from pavetwin.cli.arguments import CacheFolder
 from pavetwin.cli.console import out
+
+if TYPE_CHECKING:
+    from pavetwin.app.task_pool import TaskPool
 
 
 def app(
@@ -35,22 +39,39 @@ def app(
     What the page flies is written where `pavetwin fly` writes it. Only this machine is answered unless --host says
     otherwise, and only who has the token in the printed address; there is no encryption.
     """
+    from pavetwin.listening import run_until_terminated
+
+    if run_until_terminated(_serve(folders or (), host, port, opens_browser=not no_browser)):
+        raise typer.Exit(128 + signal.SIGTERM)
+
+
+async def _serve(folders: Sequence[Path], host: str, port: int, *, opens_browser: bool) -> None:
+    """The process that reads the first town is started before the server is loaded: it has the more to load."""
+    from pavetwin.app.task_pool import TaskPool
+
+    tasks = TaskPool()
+    try:
+        await tasks.warm_up()
+        await _serve_with(tasks, folders, host, port, opens_browser=opens_browser)
+    finally:
+        await tasks.close()
+
+
+async def _serve_with(tasks: "TaskPool", folders: Sequence[Path], host: str, port: int, *, opens_browser: bool) -> None:
     from pavetwin.app.guard import Guard
     from pavetwin.app.server import serve_forever
     from pavetwin.app.session import Session
-    from pavetwin.listening import run_until_terminated
 
-    session, guard = Session.of(folders or ()), Guard(host)
+    session, guard = Session.of(folders, tasks), Guard(host)
     named = "127.0.0.1" if host == "0.0.0.0" else "[::1]" if host == "::" else f"[{host}]" if ":" in host else host
 
     def tell(at: int) -> None:
         address = f"http://{named}:{at}/?token={guard.token}"
         out.line(f"The page is at {address}; Ctrl-C ends it.")
         sys.stdout.flush()  # whoever started it with a pipe waits for this line
-        if not no_browser:
+        if opens_browser:
             import webbrowser
 
             webbrowser.open(address)
 
-    if run_until_terminated(serve_forever(session, guard, host, port, tell)):
-        raise typer.Exit(128 + signal.SIGTERM)
+    await serve_forever(session, guard, host, port, tell)

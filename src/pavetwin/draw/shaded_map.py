@@ -8,7 +8,8 @@ from typing import Final
 from shapely.geometry.base import BaseGeometry
 
 from pavetwin.draw import shapes, style
-from pavetwin.draw.world_map import MapLayer, credit, draw_world, legend, world_bounds
+from pavetwin.draw.extent import credit, world_bounds
+from pavetwin.draw.world_map import MapLayer, draw_world, legend
 from pavetwin.world.model import World
 
 _LAYERS: Final = frozenset(

@@ -13,15 +13,14 @@ from matplotlib.typing import ColorType
 from pavetwin.arrays import Float64Array
 from pavetwin.draw import lettering, shapes, style
 from pavetwin.draw.carriageway import lane_lines, sidewalks
+from pavetwin.draw.extent import credit, world_bounds
 from pavetwin.draw.style import LegendEntry
 from pavetwin.world.ground import Bounds
 from pavetwin.world.model import Furniture, FurnitureKind, LaneKind, World
-from pavetwin.world.store import attribution, load_record
 
 ABOVE_WORLD = 50
 """The lowest zorder above everything that `draw_world` draws."""
 
-MARGIN_M = 12.0
 
 SHADOW_EAST, SHADOW_SOUTH, SHADOW_LONGEST_M = 0.16, 0.22, 5.0
 """Metres of shadow a metre of height; light comes from the north-west, as maps have it."""
@@ -46,13 +45,6 @@ class MapLayer(StrEnum):
 
 
 EVERYTHING = frozenset(MapLayer)
-
-
-def world_bounds(world: World) -> Bounds:
-    """What a map of the whole world shows: its streets and buildings and a margin, in metres."""
-    items = [segment.polygon for segment in world.segments] + [building.polygon for building in world.buildings]
-    west, south, east, north = (float(value) for value in shapely.total_bounds(items))
-    return west - MARGIN_M, south - MARGIN_M, east + MARGIN_M, north + MARGIN_M
 
 
 def draw_world(
@@ -222,11 +214,6 @@ def subtitle(world: World) -> str:
         f"{len(world.segments)} segments, {length_km:.1f} km  ·  {len(world.buildings)} buildings  ·  "
         f"{len(world.defects)} defects"
     )
-
-
-def credit(world: World) -> str | None:
-    """The attribution required under a map of this world."""
-    return attribution(load_record(world.folder).source) if world.folder is not None else None
 
 
 def legend(world: World) -> list[LegendEntry]:

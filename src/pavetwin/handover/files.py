@@ -9,8 +9,8 @@ from typing import Final
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from pavetwin.draw import style
+from pavetwin.draw.extent import credit
 from pavetwin.draw.pci_map import COLOURS
-from pavetwin.draw.world_map import credit
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing_folder
 from pavetwin.flightplan import PlanFormat, save_plan

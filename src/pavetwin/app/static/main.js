@@ -18,6 +18,7 @@ import { Selection } from './selection.js';
 import { CancelledError, Tasks, fetchJson } from './server.js';
 import { isDark, keep, kept, palette, setTheme, startTheme } from './theme.js';
 import { Timeline } from './timeline.js';
+import { Tour } from './tour.js';
 import { TOWN_MODES, TownPanel } from './town_panel.js';
 import { NewTown } from './upload.js';
 
@@ -47,6 +48,7 @@ player.onMission = mission => {
   else files.mission = player.flight.missions.indexOf(mission);
 };
 const pilot = new Pilot(by('pilot'), map, { begin: showLive, time: seek, end: () => setLive(false) });
+const tour = new Tour(by('tour'));
 let form = null, selection = null, tasks = null, start = null, newTown = null, files = null;
 
 boot().catch(error => notice(error.message));
@@ -79,6 +81,7 @@ async function boot() {
   await showWorld();
   selection.set(shared.segments.filter(id => map.segment(id)), shared.count, shared.order);
   document.documentElement.dataset.ready = 'yes';
+  tour.first();
 }
 
 async function showWorld() {
@@ -289,6 +292,7 @@ function listen() {
   by('mission').addEventListener('submit', event => { event.preventDefault(); fly(); });
   const actions = {
     compare: () => { form.compare(!form.isCompared); selection.update(); }, share, theme, solid: () => showTown(!town.isShown), help: () => by('keys').showModal(),
+    again: () => { by('keys').close(); tour.begin(); },
     build: () => newTown?.open(), control: takeControl, cancel: () => page.task?.cancel(), box: () => box(),
   };
   for (const [id, act] of Object.entries(actions)) by(id).addEventListener('click', act);

@@ -23,7 +23,7 @@ export class Selection {
     this.#numbers = element('div', { className: 'numbers' });
     this.#note = element('small');
     this.#row = element('div', { className: 'row' });
-    root.append(this.#words, this.#numbers, this.#note, this.#row);
+    root.append(this.#words, this.#row, this.#numbers, this.#note);
   }
 
   set(segments, count = this.count, order = this.order) {
@@ -44,6 +44,7 @@ export class Selection {
   update() {
     this.#tellChoice();
     this.#changed(this.segments, []);
+    this.#root.classList.add('busy');
     clearTimeout(this.#timer);
     this.#timer = setTimeout(() => this.#estimate(), PATIENCE_MS);
   }
@@ -70,7 +71,6 @@ export class Selection {
   async #estimate() {
     this.#asked?.cancel();
     if (!this.#form.world || !this.#form.isValid) return this.#numbers.replaceChildren();
-    this.#root.classList.add('busy');
     const asked = this.#asked = this.#tasks.ask({
       do: 'estimate', world: this.#form.world, request: this.#form.request(this.segments, this.count, this.order),
     });

@@ -1,6 +1,6 @@
 // A town in 3-D on a canvas: tiles by distance, traffic, the UAV, four cameras. Places are metres of the world frame
 // (x east, y north, z up), yaw is counter-clockwise from east in radians; see docs/reference/town-client.md.
-import { ACESFilmicToneMapping, Raycaster, Scene, Vector2, Vector3, WebGLRenderer } from "./vendor.js";
+import { NeutralToneMapping, PCFShadowMap, Raycaster, Scene, Vector2, Vector3, WebGLRenderer } from "./vendor.js";
 import { Agents } from "./town/agents.js";
 import { Cameras } from "./town/cameras.js";
 import { Files } from "./town/files.js";
@@ -12,6 +12,9 @@ import { Tiles } from "./town/tiles.js";
 const FORMAT = 1;
 const MOVED_M = 1.0;
 const CLICK_PX = 4;
+const ARRIVED_MS = 300; // Least time between two pictures for tiles that have arrived alone.
+const SHADOW_M = 90, MOST_SHADOW_M = 600; // Half the side of the square with shadows.
+const SHADOW_WAIT_MS = 700; // Least time between two drawings of shadows while tiles arrive.
 const NO_WEBGL = "This browser offers no WebGL 2, so the town cannot be drawn in 3-D. Everything else works.";
 
 // What stands in for a town where none can be drawn: every call does nothing.
@@ -41,7 +44,10 @@ class Town {
     Object.assign(this, { canvas, renderer, onPick, onMessage });
     this.available = true;
     this.message = "";
-    renderer.toneMapping = ACESFilmicToneMapping;
+    renderer.toneMapping = NeutralToneMapping;
+    renderer.shadowMap.enabled = true;
+    renderer.shadowMap.type = PCFShadowMap;
+    renderer.shadowMap.autoUpdate = false;
     this.scene = new Scene();
     this.files = new Files(base, fetch);
     this.materials = new Materials();
@@ -117,6 +123,7 @@ class Town {
     this.layers = { defects: false, agents: true, uav: true, objects: true, ...this.layers, ...layers };
     if (this.tiles) {
       this.tiles.setOutlines(this.layers.defects);
+      if (this.tiles.objects.visible !== this.layers.objects) this.shaded = false;
       this.tiles.objects.visible = this.layers.objects;
       this.agents.group.visible = this.layers.agents;
     }
@@ -126,6 +133,7 @@ class Town {
   // The light of other conditions, as `light` of a manifest.
   setLight(light) {
     this.sky.set(light);
+    this.shaded = false;
     this.dirty = true;
   }
 
@@ -158,10 +166,11 @@ class Town {
     this.cameras.update(this.uav, this.#car());
     const eye = this.cameras.camera.position;
     if (!this.last || this.last.distanceTo(eye) > MOVED_M || this.tiles.pending) {
-      this.tiles.update(eye);
+      if (this.tiles.update(eye)) this.shaded = false;
       this.last = eye.clone();
       this.moved = true;
     }
+    this.#shade(eye);
     if (this.moved) this.agents.update(eye, this.cameras.mode === "car" ? this.cameras.options.agent : undefined);
     this.moved = false;
     this.#placeUav();
@@ -186,14 +195,27 @@ class Town {
 
   #frame = () => {
     this.request = requestAnimationFrame(this.#frame);
-    if (this.dirty || this.tiles.pending) {
-      this.dirty = false;
-      this.render();
-    }
+    if (this.tiles.arrived && performance.now() - (this.drawnAt ?? -Infinity) > ARRIVED_MS) this.dirty = true;
+    if (!this.dirty) return;
+    this.dirty = false;
+    this.render();
+    this.drawnAt = performance.now();
   };
 
   #car() {
     return this.cameras.mode === "car" ? this.agents.get(this.cameras.options.agent) ?? null : null;
+  }
+
+  // Shadows of what stands still: drawn again when it changes, and when the camera leaves their middle.
+  #shade(eye) {
+    const { mode, controls } = this.cameras, middle = mode === "orbit" ? controls.target : eye;
+    const reach = mode === "orbit" ? 1.3 * eye.distanceTo(controls.target) : SHADOW_M;
+    const isMoved = this.sky.shade(middle, Math.min(MOST_SHADOW_M, Math.max(SHADOW_M, reach)));
+    const isWaiting = this.tiles.pending && performance.now() - (this.shadedAt ?? -Infinity) < SHADOW_WAIT_MS;
+    if (!isMoved && (this.shaded || isWaiting)) return;
+    this.shaded = !this.tiles.pending;
+    this.shadedAt = performance.now();
+    this.renderer.shadowMap.needsUpdate = true;
   }
 
   #placeUav() {

@@ -24,7 +24,7 @@ export class Cameras {
   home(west, south, east, north) {
     const size = Math.hypot(east - west, north - south), far = Math.min(0.55 * size, 420);
     this.controls.target.set((south + north) / 2, 0, (west + east) / 2);
-    this.camera.position.copy(this.controls.target).add(new Vector3(-0.62 * far, 0.5 * far, -0.55 * far));
+    this.camera.position.copy(this.controls.target).add(new Vector3(-0.62 * far, 0.36 * far, -0.55 * far));
     this.controls.update();
   }
 

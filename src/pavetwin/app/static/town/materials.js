@@ -13,9 +13,14 @@ export class Materials {
     return this.#matt({ map });
   }
 
-  // Of land of one colour, linear.
-  plain(red, green, blue) {
-    return this.#matt({ color: new Color(red, green, blue) });
+  // Of empty land of one colour, linear, which has faded to a third at a distance.
+  plain(colour, faded_m) {
+    const material = this.#matt({ color: new Color(...colour) }, (shader) => {
+      shader.fragmentShader = shader.fragmentShader.replace("exp(-hazePerM * length(vViewPosition))",
+        `exp(-hazePerM * length(vViewPosition) - dot(vViewPosition, vViewPosition) / ${(faded_m * faded_m).toFixed(1)})`);
+    });
+    material.customProgramCacheKey = () => `plain ${faded_m}`;
+    return material;
   }
 
   // Of houses: vertex colours times a layer of the façade textures; `mean` takes the mean of the layer.

@@ -34,7 +34,8 @@ export class Models {
 
 // The instances of one part at one level; grows as needed.
 class Pool {
-  constructor(group, models, name) {
+  constructor(group, models, name, casts) {
+    this.casts = casts;
     this.part = models.parts.get(name);
     this.material = this.part.leafy ? models.leafy : models.plain;
     this.group = group;
@@ -56,6 +57,8 @@ class Pool {
     const mesh = new InstancedMesh(geometry, this.material, capacity);
     mesh.instanceMatrix.setUsage(DynamicDrawUsage);
     mesh.frustumCulled = false;
+    mesh.castShadow = this.casts;
+    mesh.receiveShadow = true;
     if (this.mesh) {
       this.group.remove(this.mesh);
       mesh.instanceMatrix.array.set(this.mesh.instanceMatrix.array);
@@ -102,9 +105,11 @@ class Pool {
 
 // Pools by name, filled anew together.
 export class Pools {
-  constructor(group, models) {
+  // `casts`: whether they cast shadows, which only what stands still does.
+  constructor(group, models, casts = false) {
     this.group = group;
     this.models = models;
+    this.casts = casts;
     this.pools = new Map();
   }
 
@@ -115,7 +120,7 @@ export class Pools {
   // The pool of a part; null where the model has none.
   of(name) {
     let pool = this.pools.get(name);
-    if (!pool && this.models.has(name)) this.pools.set(name, (pool = new Pool(this.group, this.models, name)));
+    if (!pool && this.models.has(name)) this.pools.set(name, (pool = new Pool(this.group, this.models, name, this.casts)));
     return pool ?? null;
   }
 

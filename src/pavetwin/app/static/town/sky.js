@@ -2,13 +2,20 @@
 import { BackSide, Color, DirectionalLight, LightProbe, Mesh, ShaderMaterial, SphereGeometry, Vector3, Vector4 }
   from "../vendor.js";
 
-const WHITE = 1.5; // What a white, level surface reflects, before tones are mapped.
+const WHITE = 2.2; // What a white, level surface reflects, before tones are mapped.
 const STOPS = 7;
+const SHADOW_PX = 2048;
+const SUN_M = 700; // From the middle of the shadows; what casts them is no higher.
 
 export class Sky {
   constructor(scene, materials) {
     this.materials = materials;
     this.sun = new DirectionalLight();
+    this.sun.castShadow = true;
+    this.sun.shadow.mapSize.set(SHADOW_PX, SHADOW_PX);
+    this.sun.shadow.camera.near = 1;
+    this.sun.shadow.camera.far = 2 * SUN_M;
+    this.reach = 0;
     this.probe = new LightProbe();
     this.stops = Array.from({ length: STOPS }, () => new Vector4());
     this.toSun = new Vector3(0, 1, 0);
@@ -46,7 +53,7 @@ export class Sky {
   set(light) {
     const scale = WHITE * Math.PI / light.ground_klux;
     this.toSun.fromArray(light.to_sun);
-    this.sun.position.copy(this.toSun).multiplyScalar(200);
+    this.sun.position.copy(this.sun.target.position).addScaledVector(this.toSun, SUN_M);
     const [red, green, blue] = light.sun_klux;
     const most = Math.max(red, green, blue, 1e-6);
     this.sun.color.setRGB(red / most, green / most, blue / most);
@@ -59,7 +66,23 @@ export class Sky {
     this.materials.haze.hazePerM.value = 1 / light.haze_m;
   }
 
+  // Centre the shadows on a place, `reach` metres to each side; true where they must be drawn again.
+  shade(middle, reach) {
+    const { camera } = this.sun.shadow, target = this.sun.target.position;
+    const isNear = Math.hypot(middle.x - target.x, middle.z - target.z) < 0.3 * this.reach;
+    if (isNear && reach < 1.4 * this.reach && reach > this.reach / 1.4) return false;
+    this.reach = reach;
+    target.set(middle.x, 0, middle.z);
+    this.sun.position.copy(target).addScaledVector(this.toSun, SUN_M);
+    Object.assign(camera, { left: -reach, right: reach, top: reach, bottom: -reach });
+    camera.updateProjectionMatrix();
+    this.sun.shadow.normalBias = 3 * reach / SHADOW_PX;
+    this.sun.target.updateMatrixWorld();
+    return true;
+  }
+
   dispose() {
+    this.sun.shadow.dispose();
     this.dome.geometry.dispose();
     this.dome.material.dispose();
   }

@@ -5,7 +5,8 @@ import { Pools } from "./models.js";
 
 const AT_ONCE = 6;
 const KEPT = [48, 260, Infinity]; // Tiles of each level in memory, those that are shown excepted.
-const LAND = [0.098, 0.118, 0.049], LAND_M = -1.2; // Meadows around the town, below all of its ground.
+// Meadows around the town, below all of its ground; nothing stands there, so they fade into the haze.
+const LAND = [0.098, 0.118, 0.049], LAND_M = -1.2, LAND_FADED_M = 1400;
 const EASE = 1.15; // A tile is left for a coarser one this much farther away than it was taken.
 
 export class Tiles {
@@ -16,10 +17,11 @@ export class Tiles {
     this.outlines = new Group();
     scene.add(this.group, this.objects, this.outlines);
     const [west, south, east, north] = manifest.bounds;
-    this.land = new Mesh(new PlaneGeometry(12_000, 12_000).rotateX(-Math.PI / 2), materials.plain(...LAND));
+    this.land = new Mesh(new PlaneGeometry(12_000, 12_000).rotateX(-Math.PI / 2), materials.plain(LAND, LAND_FADED_M));
     this.land.position.set((south + north) / 2, LAND_M, (west + east) / 2);
     scene.add(this.land);
-    this.pools = new Pools(this.objects, models);
+    this.land.receiveShadow = true;
+    this.pools = new Pools(this.objects, models, true);
     this.house = materials.house(false);
     this.far = materials.house(true);
     this.line = new LineBasicMaterial({ color: 0xd62728 });
@@ -27,6 +29,7 @@ export class Tiles {
     this.coarse = [];
     this.showsOutlines = false;
     this.working = new Set();
+    this.arrived = false; // Whether something has come since tiles were chosen last.
     this.failed = null;
     this.time = 0;
     const levels = manifest.levels, last = levels.length - 1;
@@ -52,6 +55,7 @@ export class Tiles {
   // Choose what is shown from a place in the files' axes, and load what is missing; true if anything changed.
   update(eye) {
     this.time++;
+    this.arrived = false;
     this.wanted = [];
     const shown = new Set();
     const [toFine, toMiddle] = [this.manifest.levels[0].to_m, this.manifest.levels[1].to_m];
@@ -90,7 +94,7 @@ export class Tiles {
   }
 
   get pending() {
-    return this.working.size + (this.wanted?.length ?? 0);
+    return this.working.size + (this.wanted?.length ?? 0) + (this.arrived ? 1 : 0);
   }
 
   counts() {
@@ -168,7 +172,11 @@ export class Tiles {
     while (this.working.size < AT_ONCE && this.wanted.length) {
       const { node } = this.wanted.shift();
       node.state = "loading";
-      const work = this.#fetch(node).finally(() => this.working.delete(work));
+      const work = this.#fetch(node).finally(() => {
+        this.working.delete(work);
+        this.arrived = true;
+        if (!this.gone) this.#load();
+      });
       this.working.add(work);
     }
   }
@@ -201,6 +209,8 @@ export class Tiles {
     if (name === "houses") mesh.material = this.house;
     else if (name === "town") mesh.material = this.far;
     else mesh.material = this.materials.pictured(map);
+    mesh.castShadow = name === "houses" || name === "town";
+    mesh.receiveShadow = true;
     if (name === "fills") node.fills = mesh;
     if (name === "ground") node.ground = mesh;
     mesh.updateMatrix();

@@ -1,0 +1,172 @@
+"""How the page looks and behaves for everyone: axe finds nothing serious in any state, nothing jumps while it loads,
+and a first visit is shown around."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from pavetwin.world.store import save_world
+from scenes import damaged
+from scenes.browser import NO_WEBGL, BrowserTab, chromium, tab_of
+from scenes.page import RunningPage, running_page
+
+axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed (make setup)")
+
+pytestmark = pytest.mark.slow
+
+SIZES = {"laptop": (1366, 768), "desktop": (1920, 1080), "tablet": (820, 1180)}
+SERIOUS = {"serious", "critical"}
+
+SHIFTS = """new PerformanceObserver(list => {
+  for (const entry of list.getEntries())
+    if (!entry.hadRecentInput) window.shifted = entry.value + (window.shifted ?? 0);
+}).observe({ type: 'layout-shift', buffered: true });"""
+
+VISITOR = "Object.defineProperty(Navigator.prototype, 'webdriver', { get: () => false });"
+"""A browser that no program drives, for the page."""
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with chromium() as start:
+        started = start(*NO_WEBGL)
+        yield started
+        started.close()
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningPage]:
+    folder = tmp_path_factory.mktemp("looks") / "cross"
+    save_world(damaged("cross", 8), folder)
+    with running_page([folder]) as running:
+        yield running
+
+
+def opened(browser: Any, server: RunningPage, size: str, **options: Any) -> BrowserTab:
+    wide, tall = SIZES[size]
+    tab = tab_of(browser, server, viewport={"width": wide, "height": tall}, reduced_motion="reduce", **options)
+    tab.page.add_init_script(SHIFTS)
+    tab.open("#world=cross&traffic=low&seed=1&segments=s0001")
+    tab.ready()
+    tab.wait("document.querySelectorAll('#selection .numbers span').length === 6")
+    return tab
+
+
+def fly_and_compare(tab: BrowserTab) -> None:
+    tab.page.click("#compare")
+    tab.fly()
+    tab.value("pavetwin.seek(20)")
+
+
+def ask_for_too_many(tab: BrowserTab) -> None:
+    tab.page.fill("#count", "2000")
+    tab.page.keyboard.press("Tab")
+    tab.wait("document.querySelector('#selection .bad')")
+
+
+def click(selector: str) -> Callable[[BrowserTab], None]:
+    return lambda tab: tab.page.click(selector)
+
+
+def press(key: str) -> Callable[[BrowserTab], None]:
+    def pressed(tab: BrowserTab) -> None:
+        tab.value("document.activeElement.blur()")
+        tab.page.keyboard.press(key)
+
+    return pressed
+
+
+STATES: dict[str, Callable[[BrowserTab], None]] = {
+    "start": lambda _: None,
+    "map's layers": click("#layers summary"),
+    "missions flown before": click("#flown summary"),
+    "keys": press("?"),
+    "tour": click("#again"),
+    "no keys": click("#tour .skip"),
+    "a new town": press("m"),
+    "no new town": press("Escape"),
+    "nothing chosen": press("Escape"),
+    "flown twice": fly_and_compare,
+    "defects": click("#tab-defects"),
+    "a defect": click("#defects .list button"),
+    "files": click("#tab-files"),
+    "an error": ask_for_too_many,
+}
+"""One after the other in one page."""
+
+
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("size", ["laptop", "tablet"])
+def test_axe_finds_nothing_serious_in_any_state(browser: Any, server: RunningPage, size: str, theme: str) -> None:
+    tab = opened(browser, server, size, color_scheme=theme)
+    found = {}
+    for state, come in STATES.items():
+        come(tab)
+        tab.page.wait_for_timeout(200)
+        for violation in axe.Axe().run(tab.page).response["violations"]:
+            if violation["impact"] in SERIOUS:
+                found[f"{state}: {violation['id']}"] = [node["html"][:160] for node in violation["nodes"]]
+    tab.page.close()
+    assert found == {}
+    assert tab.errors == []
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_nothing_jumps_while_it_loads_and_flies(browser: Any, server: RunningPage, size: str) -> None:
+    tab = opened(browser, server, size)
+    loaded = tab.value("window.shifted ?? 0")
+    tab.fly()
+    tab.page.wait_for_timeout(1000)
+    assert loaded < 0.05
+    assert tab.value("window.shifted ?? 0") - loaded < 0.05
+    overflow = "[document.documentElement, document.body].some(each => each.scrollWidth > innerWidth)"
+    assert not tab.value(overflow)
+    tab.page.close()
+
+
+def test_the_focus_goes_through_the_page_in_its_order_and_is_seen(browser: Any, server: RunningPage) -> None:
+    tab = opened(browser, server, "laptop")
+    places = []
+    for _ in range(60):
+        tab.page.keyboard.press("Tab")
+        place = """(({ id, name, className, parentElement }) => id || name || className || parentElement?.id || '')
+            (document.activeElement)"""
+        places.append(tab.value(place))
+        if places[-1] in ("tab-table", "table"):
+            break
+        if places[-1] and places[-1] not in ("date", "time"):  # their parts have the focus, and show it
+            ring = tab.value("getComputedStyle(document.activeElement).outlineStyle")
+            assert ring != "none", places[-1]
+    order = ["world", "policy", "start", "control", "share", "help", "find", "follow", "moving", "tab-table"]
+    assert [place for place in places if place in order] == order
+    tab.page.close()
+
+
+def test_a_first_visit_is_shown_around_once_and_by_keys(browser: Any, server: RunningPage) -> None:
+    tab = tab_of(browser, server)
+    tab.page.add_init_script(VISITOR)
+    tab.open("#world=cross")
+    tab.ready()
+    card = tab.page.get_by_role("dialog", name="1 of 5: Choose streets")
+    assert card.is_visible()
+    for step in range(2, 6):
+        tab.page.keyboard.press("Enter")
+        assert tab.page.locator("#tour h2").inner_text().startswith(f"{step} of 5: ")
+        box = tab.page.locator("#tour").bounding_box()
+        assert 0 <= box["x"] <= 1366 - box["width"]
+        assert 0 <= box["y"] <= 768 - box["height"]
+    tab.page.keyboard.press("ArrowLeft")
+    assert tab.page.locator("#tour h2").inner_text().startswith("4 of 5: ")
+    tab.page.keyboard.press("Escape")
+    assert not tab.page.locator("#tour").is_visible()
+    assert tab.page.locator(".toured").count() == 0
+    tab.page.reload()
+    tab.ready()
+    assert not tab.page.locator("#tour").is_visible()
+    tab.page.keyboard.press("?")
+    tab.page.click("#again")
+    assert tab.page.locator("#tour").is_visible()
+    assert tab.errors == []
+    tab.page.close()
