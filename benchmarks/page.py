@@ -82,18 +82,24 @@ def lines(town: Path, folder: Path, size: Size) -> Iterator[Line]:
 
 def _tiles(world: World, folder: Path, size: Size) -> Iterator[Line]:
     """Processor time of a file of each level that nobody has asked for, over streets; the median of the places."""
-    segments = world.segments[:: max(1, len(world.segments) // size.places)][: size.places]
+    town = WebTown(Scene(world, seed=LOOK_SEED), folder=folder)
+    near = world.base.x, world.base.y
+    begun = time.process_time()
+    reliefs = town.manifest()["defects"]["parts"]
+    for name in (MODELS, FACADES, LEAVES, *_names(near)):
+        town.file(name)
+    note = "processor time; models, plans of paint, repairs and furniture, and a tile of each level; one run"
+    yield Line("what all tiles of a town in 3-D need, once", time.process_time() - begun, Kind.SECONDS, note=note)
     times: dict[str, list[float]] = {}
-    for number, segment in enumerate(segments):
-        town = WebTown(Scene(world, seed=LOOK_SEED), folder=folder / str(number))
-        x, y = point_at(segment.centre_line, segment.length_m / 2)
-        keys = [(int(x // level.side_m), int(y // level.side_m)) for level in WEB_LEVELS]
-        asked = [(f"level {level.number}", tile_name(level, key)) for level, key in zip(WEB_LEVELS, keys, strict=True)]
-        asked.reverse()
-        relief = f"defects/{keys[0][0]}_{keys[0][1]}_0.glb.gz"
-        if f"{keys[0][0]}_{keys[0][1]}" in _warmed(town)["defects"]["parts"]:
-            asked.append(("defects", relief))
-        for what, name in asked:
+    for segment in world.segments[:: max(1, len(world.segments) // size.places)][: size.places]:
+        names = _names(point_at(segment.centre_line, segment.length_m / 2))
+        parts = {f"level {level.number}": name for level, name in zip(reversed(WEB_LEVELS), names, strict=True)}
+        key = names[-1].removeprefix("0/").partition(".")[0]
+        if key in reliefs:
+            parts["three defects"] = f"defects/{key}_0.glb.gz"
+        for what, name in parts.items():
+            if (folder / name).is_file():
+                continue
             begun = time.process_time()
             town.file(name)
             times.setdefault(what, []).append(time.process_time() - begun)
@@ -102,11 +108,10 @@ def _tiles(world: World, folder: Path, size: Size) -> Iterator[Line]:
         yield Line(f"a tile of the town in 3-D, {what}", statistics.median(taken), Kind.SECONDS, 0.5, note=note)
 
 
-def _warmed(town: WebTown) -> dict[str, Any]:
-    """The manifest, after what a server makes once for all tiles of a town."""
-    for name in (MODELS, FACADES, LEAVES):
-        town.file(name)
-    return town.manifest()
+def _names(place: tuple[float, float]) -> list[str]:
+    """The tile of each level at a place, the coarsest first."""
+    keys = [(level, (int(place[0] // level.side_m), int(place[1] // level.side_m))) for level in reversed(WEB_LEVELS)]
+    return [tile_name(level, key) for level, key in keys]
 
 
 def _page(started: Any, world: Path, runs: int) -> Iterator[Line]:

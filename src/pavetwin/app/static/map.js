@@ -3,6 +3,7 @@
 import { drawAgents, drawDefect, drawTown, drawUav, parkedAgents, pathOf, rectangle, townPaths } from './shapes.js';
 import { visibilityColour } from './theme.js';
 
+const TOOLS_PX = 44; // Of the map below its buttons.
 const CLOSEST = 60, DRAG_PX = 4, NEAR_PX = 12;
 
 export class StreetMap {
@@ -73,8 +74,8 @@ export class StreetMap {
 
   fit() {
     if (!this.#map) return;
-    const [west, south, east, north] = this.#map.bounds_m;
-    this.show(west, south, east, north, 1);
+    const [west, south, east, north] = this.#map.bounds_m, { height } = this.#size();
+    this.show(west, south, east, north + (north - south) * TOOLS_PX / Math.max(1, height - TOOLS_PX), 1);
   }
 
   /** Show an area. */

@@ -13,7 +13,7 @@ import { isDark, palette, setTheme, startTheme } from './theme.js';
 import { Timeline } from './timeline.js';
 
 /** What the page has for the server alone. */
-const OF_SERVER = '#mission, #exhibits, #flown, #share, #solid, #find, #streets, #box, #selection, #pilot, #town, #camera .under label, #tab-files, #files, #progress, #new-town, #exhibit';
+const OF_SERVER = '#mission, #exhibits, #flown, #share, #solid, #find, #streets, #box, #selection, #pilot, #town, #camera .under label, #tab-files, #files, #progress, #new-town, #exhibit, #tour, #again';
 const KEYS = [
   ['Space', 'play or pause'], ['← →', 'a second back or on (shift: ten), away from the map'], ['N P', 'next or previous occlusion'],
   ['[ ]', 'slower, faster'], ['V', 'the other policy'], ['arrows', 'move the map, when it has the focus'],
@@ -21,6 +21,7 @@ const KEYS = [
 ];
 
 for (const part of document.querySelectorAll(OF_SERVER)) part.remove();
+document.querySelector('main').classList.remove('with-town');
 startTheme();
 const seek = t => player.seek(t), showDefect = id => player.showDefect(id);
 const map = new StreetMap(by('map'), { pick: () => {}, hover: tellUnder, defect: showDefect, view: () => drawScale(map.view) });
