@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from pavetwin.mission.again import read_mission
 from pavetwin.mission.fly import MissionResult, fly

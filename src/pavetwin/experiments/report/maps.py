@@ -12,8 +12,9 @@ from matplotlib.colorbar import Colorbar
 from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize
 
 from pavetwin.draw import shapes, style
+from pavetwin.draw.extent import credit, world_bounds
 from pavetwin.draw.lettering import OccupiedSpace
-from pavetwin.draw.world_map import ABOVE_WORLD, EVERYTHING, MapLayer, credit, draw_world, world_bounds
+from pavetwin.draw.world_map import ABOVE_WORLD, EVERYTHING, MapLayer, draw_world
 from pavetwin.experiments.report.canvas import raster
 from pavetwin.experiments.report.parts import ReportFigure
 from pavetwin.experiments.words import counted
