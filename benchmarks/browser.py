@@ -86,6 +86,7 @@ def tab(started: Any) -> Iterator[Tab]:
     wide, tall = SIZE_PX
     context = started.new_context(viewport={"width": wide, "height": tall})
     try:
+        context.set_default_timeout(1000 * PATIENCE_S)
         yield Tab(context.new_page())
     finally:
         context.close()
