@@ -224,9 +224,7 @@ def main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.full_training", description=__doc__.splitlines()[0])
     parser.add_argument("recipe", type=Path, metavar="RECIPE.yaml")
     parser.add_argument("-o", "--output", type=Path, required=True, help="folder of datasets, runs and tables")
-    parser.add_argument(
-        "--stop-after", type=float, metavar="MINUTES", help="save after this time of training, and stop"
-    )
+    parser.add_argument("--stop-after", type=float, metavar="MINUTES", help="save after this time, and stop")
     parser.add_argument("--workers", type=int, default=0, help="processes that prepare images")
     parser.add_argument("--resamples", type=int, default=RESAMPLES, help="of the bootstrap over images")
     asked = parser.parse_args(arguments)
