@@ -171,6 +171,13 @@ def test_the_rule_catches_what_it_should(tmp_path: Path, room: str, line: str, c
         assert complaint in broken[0]
 
 
+def test_the_process_of_the_simulation_loads_what_it_needs() -> None:
+    script = "import pavetwin.traffic.sumo_run, sys; print(*sorted({name.partition('.')[0] for name in sys.modules}))"
+    fresh = subprocess.run([sys.executable, "-I", "-c", script], capture_output=True, text=True, check=True)
+    needless = {"pydantic", "yaml", "shapely", "pyproj", "scipy", "polars", "pyarrow"}
+    assert sorted(needless & set(fresh.stdout.split())) == []
+
+
 @pytest.mark.parametrize("module", ["pavetwin", "pavetwin.mission"])
 def test_a_headless_mission_loads_nothing_heavy(module: str) -> None:
     script = f"import {module}, sys; print(*sorted({{name.partition('.')[0] for name in sys.modules}}))"

@@ -10,7 +10,6 @@ import pytest
 from pavetwin.traffic.closed_loop import TRIP_M, ClosedLoop
 from pavetwin.traffic.demand import density_named
 from pavetwin.traffic.inputs import Inputs
-from pavetwin.traffic.mix import mix_named
 from pavetwin.traffic.network import Roads, Sidewalks
 from scenes import tiny
 
@@ -38,9 +37,8 @@ def goals(*, fastest: bool, length_m: float = TRIP_M + 1.0) -> Counter[str]:
     )
     sumo = SimpleNamespace(simulation=SimpleNamespace(findRoute=route))
     walks = Sidewalks((), np.zeros(0), (), ())
-    loop = ClosedLoop(sumo, roads, walks, 1, 0, np.random.default_rng(1), fastest_goals=fastest)
-    kind = mix_named("europe").vehicles[0][0]
-    return Counter(loop._trip(EXITS, kind)[-1] for _ in range(TRIPS))
+    loop = ClosedLoop(sumo, roads, walks, 1, 0, np.random.default_rng(1), [("car", 1.0)], fastest_goals=fastest)
+    return Counter(loop._trip(EXITS, "car")[-1] for _ in range(TRIPS))
 
 
 def test_at_a_density_trips_lead_to_the_fastest_of_some_exits() -> None:

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from pavetwin.traffic.flow import SpeedLimits, as_values, flow_of, with_limits
+from pavetwin.traffic.flow import as_values, flow_of, with_limits
 from pavetwin.traffic.recording_file import load_recording, save_recording
+from pavetwin.traffic.speed_limits import SpeedLimits
 from pavetwin.world.model import World
 from scenes.recordings import Pose, recording
 from scenes.traffic import scene_world

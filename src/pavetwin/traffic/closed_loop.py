@@ -15,8 +15,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from pavetwin.traffic.kinds import PEDESTRIANS, Kind
-from pavetwin.traffic.mix import DEFAULT_MIX, mix_named
+from pavetwin.traffic.kinds import PEDESTRIANS
 from pavetwin.traffic.network import Roads, Sidewalks
 
 TRIP_M: Final = 400.0
@@ -53,13 +52,14 @@ class ClosedLoop:
         vehicles: int,
         pedestrians: int,
         rng: np.random.Generator,
-        mix: str = DEFAULT_MIX,
+        types: Sequence[tuple[str, float]],
         *,
         fastest_goals: bool = True,
         prefix: str = "",
     ) -> None:
         """
         Args:
+            types: SUMO's, of the vehicles, with their shares.
             prefix: of the ids of its agents, where several loops hold a part of the network each.
         """
         self._sumo = sumo
@@ -76,8 +76,8 @@ class ClosedLoop:
         self._exit = Draw(roads.lanes[roads.exits])
         self._kerb = Draw(roads.length_m[roads.kerbsides])
         self._sidewalk = Draw(sidewalks.length_m)
-        self._vehicle_kinds, shares = zip(*mix_named(mix).vehicles, strict=True)
-        self._vehicle_kind = Draw(np.array(shares))
+        self._vehicle_types, shares = zip(*types, strict=True)
+        self._vehicle_type = Draw(np.array(shares))
         self._pedestrian_kind = Draw(np.array([kind.share for kind in PEDESTRIANS]))
 
     def hold(self, vehicles: int) -> None:
@@ -140,17 +140,17 @@ class ClosedLoop:
         return float(count * JAM_LENGTH_M / self._roads.length_m[edge])
 
     def _start(self, edge: int, **departure: str) -> None:
-        """One vehicle of a random kind from `edge` on; nothing where its kind may not drive."""
-        sumo, kind = self._sumo, self._vehicle_kinds[self._vehicle_kind(self._rng)]
-        route = self._trip(edge, kind)
+        """One vehicle of a random type from `edge` on; nothing where its type may not drive."""
+        sumo, type_id = self._sumo, self._vehicle_types[self._vehicle_type(self._rng)]
+        route = self._trip(edge, type_id)
         if not route:
             return
         name = f"{self._prefix}v{self._count}"
         self._count += 1
         sumo.route.add(name, route)
-        sumo.vehicle.add(name, name, typeID=kind.sumo_id, **departure)
+        sumo.vehicle.add(name, name, typeID=type_id, **departure)
 
-    def _trip(self, start: int, kind: Kind) -> Sequence[str]:
+    def _trip(self, start: int, type_id: str) -> Sequence[str]:
         """The route from `start`, fastest by past travel times, to a random goal, preferably at least `TRIP_M` away.
 
         With `fastest_goals` it is that of `GOALS` goals with the highest mean speed, else the first that is far enough.
@@ -159,7 +159,7 @@ class ClosedLoop:
         best, merit = (), (False, -1.0)
         for _ in range(GOALS):
             goal = int(roads.exits[self._exit(self._rng)]) if len(roads.exits) else self._anywhere(self._rng)
-            stage = find(roads.ids[start], roads.ids[goal], kind.sumo_id, -1.0, PRESENT_TIMES)
+            stage = find(roads.ids[start], roads.ids[goal], type_id, -1.0, PRESENT_TIMES)
             if stage.edges:
                 far = stage.length >= TRIP_M
                 if far and not self._fastest_goals:

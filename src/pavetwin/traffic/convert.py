@@ -1,8 +1,4 @@
-"""Converts the frames of SUMO's process to a recording.
-
-SUMO gives a vehicle's front bumper and a heading in degrees clockwise from north; a recording holds the body's centre
-on the ground and a yaw in radians counter-clockwise from east.
-"""
+"""Converts the frames of SUMO's process to a recording."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,28 +9,16 @@ import numpy.typing as npt
 
 from pavetwin.arrays import Float32Array, Float64Array
 from pavetwin.seeds import Stream, child
-from pavetwin.traffic.flow import SpeedLimits, at_limits
+from pavetwin.traffic.body_pose import centre_of_front, yaw_of_heading
+from pavetwin.traffic.flow import at_limits
 from pavetwin.traffic.job import STEP_S, Body, Part
 from pavetwin.traffic.kinds import KINDS
 from pavetwin.traffic.pose_rows import PoseRows
 from pavetwin.traffic.recording import Agents, Origin, Recording
+from pavetwin.traffic.speed_limits import SpeedLimits
 
 _NONE: Final = np.zeros(0, dtype=np.float32)
 NOBODY: Final = Agents((), (), _NONE, _NONE, _NONE, np.zeros(0, dtype=np.bool_))
-
-
-def yaw_of_heading(heading_deg: npt.ArrayLike) -> Float64Array:
-    """Degrees clockwise from north to radians counter-clockwise from east, in −π … π."""
-    turned = np.radians(90.0 - np.asarray(heading_deg, dtype=np.float64))
-    yaw: Float64Array = np.arctan2(np.sin(turned), np.cos(turned))
-    return yaw
-
-
-def centre_of_front(front: npt.ArrayLike, yaw_rad: npt.ArrayLike, length_m: npt.ArrayLike) -> Float64Array:
-    """The centres (..., 2) of bodies whose front bumpers' middles are `front` (..., 2), in metres."""
-    yaw, half = np.asarray(yaw_rad, dtype=np.float64), np.asarray(length_m, dtype=np.float64)[..., np.newaxis] / 2
-    centre: Float64Array = np.asarray(front, dtype=np.float64) - half * np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
-    return centre
 
 
 def to_recording(part: Part, origin: Origin, limits: SpeedLimits, before: Recording | None = None) -> Recording:

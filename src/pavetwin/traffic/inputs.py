@@ -17,12 +17,12 @@ from pavetwin.traffic.area import TrafficArea
 from pavetwin.traffic.area_traffic import AreaTraffic
 from pavetwin.traffic.closed_loop import FULL, GOALS, PATIENCE, TRIP_M, WALK_M
 from pavetwin.traffic.demand import BUSIEST, HOURLY_SHARES, HOURS, SEARCH, USER, Capacity, Density, density_named
-from pavetwin.traffic.flow import SpeedLimits
 from pavetwin.traffic.job import STEP_S, Part, SimulationJob
 from pavetwin.traffic.kinds import sumo_types
 from pavetwin.traffic.mix import DEFAULT_MIX, kinds_of, mix_named
 from pavetwin.traffic.own_demand import own_demand
 from pavetwin.traffic.recording import Origin
+from pavetwin.traffic.speed_limits import SpeedLimits
 from pavetwin.world.cache import cached
 from pavetwin.world.model import LaneKind, World
 
@@ -173,7 +173,7 @@ class Inputs:
             begin_s=self.begin_s,
             warm_up_s=(0.0, 0.0) if self.asked is None else self.warm_up_s,
             options=self.level_options,
-            mix=self.mix,
+            vehicle_types=[(kind.sumo_id, share) for kind, share in mix_named(self.mix).vehicles],
             fastest_goals=self.prefers_fastest_goals,
             speed_ratio=self.speed_ratio,
             speed_limits=None if self.speed_ratio is None else self.speed_limits,

@@ -6,8 +6,7 @@ from typing import Final
 
 from pavetwin.arrays import Float64Array, UInt32Array
 from pavetwin.traffic.area_traffic import AreaTraffic, Trip
-from pavetwin.traffic.flow import SpeedLimits
-from pavetwin.traffic.mix import DEFAULT_MIX
+from pavetwin.traffic.speed_limits import SpeedLimits
 
 STEP_S: Final = 0.5
 """SUMO's step and the recording's."""
@@ -35,8 +34,8 @@ class SimulationJob:
     pedestrians: int = 0
     options: Sequence[str] = ()
     """Of SUMO, in place of those of every recording that set the same."""
-    mix: str = DEFAULT_MIX
-    """Of the closed loop's vehicles."""
+    vehicle_types: Sequence[tuple[str, float]] = ()
+    """SUMO's, of the closed loop's vehicles, with their shares."""
     fastest_goals: bool = True
     """Whether a trip of the closed loop leads to the fastest of several random goals."""
     speed_ratio: float | None = None

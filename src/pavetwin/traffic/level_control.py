@@ -11,8 +11,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from pavetwin.traffic.convert import yaw_of_heading
-from pavetwin.traffic.flow import SpeedLimits
+from pavetwin.traffic.body_pose import yaw_of_heading
+from pavetwin.traffic.speed_limits import SpeedLimits
 
 EVERY_S: Final = 10
 """The speed ratio is measured so often."""

@@ -163,7 +163,9 @@ def _loops(sumo: Any, job: SimulationJob) -> Iterator[ClosedLoop | AreaLoop]:
     if job.area is None:
         ways = read_roads(sumo, job.lanes_of), read_sidewalks(sumo, job.lanes_of)
         rng = child(job.seed, Stream.DEMAND)
-        yield ClosedLoop(sumo, *ways, job.vehicles, job.pedestrians, rng, job.mix, fastest_goals=job.fastest_goals)
+        yield ClosedLoop(
+            sumo, *ways, job.vehicles, job.pedestrians, rng, job.vehicle_types, fastest_goals=job.fastest_goals
+        )
         return
     parts = islands(sumo, job.area)
     roads = [read_roads(sumo, job.lanes_of, part) for part in parts]
@@ -178,7 +180,7 @@ def _loops(sumo: Any, job: SimulationJob) -> Iterator[ClosedLoop | AreaLoop]:
         rng = child(job.seed, Stream.DEMAND, number)
         name = f"{number}-" if len(parts) > 1 else ""
         goals = job.fastest_goals
-        yield ClosedLoop(sumo, road, sidewalk, cars, walkers, rng, job.mix, fastest_goals=goals, prefix=name)
+        yield ClosedLoop(sumo, road, sidewalk, cars, walkers, rng, job.vehicle_types, fastest_goals=goals, prefix=name)
 
 
 def shares(count: int, weights: Sequence[float]) -> list[int]:
@@ -189,6 +191,7 @@ def shares(count: int, weights: Sequence[float]) -> list[int]:
 
 def serve(owner: Connection) -> int:
     """Simulate what the owner asks for. Returns the exit code: 0 the owner is done or gone, 1 SUMO refused."""
+    sys.modules.setdefault("pyproj", None)  # type: ignore[arg-type] # libsumo's tools would load it, and need it not
     with redirect_stdout(None):  # what the module prints when it is imported is not SUMO's
         import libsumo
     try:
