@@ -70,8 +70,15 @@ class Setup:
         return self._built[0]
 
     @cached_property
+    def city(self) -> Path:
+        """A network with ten times the town's lanes; the user's own world where given."""
+        if self._given is None:
+            worlds.city(self.folder / "city")
+        return self.folder / "city" if self._given is None else self.town
+
+    @cached_property
     def larger(self) -> Path:
-        """A network of random streets with ten times the town's lanes and more; the user's own world where given."""
+        """A network of random streets with more than twice the town's lanes; the user's own world where given."""
         if self._given is None:
             worlds.build(self.folder / "larger", "random", seed=0)
         return self.folder / "larger" if self._given is None else self.town
@@ -124,7 +131,7 @@ def measure(
         "recording": setup.recording_lines,
         "missions": lambda: missions.lines(setup.course, size.runs),
         "sensors": lambda: [missions.sensor_line(setup.course, size.runs)],
-        "commands": lambda: commands.lines(setup.town, setup.larger, folder, size),
+        "commands": lambda: commands.lines(setup.town, setup.larger, setup.city, folder, size),
         "survey": lambda: surveys.lines(setup.larger, setup.cache, folder, size),
         "study": lambda: studies.lines(setup.town, folder, size.study),
         "visibility": lambda: [missions.look_line(setup.course, size.runs)],

@@ -20,17 +20,18 @@ QUIET = "v1-p1"
 """Traffic of the mission whose map is drawn: a map does not depend on it, a recording of two hours does."""
 
 
-def lines(world: Path, larger: Path, folder: Path, size: Size) -> Iterator[Line]:
+def lines(world: Path, larger: Path, city: Path, folder: Path, size: Size) -> Iterator[Line]:
     """`fly` over a few segments, and the map of a mission over many.
 
     Args:
         world: whose high traffic is recorded.
         larger: another world, with more streets.
+        city: a world with ten times the streets.
         folder: for what the commands write.
     """
     count, runs = len(load_world(world).segments), min(size.runs, RUNS)
     few = min(size.few, count)
-    yield from _from_nothing(world, larger, folder, few)
+    yield from _from_nothing(world, larger, city, folder, few)
     took_s = _median_s(["fly", str(world), "--segments", str(few), "--density", "high"], folder / "few", runs)
     note = "processor time of one process, map included"
     yield Line(f"pavetwin fly, segments: {few}, high traffic recorded", took_s, Kind.SECONDS, 4.0, note=note)
@@ -42,12 +43,12 @@ def lines(world: Path, larger: Path, folder: Path, size: Size) -> Iterator[Line]
     yield Line(f"the map of a mission, segments: {size.mapped}", whole_s - numbers_s, Kind.SECONDS, 2.0, note=note)
 
 
-def _from_nothing(world: Path, larger: Path, folder: Path, few: int) -> Iterator[Line]:
-    """With an empty cache: in traffic of the whole town and of an area, each over both worlds."""
-    lanes_km = [Capacity.of(load_world(each)).lanes_km for each in (world, larger)]
-    for where, area in (("the whole town", "all"), (f"{AREA_M:g} m around", f"{AREA_M:g}")):
+def _from_nothing(world: Path, larger: Path, city: Path, folder: Path, few: int) -> Iterator[Line]:
+    """With an empty cache: in traffic of the whole town over the larger world as well, and of an area over the city."""
+    for where, area, other in (("the whole town", "all", larger), (f"{AREA_M:g} m around", f"{AREA_M:g}", city)):
+        lanes_km = [Capacity.of(load_world(each)).lanes_km for each in (world, other)]
         took = []
-        for number, each in enumerate((world, larger)):
+        for number, each in enumerate((world, other)):
             words = ["fly", str(each), "--segments", str(few), "--density", "high", "--traffic-area", area]
             with patch.dict(os.environ, {CACHE_VARIABLE: str(folder / f"empty-{number}-{area}")}):
                 took.append(_flown(words, folder / "few"))

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from unittest.mock import patch
 
 from benchmarks.measure import Kind, Line
 from benchmarks.process import run
@@ -11,11 +12,19 @@ from pavetwin.mission.replay import Replay
 from pavetwin.traffic.demand import Capacity, density_of
 from pavetwin.traffic.record import record
 from pavetwin.world.build import BuildOptions, build_world
+from pavetwin.world.generate import NetworkKind
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world, save_world
 
 DEMO_TARGET_S = 6.0
 RECORDED_S = 600.0
+CITY = (
+    "grid grid.x-number=12 grid.y-number=10 grid.x-length=130 grid.y-length=105 grid.attach-length=70 "
+    "perturb-x=normc(0,7,-12,12) perturb-y=normc(0,7,-12,12)"
+)
+"""Options of netgenerate: those of a generated grid, with more streets."""
+CITY_DEFECTS = 2.0
+"""On each segment: more would make it long to build, and are not what is measured."""
 SEED = 1
 
 
@@ -34,6 +43,13 @@ def build(
     note = f"{len(world.segments)} segments, {length_km:.1f} km of streets, {len(world.defects)} defects; one run"
     what = f"building a world ({'the generated town' if source == 'town' else source})"
     return Line(what, took_s, Kind.SECONDS, note=note)
+
+
+def city(folder: Path) -> None:
+    """A grid of streets with ten times the lanes of the demo's town, and few defects."""
+    with patch.dict("pavetwin.world.generate._SHAPES", {NetworkKind.GRID: CITY}):
+        made = build_world("grid", BuildOptions(seed=0))
+    save_world(add_defects(made, DefectOptions(population="paper", per_segment=CITY_DEFECTS)), folder)
 
 
 def demo_line(folder: Path) -> Line:

@@ -7,6 +7,7 @@ import pytest
 import shapely
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.traffic import area as area_module
 from pavetwin.traffic import demand_search, inputs, town_trips
 from pavetwin.traffic.area import SQUARE_M, TrafficArea
 from pavetwin.traffic.demand import density_named
@@ -171,6 +172,34 @@ def test_trips_are_observed_once_for_all_seeds_and_areas(grid: World, monkeypatc
     path.write_bytes(kept[: len(kept) // 2])
     assert with_area_traffic(first).area_traffic == found
     assert path.read_bytes() == kept
+
+
+def test_in_a_small_town_vehicles_of_an_area_are_observed_on_all_streets(grid: World) -> None:
+    assert grid.length_km(LaneKind.DRIVING) < 2 * area_module.OBSERVED_LEAST_KM
+    made = Inputs.of(grid, "low", 1, area=area_of(grid, corner(grid)))
+    assert made.observed_on is None
+
+
+def test_in_a_city_they_are_observed_on_the_streets_around_it(grid: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    area = area_of(grid, corner(grid))
+    whole = Inputs.of(grid, "v20-p0", 1, area=area)
+    everywhere = with_area_traffic(whole).area_traffic
+    least_km = 1.3 * area.length_km(grid)
+    monkeypatch.setattr(area_module, "OBSERVED_SHARE", 1.3)
+    monkeypatch.setattr(area_module, "OBSERVED_LEAST_KM", 0.5)
+    monkeypatch.setattr(area_module, "MOST_SHARE", 0.95)
+    made = Inputs.of(grid, "v20-p0", 1, area=area)
+    around = made.observed_on
+    assert around is not None
+    assert set(area.edges) < set(around.edges)
+    assert least_km <= around.length_km(grid) < 0.95 * grid.length_km(LaneKind.DRIVING)
+    assert made.hash != whole.hash
+    found = with_area_traffic(made).area_traffic
+    assert found is not None
+    assert everywhere is not None
+    assert {edge for trip in found.trips for edge in trip.edges} <= set(around.edges)
+    assert found.vehicles == pytest.approx(everywhere.vehicles, rel=0.35)
+    assert next(cached(grid, f"traffic/trips-v20-p0-{around.name}.npz")).is_file()
 
 
 def test_a_recording_of_an_area_is_repeated_extended_and_read_as_such(

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
+from itertools import count
 from math import floor
 from typing import Final, Self
 
@@ -25,6 +26,15 @@ SQUARE_M: Final = 200.0
 
 MOST_SHARE: Final = 0.5
 """Of a town's kilometres of lane: an area with more is the whole town, whose recording all missions share."""
+
+OBSERVED_SHARE: Final = 2.0
+"""An area's vehicles are observed on so many times its own kilometres of lane."""
+
+OBSERVED_LEAST_KM: Final = 10.0
+"""And on so many at least: those of the demo's town and more."""
+
+GROWN_M: Final = 50.0
+"""The streets on which they are observed grow by this distance until they are enough."""
 
 
 @dataclass(frozen=True, eq=True)
@@ -56,6 +66,20 @@ class TrafficArea:
         area = cls(distance_m, edges)
         return area if area.length_km(world) < most_share * world.length_km(LaneKind.DRIVING) else None
 
+    def surroundings(self, world: World) -> Self | None:
+        """The streets around it on which its vehicles are observed; None for those of the whole town, where that is not
+        twice as large."""
+        least_km = max(OBSERVED_LEAST_KM, OBSERVED_SHARE * self.length_km(world))
+        town_km = world.length_km(LaneKind.DRIVING)
+        if least_km >= MOST_SHARE * town_km:
+            return None
+        lines = [lane.centre_line for edge in self.edges for lane in world.lanes_by_edge[edge]]
+        for distance_m in count(GROWN_M, GROWN_M):
+            around = type(self)(distance_m, _edges_near(world, lines, distance_m))
+            if (length_km := around.length_km(world)) >= least_km:
+                return around if length_km < MOST_SHARE * town_km else None
+        raise AssertionError
+
     @property
     def name(self) -> str:
         """For files."""
@@ -72,6 +96,11 @@ class TrafficArea:
     def misses(self, segments: Iterable[Segment]) -> list[str]:
         """Ids of segments that do not lie in it."""
         return [segment.id for segment in segments if not self._known.issuperset(segment.edges)]
+
+
+def may_be_observed_in_part(world: World) -> bool:
+    """Whether the vehicles of some areas are observed on the streets around them alone."""
+    return world.length_km(LaneKind.DRIVING) > OBSERVED_LEAST_KM / MOST_SHARE
 
 
 def _square(segment: Segment) -> tuple[int, int]:

@@ -115,11 +115,17 @@ class Inputs:
             "types": sumo_types(kinds_of(self.mix)),
             **({"mix": dict(mix_named(self.mix).shares)} if self.mix != DEFAULT_MIX else {}),
             **({"area": [AREAS, *self.area.edges]} if self.area else {}),
+            **({"observed on": self.observed_on.edges} if self.observed_on else {}),
             "options": [STEP_S, *sumo_run.OPTIONS, *sumo_run.CLOSED_LOOP_OPTIONS, *self.level_options, *self.warm_up_s],
             "loop": [TRIP_M, *WALK_M, GOALS, PATIENCE, FULL],
             "sumo": sumo,
         }
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+    @cached_property
+    def observed_on(self) -> TrafficArea | None:
+        """The streets on which the vehicles of the area are observed; None for all."""
+        return None if self.area is None else self.area.surroundings(self.world)
 
     @property
     def mix(self) -> str:

@@ -1,8 +1,9 @@
 """The trips of a town's vehicles, observed once for each density and mix: what the traffic of its areas is made from.
 
-They are observed in one simulation of the whole town without pedestrians, which takes a third of the time of one with
-them. Where vehicles are does not depend much on the seed of traffic, so all seeds share it. How well areas agree with
-their town: docs/explanation/traffic.md, "Area".
+They are observed in one simulation without pedestrians, which takes a third of the time of one with them: of the whole
+town, or in a city of the streets around the area, so that it takes no longer there. Where vehicles are does not depend
+much on the seed of traffic, so all seeds share it. How well areas agree with their town: docs/explanation/traffic.md,
+"Area".
 """
 
 import hashlib
@@ -18,6 +19,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from pavetwin.files import writing
+from pavetwin.traffic.area import may_be_observed_in_part
 from pavetwin.traffic.area_traffic import AreaTraffic, Trip
 from pavetwin.traffic.demand import Density
 from pavetwin.traffic.demand_search import search_for_areas
@@ -40,38 +42,42 @@ def with_area_traffic(inputs: Inputs, on_progress: OnRecorded | None = None) -> 
     """The inputs with the vehicles of their area, whose density is known; the same inputs for a whole town.
 
     Args:
-        on_progress: told the share done of the observation of the town, where it is not in the cache.
+        on_progress: told the share done of the observation, where it is not in the cache.
 
     Raises:
         PaveTwinError: SUMO is missing or refuses its input, or the file cannot be written.
     """
     if inputs.area is None or inputs.asked is None:
         return inputs
-    town = replace(inputs, area=None, seed=SEED)
+    town = replace(inputs, area=inputs.observed_on, seed=SEED)
     length_m = {lane.edge: lane.length_m for lane in inputs.world.lanes}
     trips = trips_of(town, on_progress)
     return replace(inputs, area_traffic=AreaTraffic.of(trips, frozenset(inputs.area.edges), OBSERVED_S, length_m))
 
 
 def observe(world: World, asked: Density, on_progress: OnRecorded | None = None) -> None:
-    """Keep the trips that all areas of a world have at a density, a level of service or an hour.
+    """Keep the trips that areas of a world have at a density, a level of service or an hour, where all have the same.
 
     Raises:
         PaveTwinError: as `with_area_traffic`, or the world cannot reach the level of service.
     """
     density = search_for_areas(world, asked.mix, on_progress).density(asked) if asked.is_found else asked
+    if may_be_observed_in_part(world):
+        return  # each area on streets of its own
     trips_of(Inputs.of(world, density, SEED), on_progress)
 
 
 def trips_of(town: Inputs, on_progress: OnRecorded | None = None) -> Sequence[Trip]:
-    """The trips of a whole town during `OBSERVED_S` after the warm-up, from the cache or from SUMO.
+    """The trips of a whole town, or of some streets of it, during `OBSERVED_S` after the warm-up, from the cache or
+    from SUMO.
 
     Raises:
         PaveTwinError: as `with_area_traffic`.
     """
     assert town.asked is not None
     key = hashlib.sha256(json.dumps([town.hash, OBSERVED_S, town.asked.vehicles_per_lane_km]).encode()).hexdigest()
-    places = list(cached(town.world, f"traffic/trips-{town.asked.name}.npz"))
+    where = "" if town.area is None else f"-{town.area.name}"
+    places = list(cached(town.world, f"traffic/trips-{town.asked.name}{where}.npz"))
     for path in filter(Path.exists, places):
         with suppress(*_DAMAGED):
             if (known := _read(path, key)) is not None:
