@@ -8,7 +8,7 @@ import pytest
 from pavetwin.cli.console import Bar
 from pavetwin.cli.flight_progress import FlightProgress
 from pavetwin.mission.events import ProgressMade
-from pavetwin.mission.replay import FIRST_DURATION_S, GROWTH, Replay
+from pavetwin.mission.replay import FIRST_DURATION_S, Replay, grown_s
 
 FLYING, SIMULATING = 0.002, 0.02
 """Real seconds that a second takes."""
@@ -41,12 +41,12 @@ class Flight:
             then_s = lasts_s * done / self.segments
             while self.traffic.recording.duration_s < then_s:
                 known_s: float = self.traffic.recording.duration_s
-                self.traffic.extending_s = GROWTH * known_s - (0.0 if from_the_beginning else known_s)
+                self.traffic.extending_s = grown_s(known_s) - (0.0 if from_the_beginning else known_s)
                 from_the_beginning = False
                 for step in range(1, 21):
                     self.now_s += SIMULATING * self.traffic.extending_s / 20
                     self.progress.extended(step / 20)
-                self.traffic.recording.duration_s = GROWTH * known_s
+                self.traffic.recording.duration_s = grown_s(known_s)
             self.now_s += FLYING * (then_s - time_s)
             time_s = then_s
             self.progress(ProgressMade(time_s, done / self.segments))

@@ -37,7 +37,7 @@ from pavetwin.experiments.store import Store, query
 from pavetwin.mission.environment import prepare
 from pavetwin.mission.fly import fly, fly_over
 from pavetwin.mission.metrics import SegmentMetrics
-from pavetwin.mission.replay import GROWTH, Replay, replay_of
+from pavetwin.mission.replay import Replay, grown_s, replay_of
 from pavetwin.navigation.patterns import PATTERNS
 from pavetwin.policies import POLICIES
 from pavetwin.traffic.inputs import Inputs
@@ -582,7 +582,7 @@ def test_what_is_kept_of_the_traffic_does_not_depend_on_kills(
         file.unlink()
     run(design, tmp_path / "whole", Single())
     kept = digests(traffic)
-    for left_s in (10.0, 10.0 * GROWTH):  # by a kill before and after a recording was extended
+    for left_s in (10.0, grown_s(10.0)):  # by a kill before and after a recording was extended
         for file in traffic.glob("*.parquet"):
             recording = load_recording(file)
             assert recording.duration_s > left_s

@@ -6,16 +6,18 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.traffic.convert import to_recording
 from pavetwin.traffic.inputs import Inputs
-from pavetwin.traffic.job import Part
 from pavetwin.traffic.part_file import PackedPart
 from pavetwin.traffic.record import Recorder, record
+from pavetwin.traffic.recording import Recording
 from pavetwin.traffic.recording_file import save_recording
-from pavetwin.traffic.runner import OnRecorded, SimulationProcess
+from pavetwin.traffic.runner import SimulationProcess
 from pavetwin.traffic.track_part import TrackPart
 from pavetwin.world.model import World
 from scenes.processes import is_gone, is_over, simulations
@@ -67,17 +69,25 @@ def test_what_is_recorded_is_packed_piece_by_piece(cross: World, monkeypatch: py
     monkeypatch.setattr("pavetwin.traffic.record.FRAMES_AT_ONCE", 50)
     told: list[float] = []
     handed: list[int] = []
-    hand_over = SimulationProcess.record
+    begin = SimulationProcess.begin
+    order: list[str] = []
 
-    def counted(self: SimulationProcess, frames: int, on_progress: OnRecorded | None = None) -> Part:
+    def counted(self: SimulationProcess, frames: int) -> None:
         handed.append(frames)
-        return hand_over(self, frames, on_progress)
+        order.append("simulate")
+        begin(self, frames)
 
-    monkeypatch.setattr(SimulationProcess, "record", counted)
+    def packed(*given: Any) -> Recording:
+        order.append("pack")
+        return to_recording(*given)
+
+    monkeypatch.setattr(SimulationProcess, "begin", counted)
+    monkeypatch.setattr("pavetwin.traffic.record.to_recording", packed)
     with Recorder(Inputs.of(cross, "medium", 3), force=True) as recorder:
         pieces = recorder.until(60.0, told.append)
         assert sum(handed) == pieces.frames
         assert max(handed) == 50
+        assert order == ["simulate", "simulate", "pack", "simulate", "pack", "pack"]  # SUMO goes on meanwhile
         *done, last = pieces.tracks.parts
         assert len(done) > 2
         assert all(isinstance(part, PackedPart) for part in done)

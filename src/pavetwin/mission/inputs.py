@@ -219,7 +219,7 @@ def traffic_of(
 
     Args:
         area: the streets with traffic; None for the whole town.
-        first_s: of an area's traffic that is recorded from take-off on.
+        first_s: how much is recorded from take-off on; a mission that lasts longer extends it.
 
     Raises:
         PaveTwinError: it cannot be recorded, or the recording is of another world.
@@ -245,7 +245,7 @@ def traffic_of(
             routes=routes,
             take_off_s=source.take_off_s,
             area=area,
-            first_s=FIRST_DURATION_S if area is None else first_s,
+            first_s=first_s,
             on_progress=on_progress,
             on_search=on_search,
         )

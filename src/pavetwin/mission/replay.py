@@ -18,17 +18,22 @@ from pavetwin.traffic.trace import trace_arguments
 from pavetwin.world.model import World
 
 FIRST_DURATION_S = 1200.0
-"""Recorded before the first flight; a mission of some ten segments fits."""
+"""Recorded before the first flight at most; a mission of some ten segments fits."""
 
 FIRST_PER_TARGET_S = 150.0
-"""The same for each segment where traffic is that of an area: other missions hardly share it."""
+"""The same for each segment of a mission of few: half of the missions over the demo's town need 90."""
 
 HELD_ONCE = 1 << 19
 """Poses that stay in memory beside those in use where a single mission is flown, which does not go back in time."""
 
-GROWTH = 1.15
-"""A recording that proves too short is made this much longer. SUMO goes on from where it stopped: less would copy what
-is known too often, more would simulate too much in vain."""
+GROWTH, GROWTH_S = 1.04, 15.0
+"""A recording that proves too short is made so many times as long, and so much longer at least. SUMO goes on from where
+it stopped: less would pack and read its end too often, more would simulate too much in vain."""
+
+
+def grown_s(known_s: float) -> float:
+    """How long a recording is made that proved too short."""
+    return max(known_s * GROWTH, known_s + GROWTH_S)
 
 
 @dataclass
@@ -113,7 +118,7 @@ class Replay:
             PaveTwinError: the traffic cannot be recorded again with the same beginning.
         """
         if self.recording.duration_s - self.start_s <= needed_s + self.recording.step_s:
-            longer_s = max(self.recording.duration_s, self.start_s + needed_s) * GROWTH
+            longer_s = grown_s(max(self.recording.duration_s, self.start_s + needed_s))
             if self.recorder is None:
                 self.recorder = Recorder.of(self.recording, self.world, self.routes, unchanged=self.file)
                 if self._entered:

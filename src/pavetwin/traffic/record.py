@@ -25,8 +25,8 @@ from pavetwin.world.model import World
 
 LONGEST_S: Final = 86400.0
 
-FRAMES_AT_ONCE: Final = 1200
-"""Ten minutes: as many come from SUMO's process unpacked, so that memory does not grow with a recording's length."""
+FRAMES_AT_ONCE: Final = 480
+"""Four minutes: as many come from SUMO's process unpacked, so that memory does not grow with a recording's length."""
 
 
 def record(
@@ -194,10 +194,13 @@ class Recorder:
             simulation = self._simulation or self._begin()
             self._simulation = simulation
             begin = before.frames if before is not None else 0
-            for first in range(begin, frames, FRAMES_AT_ONCE):
+            starts = range(begin, frames, FRAMES_AT_ONCE)
+            simulation.begin(min(FRAMES_AT_ONCE, frames - begin))
+            for first in starts:
                 count = min(FRAMES_AT_ONCE, frames - first)
-                tell = on_progress and _part_of(on_progress, (first - begin, count, frames - begin))
-                part = simulation.record(count, tell)
+                part = simulation.finish(on_progress and _part_of(on_progress, (first - begin, count, frames - begin)))
+                if first != starts[-1]:  # SUMO goes on while this process packs what it has
+                    simulation.begin(min(FRAMES_AT_ONCE, frames - first - count))
                 origin, limits = self._inputs.origin(part), self._inputs.speed_limits
                 before = replace(to_recording(part, origin, limits, before), path=self._inputs.path)
         except BaseException:
