@@ -17,7 +17,7 @@ PACKAGE = ROOT / "src" / "pavetwin"
 # From the ground up. A room imports from strictly lower layers, or from itself.
 LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"errors", "arrays"}),
-    frozenset({"_core", "seeds", "files", "memory", "registry", "workers", "listening"}),
+    frozenset({"_core", "seeds", "files", "geo_files", "memory", "registry", "workers", "listening"}),
     frozenset({"plugins"}),
     frozenset({"config"}),
     frozenset({"world", "uav"}),

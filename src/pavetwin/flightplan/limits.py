@@ -10,6 +10,7 @@ import shapely
 from pyproj import Transformer
 from shapely import LineString, Point, STRtree
 
+from pavetwin import geo_files
 from pavetwin.errors import PaveTwinError
 from pavetwin.flightplan.model import FlightPlan, PlannedFlight
 from pavetwin.flightplan.parts import parts_of
@@ -111,7 +112,7 @@ def read_zones(path: Path, place: GeoReference) -> list[tuple[str, shapely.Geome
     Raises:
         PaveTwinError: it cannot be read, or holds no polygon, or something else beside polygons.
     """
-    import pyogrio
+    pyogrio = geo_files.pyogrio()
 
     check_file(path)
     zones: list[tuple[str, shapely.Geometry]] = []

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
-import pyogrio
 
+from pavetwin import geo_files
 from pavetwin.world.layers import columns_of
 
 _FIRST_DATE = (1980, 1, 1, 0, 0, 0)
@@ -21,6 +21,7 @@ def write_workbook(sheets: Mapping[str, pl.DataFrame], path: Path) -> None:
     Raises:
         OSError: the disk is full or the folder cannot be written.
     """
+    pyogrio = geo_files.pyogrio()
     path.unlink(missing_ok=True)
     try:
         for name, table in sheets.items():

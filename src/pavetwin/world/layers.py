@@ -10,6 +10,7 @@ import shapely
 from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
+from pavetwin import geo_files
 from pavetwin.arrays import AnyArray, BoolArray, Float64Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.condition import condition_columns
@@ -63,7 +64,7 @@ def write_layer(
     Raises:
         OSError: the disk is full or the folder cannot be written.
     """
-    import pyogrio
+    pyogrio = geo_files.pyogrio()
 
     projected = np.array([shapely.transform(shape, place.to_projected) for shape in shapes], dtype=object)
     try:
@@ -104,7 +105,7 @@ def _filled(column: "pl.Series") -> AnyArray:
 @contextmanager
 def _gdal_options() -> Iterator[None]:
     """A fixed date instead of today's, and no synchronous writes."""
-    import pyogrio
+    pyogrio = geo_files.pyogrio()
 
     options = {"OGR_CURRENT_DATE": STAMP, "OGR_SQLITE_SYNCHRONOUS": "OFF"}
     before = {name: pyogrio.get_gdal_config_option(name) for name in options}
@@ -133,7 +134,7 @@ def read_layers(path: Path, place: GeoReference, hint: str) -> dict[str, Any]:
 
 
 def _read(path: Path, layer: Layer, place: GeoReference, hint: str) -> Sequence[LayerRow]:
-    import pyogrio
+    pyogrio = geo_files.pyogrio()
 
     if layer.optional and layer.name not in _layer_names(path):
         return []
@@ -162,7 +163,7 @@ def _read(path: Path, layer: Layer, place: GeoReference, hint: str) -> Sequence[
 
 def _layer_names(path: Path) -> list[str]:
     """Empty where the file is no GeoPackage."""
-    import pyogrio
+    pyogrio = geo_files.pyogrio()
 
     try:
         return [str(name) for name, _ in pyogrio.list_layers(path)]
