@@ -10,11 +10,11 @@ import shapely
 
 from pavetwin._core import Viewpoint
 from pavetwin.defects import DEFECT_CLASSES
-from pavetwin.mission import save_mission
+from pavetwin.mission import MissionInputs, fly, save_mission
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.inspected_defects import InspectedDefect, MissReason, PolicyResponse, inspected_defects
 from pavetwin.policies import policy_names
-from scenes.tiny import CAR, PERSON, Scene, block, parked, result, straight
+from scenes.tiny import CAR, PERSON, SCENES, Scene, block, parked, result, straight
 
 SHORT = "policy.max_wait_s=10"
 
@@ -104,6 +104,21 @@ def test_what_is_judged_again_is_what_the_kernel_saw(scene: str, policy: str) ->
     least = ours.settings.sensing.min_visible_fraction
     missed = [outcome for outcome in outcomes.values() if not outcome.is_found]
     assert all((outcome.visible_fraction or 0.0) < least for outcome in missed), "the sensor misses nothing"
+
+
+@pytest.mark.parametrize("policy", ["hover", "skip"])
+@pytest.mark.parametrize("scene", ["truck_beside_defects", "queue_at_light"])
+def test_what_is_watched_in_flight_is_not_asked_of_the_traffic_again(
+    scene: str, policy: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ours = result(scene, policy, SHORT)
+    made = SCENES[scene]()
+    inputs = MissionInputs(made.environment(ours.settings), made.traffic())
+    watched = fly(ours.spec, inputs=inputs, watches_defects=True)
+    expected = inspected_defects(ours)
+    assert len(watched.known_shares) == sum(each.captures for each in expected if not each.is_found) > 0
+    monkeypatch.setattr("pavetwin.mission.inspected_defects.shares_of", None)
+    assert inspected_defects(watched) == expected
 
 
 def test_the_files_hold_every_defect_with_its_sizes_and_its_reason(tmp_path: Path) -> None:

@@ -342,7 +342,15 @@ def _fly_and_draw(
                 flight = FlightProgress(tell, what, replay)
                 inputs.on_extend(flight.extended)
                 look = partial(tell, what="Rendering the captures and searching them")
-                yield fly_mission(spec, inputs=inputs, sensor=eyes, image_source=images, observer=flight, on_look=look)
+                yield fly_mission(
+                    spec,
+                    inputs=inputs,
+                    sensor=eyes,
+                    image_source=images,
+                    observer=flight,
+                    on_look=look,
+                    watches_defects=True,
+                )
 
     with replay:
         results = report.save(missions(), folder, several=several)

@@ -1,7 +1,7 @@
 """Flying a mission from take-off to landing, and what it leaves behind."""
 
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
@@ -16,9 +16,17 @@ from pavetwin._core import Captured, Occluded, Trace
 from pavetwin.arrays import UInt8Array
 from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError
+from pavetwin.mission.defect_watch import DefectWatch
 from pavetwin.mission.detections import DetectionLog
 from pavetwin.mission.environment import MissionEnvironment
-from pavetwin.mission.events import ActionTaken, BatteryRanLow, MissionEvent, MissionObserver, ProgressMade
+from pavetwin.mission.events import (
+    ActionTaken,
+    BatteryRanLow,
+    MissionEvent,
+    MissionObserver,
+    ProgressMade,
+    SegmentFinished,
+)
 from pavetwin.mission.inputs import MissionInputs, load_inputs
 from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.mission import Mission, Traffic
@@ -39,7 +47,7 @@ from pavetwin.traffic.recording import Recording
 from pavetwin.twin import InspectionMemory
 
 if TYPE_CHECKING:
-    from pavetwin._core import CaptureColumns, TrackColumns
+    from pavetwin._core import CaptureColumns, DefectShares, TrackColumns
     from pavetwin.mission.inspected_defects import InspectedDefect
 
 
@@ -85,6 +93,8 @@ class MissionResult:
     """Everything that happened, in the order of time."""
     recording: Recording | None = None
     """The recorded traffic; None where it was handed in as a value."""
+    known_shares: Mapping[tuple[int, int], "DefectShares"] = field(default_factory=dict, repr=False)
+    """What hid a defect in a capture, by their numbers, as far as it was worked out in flight."""
 
     @cached_property
     def detections(self) -> tuple[JudgedDetection, ...]:
@@ -145,6 +155,7 @@ def fly(
     on_progress: Callable[[float], None] | None = None,
     on_look: Callable[[float], None] | None = None,
     observer: MissionObserver | None = None,
+    watches_defects: bool = False,
 ) -> MissionResult:
     """Fly one mission.
 
@@ -159,6 +170,8 @@ def fly(
         on_progress: told the share done, 0 … 1.
         on_look: told the share done of what a sensor looks at after landing.
         observer: told everything that happens, see `pavetwin.mission.events`.
+        watches_defects: work out in flight what `MissionResult.inspected_defects` needs of the traffic, which is read
+            again for it otherwise.
 
     Raises:
         PaveTwinError: an input is gone or has changed, the policy or the sensor is not known, or the mission cannot be
@@ -175,7 +188,12 @@ def fly(
     spec = loaded.flown(spec)
     images = None if image_source is None else _CountedImages(image_source)
 
+    watch = DefectWatch(loaded.environment, spec.settings)
+
     def tell(event: MissionEvent) -> None:
+        if watches_defects and isinstance(event, SegmentFinished):
+            trace = loaded.traffic.trace()
+            watch.look_back(event.segment, flown.flight.captures(), flown.memory.confirmed, trace)
         if on_progress is not None and isinstance(event, ProgressMade):
             on_progress(event.share)
         if observer is not None:
@@ -218,7 +236,8 @@ def fly(
     _answer(flown, chosen, detect, is_told=not looking.after_landing)
     defect_classes = {defect.kind for defect in loaded.environment.defects}
     looked = images is not None and (images.taken > 0 or looking.looked_px is not None)
-    return result_of(flown, spec.with_versions(images=looked, defect_classes=defect_classes))
+    result = result_of(flown, spec.with_versions(images=looked, defect_classes=defect_classes))
+    return replace(result, known_shares=watch.shares)
 
 
 def result_of(mission: Mission, spec: MissionSpec | None = None) -> MissionResult:

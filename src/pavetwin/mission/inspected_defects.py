@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from pavetwin._core import Viewpoint
-from pavetwin.arrays import Float64Array, IndexArray
-from pavetwin.mission.environment import shutter_s, window_m
+from pavetwin.arrays import IndexArray
+from pavetwin.mission.defect_watch import captures_of, in_window, shares_of
+from pavetwin.mission.environment import shutter_s
 from pavetwin.mission.events import ActionTaken
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.timeline import LATE_S
@@ -230,28 +230,14 @@ class _Judge:
 
     def _captures_of(self, defect: Defect) -> IndexArray:
         """Rows of the captures of a defect's segment with its centre in the inspection window."""
-        columns = self.result.captures
-        rows = np.flatnonzero(columns["segment"] == self._indices[defect.segment])
-        inside = self._in_window(defect, columns["x_m"][rows], columns["y_m"][rows], columns["yaw_rad"][rows])
-        return rows[inside]
-
-    def _in_window(self, defect: Defect, x_m: Float64Array, y_m: Float64Array, yaw_rad: Float64Array) -> IndexArray:
-        """Indices of the places of the UAV from which a defect's centre is in the inspection window."""
-        across_m, along_m = window_m(self.result.settings)
-        east, north = defect.centre.x - x_m, defect.centre.y - y_m
-        ahead_east, ahead_north = np.cos(yaw_rad), np.sin(yaw_rad)
-        along, across = east * ahead_east + north * ahead_north, north * ahead_east - east * ahead_north
-        return np.flatnonzero((np.abs(along) <= along_m / 2) & (np.abs(across) <= across_m / 2))
+        return captures_of(defect, self.result.captures, self._indices[defect.segment], self.result.settings)
 
     def _shares(self, defect: int, capture: int) -> "DefectShares":
-        columns = self.result.captures
-        viewpoint = Viewpoint(
-            position=(float(columns["x_m"][capture]), float(columns["y_m"][capture])),
-            altitude_m=self.result.settings.altitude_m,
-            yaw_rad=float(columns["yaw_rad"][capture]),
-        )
-        time_s = float(columns["t_s"][capture])
-        return self.result.environment.ground.defect_shares(defect, self.result.trace, time_s, viewpoint)
+        known = self.result.known_shares.get((defect, capture))
+        if known is not None:
+            return known
+        result = self.result
+        return shares_of(defect, capture, result.captures, result.environment, result.trace)
 
     def _too_small(self, defect: Defect, captures: IndexArray, visible: Sequence[float]) -> bool:
         """Whether the sensor had no chance in any capture that showed enough of it: at every one it covered too few
@@ -273,7 +259,8 @@ class _Judge:
     def _responses(self, defect: Defect, captures: IndexArray) -> tuple[PolicyResponse, ...]:
         """What the policy did about it, each kind once, in order; see `InspectedDefect.responses`."""
         track, rows = self.result.track, self._rows_of_actions
-        above = self._in_window(defect, track["x_m"][rows], track["y_m"][rows], track["yaw_rad"][rows])
+        x_m, y_m, yaw_rad = track["x_m"][rows], track["y_m"][rows], track["yaw_rad"][rows]
+        above = in_window(defect, x_m, y_m, yaw_rad, self.result.settings)
         above = above[track["segment"][rows[above]] == self._indices[defect.segment]]
         done = [PolicyResponse(type(self._actions[number].action).__name__.lower()) for number in above]
         if self._on_revisit(captures):
