@@ -70,7 +70,7 @@ class Fonts:
 
     @staticmethod
     def _lacking(text: str, faces: Sequence[FontFace]) -> set[str]:
-        return {letter for letter in text if not _is_blank(letter) and not any(letter in face for face in faces)}
+        return {letter for letter in set(text) if not any(letter in face for face in faces) and not _is_blank(letter)}
 
     def _best(self, letters: set[str]) -> FontFace | None:
         """The font with the most of some letters, an upright one without serifs before others."""

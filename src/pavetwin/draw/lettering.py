@@ -68,7 +68,7 @@ def segment_ids(axes: Axes, segments: Iterable[Segment], occupied: OccupiedSpace
         half_h = (_ID_PT / 2 + 1.2) / per_m
         end = (half_w + _FROM_END_PT / per_m) / segment.length_m
         for share in (end, 1 - end, 0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8):
-            x, y, angle = _pose(segment.centre_line, share * segment.length_m)
+            x, y, angle = _upright_pose(segment.centre_line, share * segment.length_m)
             level = shapely.box(x - half_w, y - half_h, x + half_w, y + half_h)
             plate = affinity.rotate(level, angle, use_radians=True)
             if _inside(axes, plate) and occupied.free(plate):
@@ -194,19 +194,19 @@ def _write(
     backwards = last.x < first.x if level else last.y < first.y
     middles = (advances[:-1] + advances[1:]) / 2
     spots = start + (length - middles if backwards else middles)
-    poses = [_pose(line, float(spot), size_m * 1.2, upright=False) for spot in spots]
-    angles = np.unwrap([angle + (np.pi if backwards else 0.0) for _, _, angle in poses])
+    places, directions = _poses(line, spots, size_m * 1.2)
+    angles = np.unwrap(directions + (np.pi if backwards else 0.0))
     turns = np.abs(np.diff(angles))
     if np.ptp(angles) > _MAX_TURN or (len(turns) and turns.max() > _MAX_TURN_AT_ONCE):
         return None
     # A single piece has one pose, which makes no line.
-    spine = LineString([(x, y) for x, y, _ in poses] if len(poses) > 1 else [first, last])
+    spine = LineString(places if len(places) > 1 else [first, last])
     strip = spine.buffer(0.62 * size_m)
     if not _inside(axes, strip) or not occupied.free(strip):
         return None
     occupied.take(strip)
     glyphs = []
-    for piece, (x, y, _), angle, left, middle in zip(pieces, poses, angles, advances[:-1], middles, strict=True):
+    for piece, (x, y), angle, left, middle in zip(pieces, places, angles, advances[:-1], middles, strict=True):
         if piece != " ":
             place = Affine2D().scale(size_m).translate(left - middle, -0.36 * size_m).rotate(angle).translate(x, y)
             glyphs.append(_outline(piece).transformed(place))
@@ -221,16 +221,25 @@ def _pieces(name: str) -> list[str]:
     return pieces[::-1] if runs_left(name) else pieces
 
 
-def _pose(line: LineString, at_m: float, window_m: float = 6.0, *, upright: bool = True) -> tuple[float, float, float]:
-    """Position and direction (radians, counter-clockwise from east) of a line, smoothed over a window."""
-    spots = np.clip(at_m + np.linspace(-1, 1, 5) * window_m, 0, line.length)
-    points = shapely.get_coordinates(shapely.line_interpolate_point(line, spots))
-    x, y = points.mean(axis=0)
-    dx, dy = points[-1] - points[0]
-    angle = float(np.arctan2(dy, dx))
-    if upright and not -_STEEP < angle <= np.pi - _STEEP:
+def _poses(line: LineString, at_m: Float64Array, window_m: float) -> tuple[Float64Array, Float64Array]:
+    """Positions (n, 2) and directions (n,) of a line (radians, counter-clockwise from east), smoothed over a window.
+
+    Args:
+        at_m: (n,) along the line.
+    """
+    spots = np.clip(at_m[:, None] + np.linspace(-1, 1, 5) * window_m, 0, line.length)
+    points = shapely.get_coordinates(shapely.line_interpolate_point(line, spots)).reshape(-1, 5, 2)
+    ahead = points[:, -1] - points[:, 0]
+    return points.mean(axis=1), np.arctan2(ahead[:, 1], ahead[:, 0])
+
+
+def _upright_pose(line: LineString, at_m: float) -> tuple[float, float, float]:
+    """Position and direction of a line, as of `_poses`, in which a text does not stand on its head."""
+    places, directions = _poses(line, np.array([at_m]), 6.0)
+    (x, y), angle = places[0].tolist(), float(directions[0])
+    if not -_STEEP < angle <= np.pi - _STEEP:
         angle += np.pi if angle <= 0 else -np.pi
-    return float(x), float(y), angle
+    return x, y, angle
 
 
 def _turn(a: Float64Array, b: Float64Array) -> float:

@@ -351,8 +351,8 @@ def with_palette(image: Image.Image) -> Image.Image:
     Pillow chooses among the picture's colours, each as often as the power 0.7 of its pixels: areas of one colour weigh
     most, and a map has far fewer such samples than pixels. No dithering.
     """
-    red, green, blue = np.moveaxis(np.asarray(image, dtype=np.uint32), -1, 0)
-    codes = red << 16 | green << 8 | blue
+    # As 0xRRGGBB, without arrays of each channel: those would be most of what drawing a map takes of memory.
+    codes = np.frombuffer(image.tobytes("raw", "BGRX"), dtype="<u4").reshape(image.size[::-1]) & 0xFFFFFF
     colours, pixels = np.unique(codes, return_counts=True)
     times = np.ceil(pixels**0.7).astype(np.intp)
     rgb = np.stack([colours >> 16, colours >> 8 & 255, colours & 255], axis=-1).astype(np.uint8)
