@@ -13,7 +13,7 @@ import pytest
 
 from pavetwin import workers
 from pavetwin.errors import PaveTwinError
-from pavetwin.workers import ATTEMPTS, OnTick, WorkerPool, default_jobs
+from pavetwin.workers import ATTEMPTS, OnTick, WorkerPool, default_jobs, started
 from scenes.processes import is_gone, is_over
 
 OWNER = """
@@ -85,6 +85,22 @@ def ran(pool: WorkerPool, tasks: list, **options: object) -> tuple[dict, list]:
     given_up: list = []
     pool.run(tasks, results.__setitem__, give_up=given_up.append, **options)
     return results, given_up
+
+
+def own_number(on_tick: OnTick) -> Callable[[int], int]:  # noqa: ARG001
+    return lambda _: os.getpid()
+
+
+def test_processes_that_were_started_before_are_the_first_workers_and_end_unused() -> None:
+    with started(2, "json") as waiting:
+        numbers = [each.process.pid for each in waiting]
+        found: list[int] = []
+        with WorkerPool(1, own_number, waiting=waiting) as pool:
+            pool.run([0, 1], lambda _task, number: found.append(number), give_up=print)
+        assert found == [numbers[0]] * 2
+        assert not is_gone(numbers[1] or 0)
+    waiting[1].process.join(20)
+    assert waiting[1].process.exitcode == 0
 
 
 def test_every_task_runs_once_and_progress_is_told() -> None:

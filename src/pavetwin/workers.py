@@ -10,9 +10,10 @@ import signal
 import threading
 import traceback
 from collections import deque
-from collections.abc import Callable, Iterable
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from functools import partial
+from importlib import import_module
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from types import FrameType
@@ -55,15 +56,20 @@ class WorkerPool(Generic[Task, Result]):
     """Runs tasks in up to `workers` processes, which start when tasks need them and end with the `with` block."""
 
     def __init__(
-        self, workers: int, start: Callable[[OnTick], Callable[[Task], Result]], on_tick: OnTick = lambda: None
+        self,
+        workers: int,
+        start: Callable[[OnTick], Callable[[Task], Result]],
+        on_tick: OnTick = lambda: None,
+        waiting: Iterable["WaitingProcess"] = (),
     ) -> None:
         """Args:
         start: called once in each worker, before its first task; returns what runs a task. It is given a function that
             reports progress. It is pickled: a function at the top of a module, or a `partial` of one.
         on_tick: called here for each report of progress.
+        waiting: processes that were started before, see `started`, and become its first workers.
         """
         self._workers, self._start, self._on_tick = workers, start, on_tick
-        self._context = multiprocessing.get_context("spawn")
+        self._waiting = deque(waiting)
         self._pool: list[_Worker[Task]] = []
 
     def run(
@@ -112,7 +118,8 @@ class WorkerPool(Generic[Task, Result]):
                 return worker
         if len(self._pool) == self._workers:
             return None
-        self._pool.append(_Worker(self._context, self._start))
+        process = self._waiting.popleft() if self._waiting else WaitingProcess()
+        self._pool.append(_Worker(process, self._start))
         return self._pool[-1]
 
     def __enter__(self) -> Self:
@@ -125,14 +132,38 @@ class WorkerPool(Generic[Task, Result]):
             worker.stop()
 
 
+class WaitingProcess:
+    """A process that has not been told yet what to run."""
+
+    def __init__(self, module: str = "") -> None:
+        """Args:
+        module: what it imports meanwhile.
+        """
+        self.connection, theirs = multiprocessing.Pipe()
+        with theirs:
+            context: Any = multiprocessing.get_context("spawn")
+            self.process = context.Process(target=_serve, args=(theirs, module), daemon=True)
+            self.process.start()
+
+
+@contextmanager
+def started(workers: int, module: str) -> Iterator[list[WaitingProcess]]:
+    """Processes for a pool that is made within it, which meanwhile import what they will need."""
+    processes = [WaitingProcess(module) for _ in range(workers)]
+    try:
+        yield processes
+    finally:
+        for each in processes:
+            each.connection.close()  # who still waits ends then
+
+
 class _Worker(Generic[Task]):
     """A worker process as its parent sees it."""
 
-    def __init__(self, context: Any, start: Callable[[OnTick], Callable[[Task], Any]]) -> None:
-        self.connection, theirs = multiprocessing.Pipe()
-        with theirs:
-            self.process = context.Process(target=_serve, args=(start, theirs), daemon=True)
-            self.process.start()
+    def __init__(self, process: WaitingProcess, start: Callable[[OnTick], Callable[[Task], Any]]) -> None:
+        self.connection, self.process = process.connection, process.process
+        with suppress(ConnectionError):  # it died while waiting; the end of the connection is read next
+            self.connection.send(start)
         self.busy = False
         self.task: Task
         self.deaths = 0
@@ -157,18 +188,24 @@ class _Worker(Generic[Task]):
 # --- In the worker process ------------------------------------------------------------------------------------------
 
 
-def _serve(start: Callable[[OnTick], Callable[[Any], Any]], connection: Connection) -> None:
-    """Run tasks until the parent closes the connection. A result goes back in a tuple; None reports progress."""
+def _serve(connection: Connection, module: str) -> None:
+    """Run tasks until the parent closes the connection, from which comes first what starts them. A result goes back in
+    a tuple; None reports progress."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which then ends this process
     signal.signal(signal.SIGTERM, _exit)
     threading.Thread(target=_die_with_parent, daemon=True).start()
+    if module:
+        import_module(module)
+    start: Callable[[OnTick], Callable[[Any], Any]] | None = None
     run: Callable[[Any], Any] | None = None
     while True:
         try:
+            start = start or connection.recv()
             task = connection.recv()
         except (EOFError, ConnectionError):
             return
         try:
+            assert start is not None
             run = run or start(partial(connection.send, None))
             answer: object = (run(task),)
         except Exception as error:

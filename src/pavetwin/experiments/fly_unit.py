@@ -54,6 +54,7 @@ from pavetwin.traffic.area import TrafficArea
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder
 from pavetwin.world.model import Defect, World
+from pavetwin.world.solids import Solids, solids
 from pavetwin.world.store import load_record
 
 RECORDED_S: Final = 100.0
@@ -222,8 +223,13 @@ def _factors(plan: Plan, unit: Unit, cell: Cell) -> Row:
         "sensing_seed": seeds.sensing,
         "take_off_s": plan.take_off_s(unit),
         **({FILES: plan.files_hash(unit, cell)} if plan.files else {}),
-        "version": version("pavetwin"),
+        "version": _own_version(),
     }
+
+
+@cache
+def _own_version() -> str:
+    return version("pavetwin")
 
 
 def _measured(row: SegmentMetrics) -> Row:
@@ -350,7 +356,14 @@ def _environment(
 @lru_cache(maxsize=16)
 def _surroundings(path: str, content_hash: str, altitude_m: float, uav: UavSettings) -> Surroundings:
     """The same in all replicates."""
-    return Surroundings.of(world_of_study(path, content_hash), altitude_m, uav)
+    world = world_of_study(path, content_hash)
+    return Surroundings.of(world, altitude_m, uav, standing=_solids(path, content_hash))
+
+
+@lru_cache(maxsize=2)
+def _solids(path: str, content_hash: str) -> Solids:
+    """Of a world: the same at all altitudes."""
+    return solids(world_of_study(path, content_hash))
 
 
 def _replay(plan: Plan, unit: Unit, world: World, entry: WorldEntry) -> Replay:

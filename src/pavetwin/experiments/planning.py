@@ -1,6 +1,7 @@
 """A design checked against its worlds before anything is flown, which gives a plan."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from pavetwin.config import MissionSettings
@@ -14,7 +15,7 @@ from pavetwin.experiments.owners import owners_of
 from pavetwin.experiments.plan import IN_DESIGN_FILE, Cell, Plan, cells_of, content_of, take_offs, traffic_area_m
 from pavetwin.experiments.words import listed
 from pavetwin.files import file_sha256
-from pavetwin.mission.environment import MissionEnvironment, prepare
+from pavetwin.mission.environment import Surroundings
 from pavetwin.mission.plan import check_distinct, check_names
 from pavetwin.mission.spec import PolicyInput, files_of_settings
 from pavetwin.mission.targets import short_tour
@@ -24,6 +25,7 @@ from pavetwin.traffic.demand import density_named
 from pavetwin.traffic.own_demand import own_demand
 from pavetwin.traffic.recording_file import load_recording
 from pavetwin.world.model import World
+from pavetwin.world.solids import solids
 from pavetwin.world.store import load_record, load_world
 
 
@@ -54,7 +56,7 @@ def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = 
             f"the design: two of its worlds are called '{names[0]}'; the table could not tell them apart."
         )
     targets = tuple(
-        _targets(design, world, named, _environments(design, world, cells, tell))
+        _targets(design, world, named, _surroundings(design, world, cells, tell))
         for world, named in zip(worlds, _named(design, worlds), strict=True)
     )
     named = _populations(design, worlds)
@@ -177,7 +179,7 @@ def _targets(
     design: Design,
     world: World,
     named: Mapping[str, Sequence[int]],
-    environments: Sequence[MissionEnvironment],
+    surroundings: Sequence[Surroundings],
 ) -> tuple[int, ...]:
     """The segments that missions may inspect: those that can be reached in every cell, of those with a name of the
     design's streets.
@@ -185,7 +187,7 @@ def _targets(
     Raises:
         PaveTwinError: none of a name can be reached, or they are fewer than a mission inspects.
     """
-    reachable = [at for at in range(len(world.segments)) if all(each.reachable(at) for each in environments)]
+    reachable = [at for at in range(len(world.segments)) if all(each.segments_in_reach[at] for each in surroundings)]
     for name, places in named.items():
         if not set(places) & set(reachable):
             raise PaveTwinError(f"the design: streets: no way leads to {name} in '{world.name}' at all altitudes.")
@@ -201,19 +203,20 @@ def _targets(
             "altitudes"
         )
         raise PaveTwinError(f"the design: segments: {design.segments} are asked for, but {there_are}.")
-    return tuple(short_tour(environments[0].world, found)) if design.order == "near" else found
+    flown = replace(world, base=surroundings[0].base)
+    return tuple(short_tour(flown, found)) if design.order == "near" else found
 
 
-def _environments(
+def _surroundings(
     design: Design, world: World, cells: Sequence[Cell], tell: Callable[[str], None]
-) -> list[MissionEnvironment]:
+) -> list[Surroundings]:
     """Where the missions of all cells fly; bakes and caches the NavMeshes."""
     ways: Mapping[tuple[float, float, str], MissionSettings] = {
         (settings.altitude_m, settings.uav.radius_m, settings.uav.base): settings
         for settings in (cell.settings(design) for cell in cells)
     }
-    environments = []
+    around, standing = [], solids(world)
     for settings in ways.values():
         tell(f"Planning: where to fly over {world.name} at {settings.altitude_m:g} m")
-        environments.append(prepare(world, settings, ()))
-    return environments
+        around.append(Surroundings.of(world, settings.altitude_m, settings.uav, standing=standing))
+    return around

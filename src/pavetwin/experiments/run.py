@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -64,7 +64,29 @@ def run(
         PaveTwinError: the design does not fit its worlds, the folder holds another, or it cannot be written. Flown
             units are kept, and the same call resumes.
     """
-    tell = on_progress or (lambda _share, _what: None)
+    early = nullcontext() if folder.exists() else engine.started()  # else there may be nothing left to fly
+    with early:
+        return _run(
+            design,
+            folder,
+            engine,
+            image_source_factory,
+            on_progress or (lambda _share, _what: None),
+            on_notice,
+            retry=retry,
+        )
+
+
+def _run(
+    design: Design,
+    folder: Path,
+    engine: Engine,
+    image_source_factory: ImageSourceFactory | None,
+    tell: OnProgress,
+    on_notice: Callable[[str], None],
+    *,
+    retry: bool,
+) -> Ran:
     store = Store(folder)
     worlds = load_worlds(design)
     design = with_levels_in_reach(design, worlds, tell, on_notice)

@@ -137,13 +137,23 @@ class Surroundings:
     segments_in_reach: tuple[bool, ...]
 
     @classmethod
-    def of(cls, world: World, altitude_m: float, uav: UavSettings, base: Point | None = None) -> Self:
+    def of(
+        cls,
+        world: World,
+        altitude_m: float,
+        uav: UavSettings,
+        base: Point | None = None,
+        standing: Solids | None = None,
+    ) -> Self:
         """Bake or read the NavMesh, and find the base where none is given.
+
+        Args:
+            standing: the solids of the world, where they are known: the same at all altitudes.
 
         Raises:
             PaveTwinError: nothing is left to fly in at this altitude, or no UAV can take off from the base.
         """
-        standing = solids(world)
+        standing = solids(world) if standing is None else standing
         if base is not None:
             check_base(world, base, altitude_m, uav.radius_m, standing)
         elif uav.base == "roadside":

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from math import pi
 from typing import Final
@@ -77,7 +78,11 @@ class Survey:
 
     def pci(self, found: Iterable[int] | None = None) -> float:
         """The condition index of all units together, see `mean_pci`; of what is known, as in `conditions`."""
-        return mean_pci(self.conditions(found))
+        return self._whole_pci if found is None else mean_pci(self.conditions(found))
+
+    @cached_property
+    def _whole_pci(self) -> float:
+        return mean_pci(self.conditions())
 
 
 @dataclass(frozen=True, slots=True)

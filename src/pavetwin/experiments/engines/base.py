@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Final
@@ -37,6 +38,10 @@ def in_batches(units: Sequence[Unit], workers: int) -> list[list[Unit]]:
 
 class Engine(ABC):
     """Flies units, each once, in any order."""
+
+    def started(self) -> AbstractContextManager[object]:
+        """While it lasts, workers start that `fly` uses, before it is known what they fly."""
+        return nullcontext()
 
     @abstractmethod
     def fly(self, plan: Plan, units: Sequence[Unit], listener: Listener) -> None:

@@ -1,12 +1,13 @@
 """This process alone, or a pool of processes on this machine."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 
 from pavetwin.experiments.engines.base import DIED, Engine, Listener, in_batches
 from pavetwin.experiments.fly_unit import failed_unit, fly_unit
 from pavetwin.experiments.plan import Plan, Unit
-from pavetwin.workers import OnTick, WorkerPool
+from pavetwin.workers import OnTick, WaitingProcess, WorkerPool, started
 
 
 class Single(Engine):
@@ -21,6 +22,13 @@ class Pool(Engine):
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
+        self._waiting: list[WaitingProcess] = []
+
+    @contextmanager
+    def started(self) -> Iterator[None]:
+        with started(self._jobs, fly_unit.__module__) as self._waiting:
+            yield
+        self._waiting = []
 
     def fly(self, plan: Plan, units: Sequence[Unit], listener: Listener) -> None:
         listener.on_wait(f"Starting {self._jobs} processes")
@@ -34,7 +42,8 @@ class Pool(Engine):
             for unit in batch:
                 listener.on_unit(unit, failed_unit(plan, unit, DIED))
 
-        with WorkerPool(self._jobs, partial(_start, plan), listener.on_recorded) as pool:
+        waiting, self._waiting = self._waiting, []
+        with WorkerPool(self._jobs, partial(_start, plan), listener.on_recorded, waiting) as pool:
             pool.run(
                 in_batches(units, self._jobs),
                 on_result,

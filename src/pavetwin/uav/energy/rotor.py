@@ -5,7 +5,6 @@ from math import sqrt
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
 from pavetwin.arrays import Float64Array
 from pavetwin.config.mission import MissionSettings
@@ -118,6 +117,8 @@ def _scales(figures: _Figures) -> tuple[float, float]:
     if figures.hover_w is None:
         scale = figures.flight_w / flight_w(1.0, 1.0)
         return scale, scale
+    from scipy.optimize import brentq  # a quarter of a second that other models and profiles need not wait
+
     hover_w, blade_hover_w, induced_hover_w = figures.hover_w, float(blade_w[0]), float(induced_w[0])
 
     def lift_scale(other: float) -> float:
