@@ -195,13 +195,14 @@ def test_a_duration_that_is_none_is_refused(cross: World, duration: float) -> No
         record(cross, "low", 1, duration)
 
 
-def test_an_unwritable_folder_is_found_before_the_simulation(cross: World) -> None:
-    folder = Inputs.of(cross, "low", 1).path.parent
+@pytest.mark.parametrize("traffic", ["low", "los-C"])
+def test_an_unwritable_folder_is_found_before_the_simulation(cross: World, traffic: str) -> None:
+    folder = Inputs.of(cross, traffic, 1).path.parent
     folder.parent.mkdir(parents=True)
     folder.write_text("in the way")
     shares: list[float] = []
     with pytest.raises(PaveTwinError, match=r"Cannot write.*PAVETWIN_CACHE names one"):
-        record(cross, "low", 1, 10.0, on_progress=told(shares))
+        record(cross, traffic, 1, 10.0, on_progress=told(shares), on_search=told(shares))
     assert not shares
 
 

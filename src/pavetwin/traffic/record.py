@@ -189,9 +189,7 @@ class Recorder:
         before = self._longest if goes_on else None
         simulated_s, begun = self.simulated_s(frames * STEP_S), time.monotonic()
         try:
-            if self._simulation is None:
-                self._inputs = with_area_traffic(found(self._inputs, on_search), on_search)
-            simulation = self._simulation or self._begin()
+            simulation = self._simulation or self._begin(on_search)
             self._simulation = simulation
             begin = before.frames if before is not None else 0
             starts = range(begin, frames, FRAMES_AT_ONCE)
@@ -213,12 +211,12 @@ class Recorder:
         else:
             self._take(before)
 
-    def _begin(self) -> SimulationProcess:
+    def _begin(self, on_search: OnRecorded | None) -> SimulationProcess:
         require_sumo()
-        inputs = self._inputs
-        check_writable(inputs.path, f"{CACHE_VARIABLE} names one.")
+        check_writable(self._inputs.path, f"{CACHE_VARIABLE} names one.")
+        self._inputs = with_area_traffic(found(self._inputs, on_search), on_search)
         folder = self._alive.enter_context(workplace())
-        return self._alive.enter_context(closing(SimulationProcess(inputs.job(folder))))
+        return self._alive.enter_context(closing(SimulationProcess(self._inputs.job(folder))))
 
     def _end(self) -> None:
         self._simulation = None
