@@ -65,7 +65,7 @@ async function boot() {
   start = await fetchJson('api/start');
   files = new Files(by('files'), tasks, start.exports);
   form = new MissionForm(by('mission'), start, changed);
-  selection = new Selection(by('selection'), tasks, form, (chosen, drawn) => {
+  selection = new Selection(by('selection'), tasks, form, id => map.segment(id)?.street ?? id, (chosen, drawn) => {
     map.setSelection(chosen);
     map.setDrawn(drawn);
     if (page.map) history.replaceState(null, '', form.address(selection.segments, selection.count, selection.order));

@@ -4,17 +4,24 @@ import { element } from './dom.js';
 import { CancelledError } from './server.js';
 
 const PATIENCE_MS = 250;
+
+/** Streets that are named; others are counted. */
+const NAMED = 3;
 const ORDERS = { random: 'anywhere, by the seed', near: 'in a short tour' };
 
 export class Selection {
-  #root; #tasks; #form; #changed; #timer = 0; #asked = null; #numbers; #words; #row; #note;
+  #root; #tasks; #form; #changed; #timer = 0; #streetOf; #asked = null; #numbers; #words; #row; #note;
   segments = [];
   count = 8;
   order = 'random';
   isDrawable = true;
 
-  /** @param changed told the segments that a mission would inspect: the chosen ones, or those drawn */
-  constructor(root, tasks, form, changed) {
+  /**
+   * @param streetOf the name of a segment's street
+   * @param changed told the segments that a mission would inspect: the chosen ones, or those drawn
+   */
+  constructor(root, tasks, form, streetOf, changed) {
+    this.#streetOf = streetOf;
     this.#root = root;
     this.#tasks = tasks;
     this.#form = form;
@@ -52,7 +59,7 @@ export class Selection {
   #tellChoice() {
     const { segments, count } = this;
     this.#words.replaceChildren(...segments.length
-      ? [element('b', {}, `${segments.length} segment${segments.length === 1 ? '' : 's'} chosen`)]
+      ? [element('b', {}, `${segments.length} segment${segments.length === 1 ? '' : 's'} chosen`), ...this.#streets()]
       : [element('b', {}, `${count} segments chosen by the seed.`), ' Click streets on the map to choose them yourself.']);
     if (segments.length) {
       const clear = element('button', { type: 'button', title: 'Choose none (Escape)' }, 'Clear');
@@ -66,6 +73,13 @@ export class Selection {
     order.setAttribute('aria-label', 'How they are chosen');
     order.addEventListener('change', () => this.set([], this.count, order.value));
     this.#row.replaceChildren(element('label', { htmlFor: 'count' }, 'Number of segments'), number, order);
+  }
+
+  /** The names of the chosen streets, in their order; each with its own direction of writing. */
+  #streets() {
+    const names = [...new Set(this.segments.map(this.#streetOf))], more = names.length - NAMED;
+    const shown = names.slice(0, NAMED).flatMap((name, at) => [at ? ', ' : ': ', element('bdi', {}, name)]);
+    return more > 0 ? [...shown, ` and ${more} more`] : shown;
   }
 
   async #estimate() {
