@@ -7,10 +7,11 @@ prints the tables of docs/explanation/results.md, of a study by `recipes/eyes.ya
     python -m benchmarks.eyes --fly out/eyes/missions town:201 berlin.osm
     python -m benchmarks.eyes --missions out/eyes/missions --captures datasets/town-test --plot agreement.png
     python -m benchmarks.eyes --inventories out/eyes/missions --only grid-202 town-201
+    python -m benchmarks.eyes --entries out/eyes/missions out/eyes/usual
 
 flies the sensor `detector` over a street of each town in each density, and compares what it found with the fitted
 sensor, of each town with one that was fitted to the others and to datasets of `pavetwin capture`; and compares the
-inventories of these missions with what is there.
+inventories of these missions with what is there, and judges their entries by a regression over the other towns.
 """
 
 import argparse
@@ -19,7 +20,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.eyes import agreement, grid, inventories, plot, tables
+from benchmarks.eyes import agreement, entries, grid, inventories, plot, tables
 from pavetwin.capture.looks import looks_of
 from pavetwin.cli.console import fail, out, progress
 from pavetwin.errors import PaveTwinError
@@ -40,6 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--missions", type=Path, help="what --fly flew")
     parser.add_argument("--captures", nargs="*", type=Path, default=[], help="datasets to fit to as well")
     parser.add_argument("--inventories", type=Path, help="what --fly flew: compare its inventories with what is there")
+    parser.add_argument("--entries", nargs="*", type=Path, default=[], help="what --fly flew: judge its entries")
     parser.add_argument("--only", nargs="*", default=[], metavar="TOWN", help="of these towns")
     parser.add_argument("--plot", type=Path, help="also draw the picture")
     asked = parser.parse_args(arguments)
@@ -61,13 +63,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 if town in asked.only or not asked.only
             ]
             out.print(inventories.markdown(*inventories.inventories(folders)), markup=False)
+        if asked.entries:
+            folders = [folder for each in asked.entries for _, folder in agreement.read_grid(each)]
+            out.print(entries.markdown(entries.judged(folders)), markup=False)
         if asked.study is not None:
             table = Store(asked.study).table()
             out.print(tables.answers(table), markup=False)
             if asked.plot is not None:
                 plot.save_answers(tables.by_sensor(table), asked.plot)
     except PaveTwinError as error:
-        return fail(error)
+        fail(str(error))
+        return 2
     return 0
 
 

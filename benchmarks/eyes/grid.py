@@ -100,7 +100,8 @@ def flown(
     under = {f"conditions.{name}": value for name, value in light.items()}
     where = {"worlds": [str(town)], "densities": [density], "seed": seed}
     design = Design.parse({**STUDY, **varied, **where, "set": {**STUDY["set"], **under}}, where="the benchmark")
-    study = folder.with_name("studies") / f"{town.name}-{density}"
+    altitudes = "-".join(f"{each:g}" for each in design.altitudes_m)
+    study = folder.with_name("studies") / folder.name / f"{town.name}-{density}-{altitudes}"
     ran = run(design, study, Keeping(folder / town.name), image_source_factory=MissionImages, on_progress=tell)
     for reason in ran.failures:
         raise PaveTwinError(reason)

@@ -53,6 +53,7 @@ def test_the_table_has_all_entries_and_the_maps_those_with_a_place(listed: tuple
         ("Pothole", "1", False),
         ("Pothole", "2", True),
     ]
+    assert {row["probability"] for row in rows} == {""}, "no sensor was fitted to this detector"
     (bare,) = [row for row in rows if not row["longitude"]]
     assert (bare["image"], bare["left"], bare["area_m2"]) == ("c.png", "30.0", "")
     features = json.loads((folder / "inventory.geojson").read_text())["features"]

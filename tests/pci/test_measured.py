@@ -18,7 +18,7 @@ EVERY = tuple(Severity)
 def measured(defect: Defect, **changes: object) -> MeasuredDefect:
     """A defect as it would be measured without any error."""
     exact = MeasuredDefect(
-        *(defect.kind, defect.polygon, (defect.severity,)), defect.length_m, defect.width_m, defect.area_m2
+        *(defect.kind, defect.polygon, {defect.severity: 1.0}), defect.length_m, defect.width_m, defect.area_m2
     )
     return replace(exact, **changes)  # type: ignore[arg-type]
 
@@ -50,13 +50,13 @@ def test_what_lies_on_no_inspected_road_and_other_classes_do_not_count() -> None
     assert [each.pci for each in conditions] == [100.0] * len(units)
 
 
-def test_a_severity_that_is_not_shown_counts_in_equal_parts() -> None:
+def test_a_severity_that_is_not_shown_counts_in_parts() -> None:
     world = tiny.straight((30, 0))
     units = sample_units(world.segments)
-    hole = measured(world.defects[0], severities=EVERY)
+    hole = measured(world.defects[0], severities=dict(zip(EVERY, (0.5, 0.3, 0.2), strict=True)))
     deducts = [deduct for each in measured_conditions(units, [hole])[0] for deduct in each.deducts]
     assert [each.severity for each in deducts] == list(EVERY)
-    assert [each.quantity for each in deducts] == pytest.approx([1 / 3] * 3)
+    assert [each.quantity for each in deducts] == pytest.approx([0.5, 0.3, 0.2])
 
 
 @given(st.floats(0.5, 60.0), st.floats(0.0, 1.0))
@@ -66,7 +66,7 @@ def test_a_crack_over_two_units_counts_once(length_m: float, share: float) -> No
     assert len(units) > 1
     x0 = 60.0 - share * length_m
     crack = MeasuredDefect(
-        "single_crack", box(x0, 0.0, x0 + length_m, 0.05), (Severity.LOW,), length_m, 0.05, 0.05 * length_m
+        "single_crack", box(x0, 0.0, x0 + length_m, 0.05), {Severity.LOW: 1.0}, length_m, 0.05, 0.05 * length_m
     )
     conditions, counted = measured_conditions(units, [crack])
     assert counted == 1

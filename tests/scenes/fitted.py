@@ -8,13 +8,13 @@ import polars as pl
 
 from pavetwin.files import file_sha256
 from pavetwin.sensing.fit.tables import ALARM_SCHEMA, GROUP, LOOK_COLUMNS, LookSource
+from pavetwin.sensing.fitted_number import FittedNumber
 from pavetwin.sensing.looks import Look
 from pavetwin.sensing.sensor_model import (
     OF_ALL,
     OF_CLASS,
     FalseAlarms,
     FittedDetector,
-    FittedNumber,
     FittedTo,
     SensorModel,
     Variable,

@@ -1,5 +1,6 @@
 """`pavetwin inventory`: the defects of a road from a mission or from photographs, each once."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,8 +11,9 @@ from pavetwin.cli.detect import Model, named
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
+    from pavetwin.inventory.entry import Entry
     from pavetwin.inventory.reading import Reading
 
 MISSION = "mission.yaml"
@@ -44,6 +46,14 @@ def inventory(
     position_error_m: Annotated[
         float | None,
         typer.Option(help="Standard deviation of the positions; else as photographs say, or 0."),
+    ] = None,
+    fitted: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME|FILE.json",
+            help="Fitted sensor that tells how likely entries are defects; the one that ships for the detector "
+            "unless given.",
+        ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Write into a folder that holds something.")] = False,
 ) -> None:
@@ -79,18 +89,20 @@ def inventory(
             _refuse(model=model, gsd_mm=gsd_mm, height_m=height_m, tiled=tiled)
             error_m = position_error_m or 0.0
             reading = (
-                flown_together(sources, position_error_m=error_m) if others else flown(source, position_error_m=error_m)
+                flown_together(sources, position_error_m=error_m, fitted=fitted)
+                if others
+                else flown(source, position_error_m=error_m, fitted=fitted)
             )
         else:
             inner = sorted(path.parent.name for path in source.glob(f"*/{MISSION}"))
             if inner:
                 names = ", ".join(str(source / name) for name in inner)
                 raise PaveTwinError(f"'{source}' holds a mission for each policy; name one: {names}.")
-            reading = _photographs(source, model, confidence, tiled, gsd_mm, height_m, position_error_m, tell)
+            reading = _photographs(source, model, confidence, tiled, gsd_mm, height_m, position_error_m, fitted, tell)
         tell(1.0, "Writing")
         entries = entries_of(reading, confidence)
         files = write_inventory(entries, reading.frame, target)
-    _tell(reading, len(reading.confident(confidence)), [entry.kind for entry in entries])
+    _tell(reading, len(reading.confident(confidence)), entries)
     has_crops = any((target / "crops").glob("*.jpg"))
     names = ", ".join([*(file.name for file in files), *(("crops/", "crops-01.jpg, …") if has_crops else ())])
     out.line(f"Results: {target} ({names})")
@@ -104,15 +116,22 @@ def _photographs(
     gsd_mm: float | None,
     height_m: float | None,
     position_error_m: float | None,
+    fitted: str | None,
     tell: "Callable[[float, str], None]",
 ) -> "Reading":
+    from pavetwin.files import file_sha256
     from pavetwin.inventory.of_photographs import photographed
+    from pavetwin.inventory.probability import entry_model
     from pavetwin.perception.inference import Detector
 
-    detector = Detector(named(model), confidence=confidence, tiled=tiled)
-    return photographed(
+    file = named(model)
+    sha256 = file_sha256(file)
+    known = entry_model(sha256, fitted)
+    detector = Detector(file, confidence=confidence, tiled=tiled)
+    reading = photographed(
         detector, source, gsd_mm=gsd_mm, height_m=height_m, position_error_m=position_error_m, tell=tell
     )
+    return replace(reading, detector=sha256, entry_model=known)
 
 
 def _refuse(**given: object) -> None:
@@ -124,7 +143,7 @@ def _refuse(**given: object) -> None:
             raise PaveTwinError(f"`{name}` is for photographs; a mission's own detections are listed without it.")
 
 
-def _tell(reading: "Reading", observations: int, kinds: list[str]) -> None:
+def _tell(reading: "Reading", observations: int, listed: "Sequence[Entry]") -> None:
     from collections import Counter
 
     from typer.main import get_group
@@ -132,11 +151,20 @@ def _tell(reading: "Reading", observations: int, kinds: list[str]) -> None:
     from pavetwin.cli import app
     from pavetwin.cli.flags import with_flags
     from pavetwin.experiments.words import counted
+    from pavetwin.inventory.condition import LIKELY
 
+    kinds = [entry.kind for entry in listed]
     found = Counter(kinds)
     parts = ", ".join(f"{kind} {number}" for kind, number in found.most_common())
     seen = f"{counted(observations, 'detection')} in {counted(reading.images, 'image')}"
     entries = f"{len(kinds)} {'entry' if len(kinds) == 1 else 'entries'}"
     out.line(f"{seen}: {entries}{f' ({parts})' if parts else ''}.")
+    chances = [entry.probability for entry in listed if entry.probability is not None]
+    if chances:
+        likely = sum(chance >= LIKELY for chance in chances)
+        out.line(
+            f"About {sum(chances):.0f} of them show a defect, by the fitted sensor; {likely} more likely do than not "
+            "(column probability)."
+        )
     for remark in reading.remarks:
         out.line(with_flags(remark, ["inventory"], get_group(app)))

@@ -12,6 +12,7 @@ from pavetwin.cli.detect import named
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
+    from pavetwin.sensing.entry_model import EntryModel
     from pavetwin.sensing.fit.tables import LookSource
     from pavetwin.sensing.sensor_model import SensorModel
 
@@ -78,9 +79,14 @@ def fit(
         for other in others:
             if other.detector.sha256 != fitted.detector.sha256:
                 raise PaveTwinError(f"`check`: '{other.name}' was searched by another detector.")
+        entries, unread = _entries(sources)
+        fitted = fitted.model_copy(update={"entries": entries})
         fitted.save(output)
         save_sensor_figure(fitted, others or read, output.with_suffix(".png"), are_others=bool(others))
     _tell(fitted, others or read, are_others=bool(others))
+    if unread:
+        missions = "a mission tells" if len(unread) == 1 else f"{len(unread)} missions tell"
+        out.line(f"Of inventories {missions} nothing: {unread[0]}")
     out.line(f"Sensor: {output}; figure: {output.with_suffix('.png')}.")
 
 
@@ -105,6 +111,21 @@ def _read(
             )
         found += [read_looks(folder) for folder in missions]
     return found
+
+
+def _entries(sources: Sequence[Path]) -> tuple["EntryModel | None", list[str]]:
+    """What the missions among the sources tell of entries of inventories, and why some of them tell nothing."""
+    from pavetwin.capture.looks import is_capture
+    from pavetwin.inventory.entry_fit import JudgedInventory, fit_entries, judged_inventory
+
+    found: list[JudgedInventory] = []
+    unread: list[str] = []
+    for folder in (path.parent for each in sources if not is_capture(each) for path in sorted(each.rglob(MISSION))):
+        try:
+            found.append(judged_inventory(folder))
+        except PaveTwinError as error:
+            unread.append(str(error))
+    return fit_entries(found), unread
 
 
 def _searched(tell: Callable[[float, str], None], name: str, share: float) -> None:
@@ -135,6 +156,9 @@ def _tell(fitted: "SensorModel", sources: Sequence["LookSource"], *, are_others:
     where = "looks that it was not fitted to" if are_others else "the looks that it was fitted to"
     bias = float(seen.predicted.mean() - seen.observed.mean())
     out.line(f"Chances and shares found differ by {100 * off:.1f} points in {where} (mean {100 * bias:+.1f}).")
+    if fitted.entries is not None:
+        share = 100 * fitted.entries.defect_share
+        out.line(f"Of {fitted.entries.entries} entries of inventories {share:.0f} % show a defect.")
     for kind, alarms in fitted.false_alarms.items():
         fine, coarse = (100 * alarms.per_m2(mm / 1000) for mm in to.pixel_mm)
         out.line(f"False alarms of {kind}: {fine:.2f} to {coarse:.2f} for each 100 m² of an image.")

@@ -11,11 +11,16 @@ from shapely import Polygon
 
 from pavetwin.inventory.entry import SEVERITIES, Entry
 from pavetwin.inventory.listing import entries_of
+from pavetwin.inventory.probability import class_of
 from pavetwin.inventory.reading import Reading
 from pavetwin.mission.condition import ConditionReport
 from pavetwin.pci import MeasuredDefect, measured_conditions
+from pavetwin.sensing.entry_model import EntryModel
 from pavetwin.world.georeference import GeoReference, from_wgs84
 from pavetwin.world.model import Severity
+
+LIKELY: Final = 0.5
+"""Probability from which an entry counts as a defect."""
 
 _EVERY: Final = tuple(Severity)
 
@@ -25,44 +30,53 @@ def with_detected(report: ConditionReport, reading: Reading) -> ConditionReport:
     if reading.frame is None or not any(each.sizes for each in reading.observations):
         return report
     units = [condition.unit for condition in report.true]
-    defects = measured_defects(entries_of(reading), reading.frame, report.world.georeference)
+    defects = measured_defects(entries_of(reading), reading.frame, report.world.georeference, reading.entry_model)
     return replace(report, detected=measured_conditions(units, defects)[0])
 
 
-def measured_defects(entries: Sequence[Entry], frame: GeoReference, place: GeoReference) -> Iterator[MeasuredDefect]:
-    """Entries with an outline, as the condition index counts them.
+def measured_defects(
+    entries: Sequence[Entry], frame: GeoReference, place: GeoReference, model: EntryModel | None = None
+) -> Iterator[MeasuredDefect]:
+    """Entries with an outline, as the condition index counts them: those that are more likely a defect than not, where
+    their probability is known.
 
-    Where images leave the severity open, all that they allow count in equal parts. A size that they do not show is that
-    of the outline.
+    Where images leave the severity open, all that they allow count in part: by how frequent they are among the defects
+    that the sensor was fitted to, or else equally. A size that they do not show is that of the outline.
 
     Args:
         frame: of the entries.
         place: of the world.
+        model: that gave them their probabilities.
     """
     for entry in entries:
-        if entry.outline is not None:
+        if entry.outline is not None and (entry.probability is None or entry.probability >= LIKELY):
             outline = shapely.transform(entry.outline, lambda xy: from_wgs84(place, frame.to_wgs84(xy)))
-            yield _measured(entry, outline)
+            yield _measured(entry, outline, model)
 
 
-def _measured(entry: Entry, outline: Polygon) -> MeasuredDefect:
+def _measured(entry: Entry, outline: Polygon, model: EntryModel | None) -> MeasuredDefect:
     sizes = {name: estimate.value for name, estimate in entry.sizes.items()}
     area_m2 = sizes.get("area_m2", outline.area)
     diameter_mm = sizes.get("diameter_mm")
     return MeasuredDefect(
-        kind=entry.kind.lower().replace(" ", "_"),
+        kind=class_of(entry),
         outline=outline,
-        severities=_severities(entry.severity),
+        severities=_severities(entry, model),
         length_m=sizes.get("length_m", _longer_side_m(outline)),
         width_m=2 * sqrt(area_m2 / pi) if diameter_mm is None else diameter_mm / 1000,
         area_m2=area_m2,
     )
 
 
-def _severities(text: str) -> tuple[Severity, ...]:
-    """`low to medium` as both; all where nothing is said."""
-    ends = [SEVERITIES.index(word) for word in text.split(" to ") if word in SEVERITIES]
-    return _EVERY[min(ends) : max(ends) + 1] if ends else _EVERY
+def _severities(entry: Entry, model: EntryModel | None) -> dict[Severity, float]:
+    """The part that counts of each severity: of `low to medium` both; of all where nothing is said."""
+    ends = [SEVERITIES.index(word) for word in entry.severity.split(" to ") if word in SEVERITIES]
+    first, last = (min(ends), max(ends)) if ends else (0, len(_EVERY) - 1)
+    shares = (1.0,) * len(_EVERY) if model is None else model.severities.get(class_of(entry), (1.0,) * len(_EVERY))
+    allowed = shares[first : last + 1]
+    if not sum(allowed):
+        allowed = (1.0,) * len(allowed)
+    return {severity: share / sum(allowed) for severity, share in zip(_EVERY[first : last + 1], allowed, strict=True)}
 
 
 def _longer_side_m(outline: Polygon) -> float:

@@ -77,6 +77,7 @@ def _cell(entry: Entry, picture: Image.Image) -> Image.Image:
     words += [entry.severity] if entry.severity else []
     looks = f"{entry.looks} look{'s' * (entry.looks != 1)}"
     text = ", ".join([*words, looks])
-    return captioned(
-        picture.resize((CELL_PX, CELL_PX)), f"{entry.number}: {entry.kind}", text, f"confidence {entry.confidence:.2f}"
-    )
+    sure = f"confidence {entry.confidence:.2f}"
+    if entry.probability is not None:
+        sure += f", a defect with {100 * entry.probability:.0f} %"
+    return captioned(picture.resize((CELL_PX, CELL_PX)), f"{entry.number}: {entry.kind}", text, sure)

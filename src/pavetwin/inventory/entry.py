@@ -55,6 +55,8 @@ class Entry:
     """How many images show it."""
     best: Observation
     """The most confident observation, one that shows it whole where there is any."""
+    probability: float | None = None
+    """That it shows a defect (`pavetwin.inventory.probability`); None where no fitted sensor tells."""
 
 
 def entry_of(number: int, observations: Sequence[Observation]) -> Entry:

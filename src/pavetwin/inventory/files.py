@@ -30,7 +30,18 @@ _TEXTS: Final = ("class", "severity", "image", "crop")
 COLUMNS: Final = (
     *("id", "class", "severity"),
     *(column for name in SIZES for column in (name, f"{name}_error")),
-    *("is_cut", "confidence", "looks", "longitude", "latitude", "position_error_m", "image", *_SIDES, "crop"),
+    *(
+        "is_cut",
+        "confidence",
+        "probability",
+        "looks",
+        "longitude",
+        "latitude",
+        "position_error_m",
+        "image",
+        *_SIDES,
+        "crop",
+    ),
 )
 """Of every file."""
 
@@ -83,6 +94,7 @@ def _row(entry: Entry, frame: GeoReference | None, crop: str) -> dict[str, Any]:
         **sizes,
         "is_cut": entry.is_cut,
         "confidence": round(entry.confidence, 4),
+        "probability": None if entry.probability is None else round(entry.probability, 4),
         "looks": entry.looks,
         "longitude": lonlat[0],
         "latitude": lonlat[1],

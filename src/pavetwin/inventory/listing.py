@@ -4,6 +4,7 @@ from typing import Final
 
 from pavetwin.inventory.entry import Entry, entry_of
 from pavetwin.inventory.merging import merged
+from pavetwin.inventory.probability import with_probabilities
 from pavetwin.inventory.reading import Reading
 
 CONFIDENCE: Final = 0.25
@@ -17,4 +18,5 @@ def entries_of(reading: Reading, confidence: float = CONFIDENCE) -> list[Entry]:
         PaveTwinError: the confidence is not from 0 to 1.
     """
     kept = reading.confident(confidence)
-    return [entry_of(number, [kept[at] for at in group]) for number, group in enumerate(merged(kept), 1)]
+    entries = [entry_of(number, [kept[at] for at in group]) for number, group in enumerate(merged(kept), 1)]
+    return entries if reading.entry_model is None else with_probabilities(entries, reading.entry_model)

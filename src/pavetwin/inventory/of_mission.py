@@ -16,8 +16,10 @@ from pavetwin.arrays import UInt8Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.inventory.crops import around
 from pavetwin.inventory.observation import SIZES, Observation
+from pavetwin.inventory.probability import entry_model
 from pavetwin.inventory.reading import Reading, check_size
 from pavetwin.labels.classes import label_name
+from pavetwin.mission.look_table import detector_sha256
 from pavetwin.perception.inference.detector import pixels_of
 from pavetwin.perception.results.measuring import NOT_RESOLVABLE
 from pavetwin.perception.results.photograph import pose_of
@@ -37,7 +39,7 @@ LATER: Final = ("footprint", "is_cut", "pixel_mm", "severity", *SIZES)
 """Columns that missions of earlier versions do not have."""
 
 
-def flown_together(folders: Sequence[Path], *, position_error_m: float = 0.0) -> Reading:
+def flown_together(folders: Sequence[Path], *, position_error_m: float = 0.0, fitted: str | None = None) -> Reading:
     """What the sensors of several missions over one place reported, in the frame of the first; see `flown`.
 
     A mission that cannot be read is a remark.
@@ -50,7 +52,7 @@ def flown_together(folders: Sequence[Path], *, position_error_m: float = 0.0) ->
     frame: GeoReference | None = None
     for folder in folders:
         try:
-            mine = flown(folder, position_error_m=position_error_m, frame=frame)
+            mine = flown(folder, position_error_m=position_error_m, frame=frame, fitted=fitted)
         except PaveTwinError as error:
             wrong.append(error)
             continue
@@ -59,15 +61,25 @@ def flown_together(folders: Sequence[Path], *, position_error_m: float = 0.0) ->
         read.append(replace(mine, observations=tuple(named)))
     if not read:
         raise wrong[0]
+    # Entries of several detectors are judged by none.
+    detectors = {reading.detector for reading in read}
     return Reading(
         observations=tuple(each for reading in read for each in reading.observations),
+        detector=read[0].detector if len(detectors) == 1 else None,
+        entry_model=read[0].entry_model if len(detectors) == 1 else None,
         frame=frame,
         images=sum(reading.images for reading in read),
         remarks=tuple(dict.fromkeys((*map(str, wrong), *(each for reading in read for each in reading.remarks)))),
     )
 
 
-def flown(folder: Path, *, position_error_m: float = 0.0, frame: GeoReference | None = None) -> Reading:
+def flown(
+    folder: Path,
+    *,
+    position_error_m: float = 0.0,
+    frame: GeoReference | None = None,
+    fitted: str | None = None,
+) -> Reading:
     """What the sensor of a mission reported: all its detections of defects, as an agency gets them, without the
     judgement of what is there.
 
@@ -75,10 +87,11 @@ def flown(folder: Path, *, position_error_m: float = 0.0, frame: GeoReference | 
         folder: of the mission.
         position_error_m: standard deviation of the camera's position, east and north each; 0 in the simulation.
         frame: of the places; unless given, one whose origin is the first detection.
+        fitted: the sensor that tells how likely entries are defects, see `pavetwin.inventory.probability.entry_model`.
 
     Raises:
         PaveTwinError: its detections are gone, its table of images is damaged, the mission is of an earlier version,
-            or the error is out of its bounds.
+            the error is out of its bounds, or `fitted` does not fit.
     """
     check_size("position_error_m", position_error_m, may_be_zero=True)
     path = folder / TABLE
@@ -91,11 +104,13 @@ def flown(folder: Path, *, position_error_m: float = 0.0, frame: GeoReference | 
     rows = [row for row in table.iter_rows(named=True) if row["class"] not in OTHER_CLASSES]
     images = _images(folder)
     captures = table["capture"].n_unique()
+    detector = detector_sha256(folder)
+    known = entry_model(detector, fitted)
     if not rows:
-        return Reading((), None, captures)
+        return Reading((), None, captures, detector=detector, entry_model=known)
     frame = frame or anchored(rows[0]["latitude"], rows[0]["longitude"])
     observations = tuple(_observed(row, frame, images, position_error_m) for row in rows)
-    return Reading(observations, frame, captures, () if images else (NO_CROPS,))
+    return Reading(observations, frame, captures, () if images else (NO_CROPS,), detector, known)
 
 
 def _images(folder: Path) -> Mapping[int, Path]:

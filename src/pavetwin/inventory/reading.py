@@ -6,6 +6,7 @@ from math import isfinite
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.inventory.observation import Observation
+from pavetwin.sensing.entry_model import EntryModel
 from pavetwin.world.georeference import GeoReference
 
 
@@ -20,6 +21,10 @@ class Reading:
     """How many were looked at."""
     remarks: tuple[str, ...] = ()
     """What is missing, a sentence each."""
+    detector: str | None = None
+    """SHA-256 of the model file that looked at the images; None where that is not known."""
+    entry_model: EntryModel | None = None
+    """Tells how likely entries show a defect; None where no sensor was fitted to the detector."""
 
     def confident(self, least: float) -> list[Observation]:
         """The observations of at least this confidence.

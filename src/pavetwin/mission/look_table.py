@@ -75,9 +75,8 @@ def read_looks(folder: Path) -> LookSource:
         if sensing["sensor"] != "detector":
             raise ValueError(f"the sensor is {sensing['sensor']}")
         options = {**DetectorSensor.default_options, **sensing["options"]}
-        own = {each["path"]: each["sha256"] for each in said["plugins"]}
         detector = FittedDetector(
-            sha256=own.get(options["model"]) or file_sha256(model_path(options["model"])),
+            sha256=_detector_of(said),
             confidence=options["confidence"],
             image_px=int(table["image_px"].max()),  # type: ignore[arg-type]
         )
@@ -106,6 +105,22 @@ def read_looks(folder: Path) -> LookSource:
         images=images.select("area_m2", "pixel_mm"),
         alarms=alarms.select(pl.col(name).cast(kind) for name, kind in ALARM_SCHEMA.items()),
     )
+
+
+def detector_sha256(folder: Path) -> str | None:
+    """SHA-256 of the model file that looked at a mission's images; None where another sensor was flown, or the mission
+    does not say."""
+    try:
+        said = _yaml(folder / "mission.yaml")
+        return _detector_of(said) if said["settings"]["sensing"]["sensor"] == "detector" else None
+    except (KeyError, TypeError, PaveTwinError):
+        return None
+
+
+def _detector_of(said: Any) -> str:
+    options = {**DetectorSensor.default_options, **said["settings"]["sensing"]["options"]}
+    own = {each["path"]: each["sha256"] for each in said["plugins"]}
+    return own.get(options["model"]) or file_sha256(model_path(options["model"]))
 
 
 def _sides_m(outlines: Sequence[bytes]) -> list[float]:

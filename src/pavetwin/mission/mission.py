@@ -197,14 +197,13 @@ class Mission:
 
     def frame(self, event: Captured) -> Frame:
         """The capture as a sensor sees it; each sighting in it is an attempt."""
-        sightings, number, attempts = [], event.number, self._attempts
+        sightings, number = [], event.number
         for defect, fraction in event.sightings:
-            attempt = attempts.get(defect, 0)
-            attempts[defect] = attempt + 1
+            attempt = self._attempts.get(defect, 0)
+            self._attempts[defect] = attempt + 1
             sightings.append(self.environment.sighting(defect, fraction, attempt))
             self.sighted.append((number, defect, fraction))
-        if sightings and self.settings.sensing.attempts == "first_capture":
-            for defect, _ in event.sightings:
+            if self.settings.sensing.attempts == "first_capture":
                 self.flight.set_wanted(defect, False)
                 self._tried.add(defect)
         self._frame = Frame(
@@ -224,16 +223,12 @@ class Mission:
         return self._frame
 
     def confirm(self, detections: Sequence[Detection]) -> list[JudgedDetection]:
-        """Judge what a sensor reports of the last frame, and note the defects that it confirms.
-
-        Raises:
-            PaveTwinError: no frame was asked for.
-        """
+        """As `note`, and what it was judged."""
         self.note(detections)
         return self.detections.latest() if detections else []
 
     def note(self, detections: Sequence[Detection]) -> None:
-        """As `confirm`, quicker: the judgements are made into objects when somebody asks for them.
+        """Judge what a sensor reports of the last frame, and note the defects that it confirms.
 
         Raises:
             PaveTwinError: no frame was asked for.

@@ -1,7 +1,7 @@
 """A survey: the distresses and the condition index of sample units, from defects."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -93,8 +93,8 @@ class MeasuredDefect:
     """Its class, such as `pothole`."""
     outline: Polygon
     """World frame, metres."""
-    severities: tuple[Severity, ...]
-    """Those that its images allow, at least one: its quantity counts in equal parts under each."""
+    severities: Mapping[Severity, float]
+    """Those that its images allow, at least one, each with the part of its quantity that counts under it."""
     length_m: float
     """Of a crack."""
     width_m: float
@@ -121,11 +121,11 @@ def measured_conditions(
             continue
         shape = defect.outline.centroid if distress.unit == "number" else defect.outline
         shares = _shares(shape, [units[number].polygon for number in near])
-        quantity = quantity_of(defect, distress) / len(defect.severities)
+        quantity = quantity_of(defect, distress)
         counted += 1
-        for (number, share), severity in product(zip(near, shares, strict=True), defect.severities):
+        for (number, share), (severity, part) in product(zip(near, shares, strict=True), defect.severities.items()):
             known = quantities[number]
-            known[distress, severity] = known.get((distress, severity), 0.0) + share * quantity
+            known[distress, severity] = known.get((distress, severity), 0.0) + share * part * quantity
     return tuple(_condition(unit, known) for unit, known in zip(units, quantities, strict=True)), counted
 
 

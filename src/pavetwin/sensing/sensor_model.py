@@ -27,9 +27,11 @@ from pydantic import Field, model_validator
 
 from pavetwin.arrays import Float64Array
 from pavetwin.config.base import Settings
-from pavetwin.config.numbers import NonNegative, Positive, Share
+from pavetwin.config.numbers import Positive, Share
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256, writing
+from pavetwin.sensing.entry_model import EntryModel
+from pavetwin.sensing.fitted_number import FittedNumber
 from pavetwin.sensing.looks import Look
 
 SEVERITIES: Final[Mapping[str, float]] = {"low": -1.0, "medium": 0.0, "high": 1.0}
@@ -89,13 +91,6 @@ def bend(size: float, knots: tuple[float, float, float]) -> float:
     share = (high - low) / (high - middle)
     cubes = (size - low) ** 3 - share * max(0.0, size - middle) ** 3 + (share - 1) * max(0.0, size - high) ** 3
     return cubes / (high - low) ** 2
-
-
-class FittedNumber(Settings):
-    """A number that was fitted, with its standard error."""
-
-    estimate: float
-    standard_error: NonNegative
 
 
 class Variable(Settings):
@@ -178,6 +173,8 @@ class SensorModel(Settings):
     """Of the terms in their order, and `log_spread` last."""
     false_alarms: Mapping[str, FalseAlarms]
     """By class."""
+    entries: EntryModel | None = None
+    """Of inventories; None where it was fitted to no mission in which a class was detected rightly and wrongly."""
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -285,7 +282,7 @@ class SensorModel(Settings):
         Raises:
             PaveTwinError: the folder cannot be written.
         """
-        content = self.model_dump(mode="json")
+        content = self.model_dump(mode="json", exclude_none=True)
         rows = ",\n  ".join(json.dumps(row) for row in content.pop("covariance"))
         text = json.dumps(content, indent=1)[:-2] + f',\n "covariance": [\n  {rows}\n ]\n}}\n'
         with writing(path) as temporary:

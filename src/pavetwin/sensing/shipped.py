@@ -3,6 +3,7 @@
 A sensor is fitted again for the same detector with another name alone, so that a name always means the same sensor.
 """
 
+import json
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +18,19 @@ DEFAULT: Final = "synthetic-1"
 def shipped_sensors() -> list[str]:
     """Their names."""
     return sorted(file.stem for file in FOLDER.glob("*.json"))
+
+
+def sensor_of(detector: str) -> Path | None:
+    """The file of the sensor that ships and was fitted to a detector; None where there is none.
+
+    Args:
+        detector: SHA-256 of its model file.
+    """
+    return next((file for name in shipped_sensors() if _is_of(file := FOLDER / f"{name}.json", detector)), None)
+
+
+def _is_of(file: Path, detector: str) -> bool:
+    return bool(json.loads(file.read_bytes())["detector"]["sha256"] == detector)
 
 
 def sensor_path(fitted: str | Path) -> Path:

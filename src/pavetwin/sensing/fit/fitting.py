@@ -14,6 +14,7 @@ from pavetwin.arrays import Float64Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.sensing.fit.mixed_probit import fit_mixed_probit
 from pavetwin.sensing.fit.tables import GROUP, LOOK_COLUMNS, LookSource
+from pavetwin.sensing.fitted_number import FittedNumber
 from pavetwin.sensing.looks import Look
 from pavetwin.sensing.sensor_model import (
     BEND,
@@ -21,7 +22,6 @@ from pavetwin.sensing.sensor_model import (
     OF_CLASS,
     FalseAlarms,
     FittedDetector,
-    FittedNumber,
     FittedTo,
     SensorModel,
     Variable,
