@@ -612,3 +612,36 @@ def test_the_town_shows_the_moment_of_the_clock_from_four_cameras(drawn: Browser
     drawn.value("pavetwin.seek(40)")
     settled(drawn)
     assert np.abs(drawn.picture("#town canvas") - before).mean() > 2
+
+
+DOWN = """(() => {
+  const { town, mission } = pavetwin, now = pavetwin.stateAt(pavetwin.time);
+  const eye = document.querySelector('#town canvas');
+  const size = { width: 200, height: Math.round(200 * eye.height / eye.width) };
+  const canvas = () => Object.assign(document.createElement('canvas'), size);
+  const [down, own] = [canvas(), canvas()].map(each => each.getContext('2d', { willReadFrequently: true }));
+  const fov = 2 * Math.atan(mission.footprint_m[1] / 2 / mission.altitude_m) * 180 / Math.PI;
+  const pose = { x: now.x, y: now.y, z: now.altitude, yaw: now.yaw };
+  const isDrawn = town.drawDown(down, [0, 0, down.canvas.width, down.canvas.height], pose, fov);
+  own.drawImage(eye, 0, 0, own.canvas.width, own.canvas.height);
+  const pixels = [down, own].map(pen => [...pen.getImageData(0, 0, pen.canvas.width, pen.canvas.height).data]);
+  return { isDrawn, width: down.canvas.width, down: pixels[0], own: pixels[1] };
+})()"""
+"""What the camera's panel draws of the town, and what the town itself shows after that, at the size of the first."""
+
+
+@pytest.mark.timeout(900)
+def test_the_camera_shows_the_town_in_3d_until_a_frame_is_ready(drawn: BrowserTab) -> None:
+    """It sees what the town shows from the UAV's eye, which stays as it is."""
+    if drawn.value("!pavetwin.mission"):
+        drawn.fly()
+    drawn.value("(pavetwin.seek(pavetwin.mission.captures.t_s[0] - 3), document.activeElement.blur())")
+    drawn.page.keyboard.press("3")
+    settled(drawn)
+    drawn.wait("document.querySelector('#shown').textContent.startsWith('Drawn in 3-D')")
+    seen = drawn.value(DOWN)
+    assert seen["isDrawn"]
+    down, own = (np.array(seen[name], dtype=float).reshape(-1, seen["width"], 4)[..., :3] for name in ("down", "own"))
+    assert down.std() > 10, "a blank canvas"
+    assert np.abs(down - own).mean() < 6
+    assert np.abs(down - own[::-1]).mean() > 12, "so near would be no other picture"

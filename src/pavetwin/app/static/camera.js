@@ -6,7 +6,7 @@ import { visibilityColour } from './theme.js';
 
 export class Camera {
   #root; #canvas; #readings; #doing; #map = null; #paths = null; #colours = null; #flight = null; #mission = null; #parked = [];
-  #time = 0; #cells = new Map(); #frames = null; #shown;
+  #time = 0; #cells = new Map(); #frames = null; #shown; #town = null; #rate = 0;
 
   constructor(root) {
     this.#root = root;
@@ -35,6 +35,12 @@ export class Camera {
     frames.listen(() => this.#draw());
   }
 
+  /** Show the town in 3-D, where that is drawn, until a rendered frame is ready. */
+  setTown(town) {
+    this.#town = town;
+    town.onSettled = () => this.#draw();
+  }
+
   setFlight(flight, mission) {
     this.#frames?.setMission(flight, mission?.isLive ? null : mission);
     this.#flight = flight;
@@ -49,6 +55,7 @@ export class Camera {
   /** @param rate how many seconds of the mission pass in a second; 0 while it stands */
   setTime(t, rate = 0) {
     this.#time = t;
+    this.#rate = rate;
     this.#frames?.want(t, rate, this.#checked('search'));
     this.#draw();
   }
@@ -79,8 +86,11 @@ export class Camera {
     pen.fillStyle = colours.ground;
     pen.fillRect(0, 0, width, height);
     const frame = this.#frames?.at(this.#time) ?? null, isLabelled = this.#checked('labels');
-    this.#shown.textContent = frameLine(this.#frames, frame, isLabelled);
+    const box = [(width - across * k) / 2, (height - along * k) / 2, across * k, along * k];
+    const is3d = !frame && (this.#town?.drawDown(pen, box, now, this.#rate > 0) ?? false);
+    this.#shown.textContent = frameLine(this.#frames, frame, isLabelled, is3d);
     if (frame) return this.#drawFrame(pen, frame, width, height, isLabelled);
+    if (is3d) return this.#drawWindow(pen, box, now);
     pen.translate(width / 2, height / 2);
     pen.scale(k, -k);
     pen.rotate(Math.PI / 2 - now.yaw);
@@ -106,6 +116,15 @@ export class Camera {
     pen.lineWidth = 2;
     pen.strokeRect(...window);
     drawBoxes(pen, frame, [left, top, wide, high], isLabelled);
+  }
+
+  /** The inspection window over what is drawn of the town in 3-D. */
+  #drawWindow(pen, [left, top, width, height], now) {
+    if (now.visibility === null) return;
+    const [wide, high] = this.#mission.window_m.map((side, at) => [width, height][at] * side / this.#mission.footprint_m[at]);
+    pen.strokeStyle = visibilityColour(this.#colours, now.visibility);
+    pen.lineWidth = 2;
+    pen.strokeRect(left + (width - wide) / 2, top + (height - high) / 2, wide, high);
   }
 
   #frame(pen, now, across, along, k) {

@@ -115,8 +115,8 @@ export class Frames {
 }
 
 /** What the panel shows, in words. */
-export function frameLine(frames, frame, isLabelled) {
-  if (!frame) return `Drawn from the map.${frames?.failure ? ` ${frames.failure}` : ''}`;
+export function frameLine(frames, frame, isLabelled, is3d = false) {
+  if (!frame) return `Drawn ${is3d ? 'in 3-D' : 'from the map'}.${frames?.failure ? ` ${frames.failure}` : ''}`;
   const count = (number, what) => `${number} ${what}${number === 1 ? '' : 's'}`, told = [`Rendered: capture ${frame.capture}, ${clock(frame.time)}`];
   if (isLabelled) told.push(count(frame.labels.length, 'label'));
   if (frame.detections.length) told.push(`${count(frame.detections.length, 'detection')} of the sensor '${frame.sensor}'`);

@@ -60,6 +60,7 @@ async function boot() {
   tasks = new Tasks(isThere => { if (!isThere && start) notice('The server does not answer; is `pavetwin app` still running?'); });
   const frames = new Frames(tasks);
   camera.setFrames(frames);
+  camera.setTown(town);
   results.frames = new DefectFrames(frames, moment => { player.play(false); seek(moment); });
   results.again = { choose: chooseAgain, fly: flyMissed };
   start = await fetchJson('api/start');

@@ -1,6 +1,7 @@
 // A town in 3-D on a canvas: tiles by distance, traffic, the UAV, four cameras. Places are metres of the world frame
 // (x east, y north, z up), yaw is counter-clockwise from east in radians; see docs/reference/town-client.md.
-import { NeutralToneMapping, PCFShadowMap, Raycaster, Scene, Vector2, Vector3, WebGLRenderer } from "./vendor.js";
+import { NeutralToneMapping, PCFShadowMap, PerspectiveCamera, Raycaster, Scene, Vector2, Vector3,
+  WebGLRenderer } from "./vendor.js";
 import { Agents } from "./town/agents.js";
 import { Cameras } from "./town/cameras.js";
 import { Files } from "./town/files.js";
@@ -22,12 +23,12 @@ function nothing(message) {
   const idle = () => {};
   return {
     available: false, message, ready: Promise.resolve(false), setAgents: idle, setUav: idle, setCamera: idle,
-    setLayers: idle, setLight: idle, lookAt: idle, resize: idle, render: idle, dispose: idle,
+    setLayers: idle, setLight: idle, lookAt: idle, resize: idle, render: idle, dispose: idle, drawDown: () => false,
     stats: () => ({ available: false, message }),
   };
 }
 
-export function createTown(canvas, { base, fetch = globalThis.fetch.bind(globalThis), onPick, onMessage } = {}) {
+export function createTown(canvas, { base, fetch = globalThis.fetch.bind(globalThis), onPick, onMessage, onSettled } = {}) {
   let renderer;
   try {
     if (!canvas.getContext("webgl2", { antialias: true, powerPreference: "high-performance" })) throw new Error();
@@ -36,12 +37,12 @@ export function createTown(canvas, { base, fetch = globalThis.fetch.bind(globalT
     onMessage?.(NO_WEBGL);
     return nothing(NO_WEBGL);
   }
-  return new Town(canvas, renderer, base.endsWith("/") ? base : `${base}/`, fetch, onPick, onMessage);
+  return new Town(canvas, renderer, base.endsWith("/") ? base : `${base}/`, fetch, { onPick, onMessage, onSettled });
 }
 
 class Town {
-  constructor(canvas, renderer, base, fetch, onPick, onMessage) {
-    Object.assign(this, { canvas, renderer, onPick, onMessage });
+  constructor(canvas, renderer, base, fetch, told) {
+    Object.assign(this, { canvas, renderer, ...told });
     this.available = true;
     this.message = "";
     renderer.toneMapping = NeutralToneMapping;
@@ -163,6 +164,23 @@ class Town {
   render() {
     if (!this.tiles || this.lost) return;
     const start = performance.now();
+    this.#update();
+    this.#placeUav();
+    this.renderer.render(this.scene, this.cameras.camera);
+    this.frames.push(performance.now() - start);
+    if (this.frames.length > 60) this.frames.shift();
+    if (this.tiles.failed && !this.message) {
+      this.message = `Parts of the town cannot be loaded: ${this.tiles.failed.message}`;
+      this.onMessage?.(this.message);
+    }
+    const isSettled = !this.tiles.pending;
+    if (isSettled) this.settled ??= performance.now() - this.started;
+    if (isSettled && !this.isSettled) queueMicrotask(() => this.onSettled?.());
+    this.isSettled = isSettled;
+  }
+
+  // The camera, the tiles and the agents of now.
+  #update() {
     this.cameras.update(this.uav, this.#car());
     const eye = this.cameras.camera.position;
     if (!this.last || this.last.distanceTo(eye) > MOVED_M || this.tiles.pending) {
@@ -173,15 +191,36 @@ class Town {
     this.#shade(eye);
     if (this.moved) this.agents.update(eye, this.cameras.mode === "car" ? this.cameras.options.agent : undefined);
     this.moved = false;
-    this.#placeUav();
-    this.renderer.render(this.scene, this.cameras.camera);
-    this.frames.push(performance.now() - start);
-    if (this.frames.length > 60) this.frames.shift();
-    if (this.tiles.failed && !this.message) {
-      this.message = `Parts of the town cannot be loaded: ${this.tiles.failed.message}`;
-      this.onMessage?.(this.message);
-    }
-    if (!this.tiles.pending) this.settled ??= performance.now() - this.started;
+  }
+
+  // Draw what a camera sees that looks straight down from {x, y, z}, with the yaw up, into a rectangle [left, top, width,
+  // height] of a 2D context, in its units. Returns whether it could: not before the town is there.
+  drawDown(pen, [left, top, width, height], { x, y, z, yaw }, fov_deg) {
+    if (!this.tiles || this.lost || !this.canvas.width || !this.canvas.height) return false;
+    const down = this.down ??= new PerspectiveCamera(), { canvas, renderer } = this;
+    const across = pen.getTransform().a * width / canvas.width, up = pen.getTransform().d * height / canvas.height;
+    const fit = Math.min(1, 1 / across, 1 / up) / renderer.getPixelRatio();
+    const [wide, tall] = [across * canvas.width * fit, up * canvas.height * fit].map(Math.floor);
+    down.fov = fov_deg;
+    down.aspect = width / height;
+    down.position.set(y, z, x);
+    down.up.set(Math.sin(yaw), 0, Math.cos(yaw));
+    down.lookAt(y, 0, x);
+    down.updateProjectionMatrix();
+    renderer.setViewport(0, 0, wide, tall);
+    renderer.setScissor(0, 0, wide, tall);
+    renderer.setScissorTest(true);
+    this.#update();
+    this.craft.begin(); // the UAV does not see itself
+    this.craft.finish();
+    renderer.render(this.scene, down);
+    const [pixels, rows] = [wide, tall].map((each) => each * renderer.getPixelRatio());
+    pen.drawImage(canvas, 0, canvas.height - rows, pixels, rows, left, top, width, height);
+    renderer.setScissorTest(false);
+    renderer.setViewport(0, 0, canvas.width / renderer.getPixelRatio(), canvas.height / renderer.getPixelRatio());
+    this.render(); // what the browser shows of the canvas is its own view
+    this.dirty = false;
+    return true;
   }
 
   dispose() {

@@ -11,11 +11,15 @@ export const TOWN_MODES = Object.keys(MODES);
 const LAYERS = { agents: 'traffic', parked: 'parked vehicles', uav: 'UAV', objects: 'trees and street furniture', defects: 'outlines of defects' };
 const AT_FIRST = ['agents', 'parked', 'uav', 'objects'];
 const KINDS = { van: 'van', truck: 'truck', bus: 'bus', motorcycle: 'motorcycle' };
+/** Above this time of a frame the camera's view is not drawn in 3-D while the mission plays: it takes a second frame. */
+const QUICK_MS = 12;
 const AWAY_M = 90, BEHIND = { back_m: 9, up_m: 4 };
 
 export class TownPanel {
   #root; #empty; #onDefect; #buttons = new Map(); #layers = new Set(AT_FIRST); #town = null; #mode = 'orbit'; #car = null;
   #flight = null; #mission = null; #parked = []; #time = 0; #world = null;
+  /** Told that all tiles in view are there. */
+  onSettled = () => {};
 
   constructor(root, onDefect) {
     this.#root = root;
@@ -83,6 +87,18 @@ export class TownPanel {
     this.#show();
   }
 
+  /**
+   * Draw what the UAV's camera sees at the moment into a rectangle of a 2D context, [left, top, width, height].
+   * Returns whether it could.
+   */
+  drawDown(pen, box, now, isPlaying) {
+    if (!this.#town?.available || !this.isShown || !this.#mission || now.altitude < 1) return false;
+    const { pending, frame_ms: took } = this.#town.stats();
+    if (pending || (isPlaying && took > QUICK_MS)) return false;
+    const { footprint_m: [, along], altitude_m: altitude } = this.#mission;
+    return this.#town.drawDown(pen, box, { x: now.x, y: now.y, z: now.altitude, yaw: now.yaw }, 2 * Math.atan(along / 2 / altitude) * 180 / Math.PI);
+  }
+
   /** Look at a place, where the camera is turned by hand. */
   showPlace(x, y) {
     if (this.#mode === 'orbit') this.#town?.lookAt(x, y, 25);
@@ -94,7 +110,7 @@ export class TownPanel {
     this.#close();
     this.#say('The town is being drawn …');
     const town = this.#town = createTown(this.#root.querySelector('canvas'), {
-      base: `town/${this.#world}/`, onMessage: text => this.#say(text), onPick: pick => this.#picked(pick),
+      base: `town/${this.#world}/`, onMessage: text => this.#say(text), onPick: pick => this.#picked(pick), onSettled: () => this.onSettled(),
     });
     town.world = this.#world;
     if (!town.available) return this.#say(town.message);
