@@ -11,6 +11,7 @@ cores, and the most memory that one process of it holds. The other checkout must
 
 import argparse
 import os
+import shutil
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -25,6 +26,7 @@ from pavetwin.world.folder import CACHE_VARIABLE
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 HIGH: Final = ("--density", "high", "--seed", "1")
+CAPTURE: Final = ("capture", "make", "town", "-o")
 ALTITUDES: Final = ("--altitude", "6", "--altitude", "10", "--altitude", "15")
 
 
@@ -36,6 +38,8 @@ class Step(NamedTuple):
     words: tuple[str, ...]
     fails: bool = False
     """It ends with an error, as it should."""
+    without_tiles: bool = False
+    """The tiles that are in the cache are removed before."""
 
 
 STEPS: Final = (
@@ -43,11 +47,11 @@ STEPS: Final = (
     Step("building the demo's town", ("world", "build", "--generate", "town", "--seed", "1", "-o", "town")),
     Step("`fly`, 3 segments, high traffic, nothing recorded", ("fly", "town", "--segments", "3", *HIGH, "-o", "few")),
     Step("the same, recorded", ("fly", "town", "--segments", "3", *HIGH, "-o", "few", "--force")),
-    Step("", ("capture", "make", "town", "-o", "first", "--images", "60", *ALTITUDES, *HIGH)),
-    Step("from the command to the first frame", ("capture", "make", "town", "-o", "one", "--images", "1", *HIGH)),
-    Step(
-        "60 labelled images, recorded", ("capture", "make", "town", "-o", "many", "--images", "60", *ALTITUDES, *HIGH)
-    ),
+    Step("", (*CAPTURE, "first", "--images", "1", *ALTITUDES, *HIGH)),
+    Step("from the command to the first frame", (*CAPTURE, "one", "--images", "1", *HIGH), without_tiles=True),
+    Step("the same, tiles in the cache", (*CAPTURE, "two", "--images", "1", *HIGH)),
+    Step("60 labelled images, recorded", (*CAPTURE, "many", "--images", "60", *ALTITUDES, *HIGH), without_tiles=True),
+    Step("the same, tiles in the cache", (*CAPTURE, "more", "--images", "60", *ALTITUDES, *HIGH)),
     Step("", ("world", "build", "--generate", "town", "--seed", "2", "-o", "studied")),
     Step("", ("experiment", "init", "study.yaml", "--preset", "paper", "--world", "studied")),
     Step("the paper's study, nothing recorded", ("experiment", "run", "study.yaml", "-o", "study")),
@@ -70,6 +74,8 @@ def measured(steps: Sequence[Step], roots: Sequence[Path], folder: Path) -> Iter
 
 
 def _run(step: Step, root: Path, place: Path) -> Used:
+    if step.without_tiles:
+        shutil.rmtree(place / "cache" / "tiles", ignore_errors=True)
     settings = {"PYTHONPATH": str(root.absolute() / "src"), CACHE_VARIABLE: str(place.absolute() / "cache")}
     with patch.dict(os.environ, settings):
         return run(step.words, expected=2 if step.fails else 0, folder=place)

@@ -1,6 +1,7 @@
 """A command of the program in a process of its own, and what it took."""
 
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -49,7 +50,9 @@ def run(words: Sequence[str], code: str = _COMMAND, expected: int | None = 0, fo
     begun = time.perf_counter()
     with tempfile.TemporaryFile() as printed, tempfile.NamedTemporaryFile("r") as told:
         words = [sys.executable, "-S", "-c", _MEASURE, told.name, code, *words]
-        subprocess.run(words, stdout=printed, stderr=printed, cwd=folder, check=True)
+        # Images of containers often set this, and would have each process compile all that it imports.
+        settings = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+        subprocess.run(words, stdout=printed, stderr=printed, cwd=folder, env=settings, check=True)
         ended, processor_s, peak = json.load(told)
         wall_s = time.perf_counter() - begun
         if expected is not None and ended != expected:

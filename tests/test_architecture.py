@@ -41,6 +41,7 @@ DOORS = {"__init__", "__main__"}
 HEAVY = frozenset(
     {
         *("matplotlib", "pygfx", "wgpu", "bpy", "cv2"),
+        "pandas",
         *("torch", "torchvision", "ultralytics", "onnxruntime", "supervision", "albumentations"),
         *("fastapi", "starlette", "uvicorn", "flask", "tornado", "typer"),
         *("sumo", "sumolib", "libsumo", "traci"),

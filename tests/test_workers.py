@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+import warnings
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -12,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from pavetwin import workers
-from pavetwin.errors import PaveTwinError
+from pavetwin.errors import CacheWarning, PaveTwinError
 from pavetwin.workers import ATTEMPTS, OnTick, WorkerPool, default_jobs, started
 from scenes.processes import is_gone, is_over
 
@@ -109,6 +110,51 @@ def test_every_task_runs_once_and_progress_is_told() -> None:
         assert ran(pool, list(range(7))) == ({task: task**2 for task in range(7)}, [])
         assert len(ticks) == 7
         assert ran(pool, [9]) == ({9: 81}, []), "the same workers take more"
+
+
+def leave_number(folder: Path) -> None:
+    (folder / f"ahead-{os.getpid()}").touch()
+
+
+def fails_ahead() -> None:
+    raise OSError("too early")
+
+
+def numbers_ahead(folder: Path, on_tick: OnTick) -> Callable[[int], bool]:  # noqa: ARG001
+    """Whether this process was there ahead of its tasks."""
+    return lambda _: (folder / f"ahead-{os.getpid()}").exists()
+
+
+def warns(on_tick: OnTick) -> Callable[[int], int]:  # noqa: ARG001
+    def work(task: int) -> int:
+        warnings.warn("The cache is damaged.", CacheWarning, stacklevel=1)
+        warnings.warn("Something of a library's.", DeprecationWarning, stacklevel=1)
+        return task
+
+    return work
+
+
+def test_processes_get_ahead_of_their_tasks(tmp_path: Path) -> None:
+    with started(2, ahead=partial(leave_number, tmp_path)) as waiting:
+        deadline = time.monotonic() + 60
+        while len(list(tmp_path.iterdir())) < 2:
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        with WorkerPool(2, partial(numbers_ahead, tmp_path), waiting=waiting) as pool:
+            assert ran(pool, list(range(4))) == (dict.fromkeys(range(4), True), [])
+        assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_what_fails_ahead_is_left_to_the_tasks() -> None:
+    with started(1, ahead=fails_ahead) as waiting, WorkerPool(1, squares, waiting=waiting) as pool:
+        assert ran(pool, [3]) == ({3: 9}, [])
+
+
+def test_warnings_about_the_cache_reach_the_parent() -> None:
+    with warnings.catch_warnings(record=True) as said, WorkerPool(1, warns) as pool:
+        warnings.simplefilter("once")
+        assert ran(pool, [1, 2]) == ({1: 1, 2: 2}, [])
+    assert [(each.category, str(each.message)) for each in said] == [(CacheWarning, "The cache is damaged.")]
 
 
 def test_a_worker_that_dies_is_replaced_and_costs_other_tasks_nothing(tmp_path: Path) -> None:

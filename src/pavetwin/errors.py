@@ -22,6 +22,10 @@ class PaveTwinError(Exception):
         return super().__str__().strip() or f"{type(self.__cause__ or self).__name__}, of which nothing more is known."
 
 
+class CacheWarning(UserWarning):
+    """The cache is damaged or cannot be written, and what it should hold is made again. The results are the same."""
+
+
 @contextmanager
 def naming(names: Mapping[str, str], where: str = "") -> Iterator[None]:
     """Errors in the block call parameters what their reader calls them: keys of a file, or an argument.

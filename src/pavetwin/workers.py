@@ -9,6 +9,7 @@ import pickle
 import signal
 import threading
 import traceback
+import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -18,6 +19,8 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final, Generic, NoReturn, Self, TypeVar
+
+from pavetwin.errors import CacheWarning
 
 ATTEMPTS: Final = 3
 """A task whose worker dies this often is given up: the task itself may be what kills them."""
@@ -106,6 +109,8 @@ class WorkerPool(Generic[Task, Result]):
                     continue
                 if answer is None:
                     self._on_tick()
+                elif isinstance(answer, Warning):
+                    warnings.warn(answer, stacklevel=2)
                 elif isinstance(answer, Exception):
                     raise answer
                 else:
@@ -135,21 +140,25 @@ class WorkerPool(Generic[Task, Result]):
 class WaitingProcess:
     """A process that has not been told yet what to run."""
 
-    def __init__(self, module: str = "") -> None:
+    def __init__(self, module: str = "", ahead: Callable[[], object] | None = None) -> None:
         """Args:
         module: what it imports meanwhile.
+        ahead: what it does then. Pickled as the `start` of a pool, which finds what a module kept of it; what it raises
+            is left to that.
         """
         self.connection, theirs = multiprocessing.Pipe()
         with theirs:
             context: Any = multiprocessing.get_context("spawn")
-            self.process = context.Process(target=_serve, args=(theirs, module), daemon=True)
+            self.process = context.Process(target=_serve, args=(theirs, module, ahead), daemon=True)
             self.process.start()
 
 
 @contextmanager
-def started(workers: int, module: str) -> Iterator[list[WaitingProcess]]:
-    """Processes for a pool that is made within it, which meanwhile import what they will need."""
-    processes = [WaitingProcess(module) for _ in range(workers)]
+def started(
+    workers: int, module: str = "", ahead: Callable[[], object] | None = None
+) -> Iterator[list[WaitingProcess]]:
+    """Processes for a pool that is made within it, which meanwhile get what they will need (`WaitingProcess`)."""
+    processes = [WaitingProcess(module, ahead) for _ in range(workers)]
     try:
         yield processes
     finally:
@@ -188,14 +197,18 @@ class _Worker(Generic[Task]):
 # --- In the worker process ------------------------------------------------------------------------------------------
 
 
-def _serve(connection: Connection, module: str) -> None:
+def _serve(connection: Connection, module: str, ahead: Callable[[], object] | None) -> None:
     """Run tasks until the parent closes the connection, from which comes first what starts them. A result goes back in
-    a tuple; None reports progress."""
+    a tuple; None reports progress; a warning about the cache is given by the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which then ends this process
     signal.signal(signal.SIGTERM, _exit)
     threading.Thread(target=_die_with_parent, daemon=True).start()
+    warnings.showwarning = partial(_pass_on, connection)
     if module:
         import_module(module)
+    if ahead is not None:
+        with suppress(Exception):
+            ahead()
     start: Callable[[OnTick], Callable[[Any], Any]] | None = None
     run: Callable[[Any], Any] | None = None
     while True:
@@ -211,6 +224,12 @@ def _serve(connection: Connection, module: str) -> None:
         except Exception as error:
             answer = _picklable(error)
         connection.send(answer)
+
+
+def _pass_on(connection: Connection, message: Warning | str, category: type[Warning], *_: object) -> None:
+    """Pass a worker's warning about the cache to the parent, which tells it once; those of libraries go nowhere."""
+    if issubclass(category, CacheWarning):
+        connection.send(message)
 
 
 def _exit(number: int, frame: FrameType | None) -> NoReturn:  # noqa: ARG001 - the signature of a handler

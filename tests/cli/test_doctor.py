@@ -51,9 +51,13 @@ def test_the_cache_is_shown_and_cleared(
     kept = tmp_path / "worlds" / "abc" / "traffic" / "high-1.parquet"
     kept.parent.mkdir(parents=True)
     kept.write_bytes(bytes(2_000_000))
+    tile = tmp_path / "tiles" / "abc" / "0_0" / "maps"
+    tile.parent.mkdir(parents=True)
+    tile.write_bytes(bytes(500_000))
     (tmp_path / "thesis.txt").write_text("precious")
+    monkeypatch.setenv("PAVETWIN_CACHE_GB", "2.5")
     doctor.doctor()
-    assert f"Cache: {tmp_path}, 1 world, 2.0 MB" in capsys.readouterr().out
+    assert f"Cache: {tmp_path}, 1 world, 2.5 MB of 2.5 GB at most" in capsys.readouterr().out
     doctor.doctor(clear_cache=True)
     assert f"Cache: {tmp_path}, 0 worlds, 0.0 MB" in capsys.readouterr().out
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]

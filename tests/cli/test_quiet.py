@@ -39,6 +39,14 @@ def test_they_are_shown_on_request(noisy: Path, how: str) -> None:
     assert all(words in done.stderr for words in TOLD)
 
 
+def test_a_warning_about_the_cache_is_told_once(tmp_path: Path) -> None:
+    path = tmp_path / "warns.py"
+    told = "warnings.warn('Its tiles are made again.', CacheWarning)\n"
+    path.write_text(f"import warnings\nfrom pavetwin.errors import CacheWarning\n{told}{told}", encoding="utf-8")
+    done = pavetwin_process("fly", "--settings", "--plugin", path)
+    assert (done.returncode, done.stderr) == (0, "Its tiles are made again.\n")
+
+
 def test_the_programs_own_error_is_still_told() -> None:
     for words in ((), ("--verbose",)):
         done = pavetwin_process(*words, "fly", "--settings", "--altitude", "2")

@@ -72,8 +72,16 @@ def packages_in_use(settings: CaptureSettings, world: World) -> dict[str, str]:
     )
 
 
-def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | None = None) -> CaptureContext:
+def prepare(
+    world: World,
+    settings: CaptureSettings,
+    on_progress: OnProgress | None = None,
+    splits: Mapping[str, str] | None = None,
+) -> CaptureContext:
     """The context for a world and settings; traffic is recorded where no recording exists.
+
+    Args:
+        splits: of the world's streets, where they are known (`street_splits`).
 
     Raises:
         PaveTwinError: the world has no defects, defects of a class that is not known, or too few streets; an altitude
@@ -99,7 +107,8 @@ def prepare(world: World, settings: CaptureSettings, on_progress: OnProgress | N
         recordings[name] = record(
             world, name, settings.seed, RECORDED_S, on_progress=partial(part, number), on_search=search
         )
-    splits = street_splits(world, settings.seed, settings.split, partial(part, len(densities)))
+    if splits is None:
+        splits = street_splits(world, settings.seed, settings.split, partial(part, len(densities)))
     for name in settings.platforms:
         _check_reached(name, splits, PLATFORMS.get(name).reaches(world, recordings))
     return CaptureContext(

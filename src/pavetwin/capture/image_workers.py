@@ -1,10 +1,11 @@
 """Shards of images by one process or several: the same files either way."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any, Final
 
 from pavetwin.capture.context import prepare
 from pavetwin.capture.formats import find_formats
@@ -13,7 +14,8 @@ from pavetwin.capture.platforms import PLATFORMS, CaptureContext, Platform
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.shards import Order, finished_images, write_shard
 from pavetwin.errors import PaveTwinError
-from pavetwin.workers import OnTick, WorkerPool
+from pavetwin.workers import OnTick, WorkerPool, started
+from pavetwin.world.model import World
 from pavetwin.world.store import load_world
 
 FrameSourceFactory = Callable[[CaptureContext], FrameSource]
@@ -34,26 +36,36 @@ class CaptureJob:
 
 @contextmanager
 def image_workers(
-    job: CaptureJob, context: CaptureContext, workers: int, on_image: OnTick
-) -> Iterator[Callable[[Sequence[Shard]], None]]:
-    """A function that takes shards of images, in the order in which they should begin.
+    job: CaptureJob, workers: int, on_image: OnTick
+) -> Iterator[Callable[[CaptureContext, Sequence[Shard]], None]]:
+    """A function that takes shards of images, in the order in which they should begin. Processes start at once, and
+    load the world while the context is prepared here.
 
     Raises:
         PaveTwinError: as raised by any of the processes; the others stop at once.
     """
     if workers == 1:
-        work = _worker(job, context, on_image)
+        worker: list[Callable[[Shard], None]] = []
 
-        def in_process(shards: Sequence[Shard]) -> None:
+        def in_process(context: CaptureContext, shards: Sequence[Shard]) -> None:
+            if not worker:
+                worker.append(_worker(job, context, on_image))
             for shard in shards:
-                work(shard)
+                worker[0](shard)
 
         yield in_process
         return
-    with WorkerPool(workers, partial(_start, job), on_image) as pool:
-        yield lambda shards: pool.run(
-            shards, lambda _shard, _result: None, remaining=partial(_remaining, job.folder), give_up=_give_up
-        )
+    with started(workers, ahead=partial(_load, job)) as waiting, ExitStack() as stack:
+        pool: WorkerPool[Shard, None] | None = None
+
+        def by_pool(context: CaptureContext, shards: Sequence[Shard]) -> None:
+            nonlocal pool
+            if pool is None:
+                start = partial(_start, job, context.defect_index.splits)
+                pool = stack.enter_context(WorkerPool(workers, start, on_image, waiting))
+            pool.run(shards, lambda _shard, _result: None, remaining=partial(_remaining, job.folder), give_up=_give_up)
+
+        yield by_pool
 
 
 def _remaining(folder: Path, shard: Shard) -> list[Shard]:
@@ -70,9 +82,25 @@ def _give_up(shard: Shard) -> None:
     )
 
 
-def _start(job: CaptureJob, on_image: OnTick) -> Callable[[Shard], None]:
+def _load(job: CaptureJob) -> World:
+    """In a worker process: the world, which a process loads once. Its frame source may need as long as that to begin;
+    it begins too, where it can without the traffic."""
+    if not _LOADED or _LOADED[0] != job.world:
+        _LOADED[:] = [job.world, load_world(job.world)]
+        begin = getattr(job.frame_source_factory, "begin", None)
+        if begin is not None:
+            begin(_LOADED[1], job.settings)
+    world: World = _LOADED[1]
+    return world
+
+
+_LOADED: Final[list[Any]] = []
+"""The folder of the world that was loaded, and that world."""
+
+
+def _start(job: CaptureJob, splits: Mapping[str, str], on_image: OnTick) -> Callable[[Shard], None]:
     """In a worker process: load the world and make the function that takes shards."""
-    return _worker(job, prepare(load_world(job.world), job.settings), on_image)
+    return _worker(job, prepare(_load(job), job.settings, splits=splits), on_image)
 
 
 def _worker(job: CaptureJob, context: CaptureContext, on_image: OnTick) -> Callable[[Shard], None]:

@@ -80,10 +80,11 @@ def capture(
         check_disk_space(settings, max(settings.total_images - len(existing), 0), folder)
         names = [platform_prefix(world, settings, platform) for platform in settings.platforms]
         missing = {image_name(name, index) for name in names for index in range(settings.images)} - existing
-        context = prepare(world, settings, report)
         if missing:
             job = CaptureJob(world_folder, settings, folder, frame_source_factory)
-            _take(job, context, missing, jobs, partial(write_yaml, folder / FILE, expected), report)
+            context = _take(job, world, missing, jobs, partial(write_yaml, folder / FILE, expected), report)
+        else:
+            context = prepare(world, settings, report)
         report(1.0, "Writing label files")
         statistics = _finish(world, settings, context, folder)
     return DatasetSummary(folder, statistics, len(missing))
@@ -91,16 +92,15 @@ def capture(
 
 def _take(
     job: CaptureJob,
-    context: CaptureContext,
+    world: World,
     missing: set[str],
     jobs: int | None,
     write_settings: Callable[[], None],
     report: OnProgress,
-) -> None:
+) -> CaptureContext:
     """`write_settings` is called when poses have been drawn, before the first image is taken."""
     total = job.settings.total_images
     ready = total - len(missing)
-    platforms = platforms_of(context)
 
     def on_image() -> None:
         nonlocal ready
@@ -109,8 +109,10 @@ def _take(
 
     workers = default_jobs(len(missing)) if jobs is None else min(jobs, -(-len(missing) // 2))
     preparing = "Preparing the scene" + (f" in {workers} processes" if workers > 1 else "")
-    report(ready / total, preparing)
-    with image_workers(job, context, workers, on_image) as work:
+    with image_workers(job, workers, on_image) as work:
+        context = prepare(world, job.settings, report)
+        platforms = platforms_of(context)
+        report(ready / total, preparing)
         for block in _blocks(job.settings, context.world, missing):
             orders = []
             for number, spec in enumerate(block, start=1):
@@ -118,13 +120,15 @@ def _take(
                 orders.append((spec, draw_sample(platforms[spec.platform], spec, 0)))
             write_settings()
             report(ready / total, preparing)
-            work(schedule(split_into_shards(orders, workers), workers))
+            work(context, schedule(split_into_shards(orders, workers), workers))
+    return context
 
 
 def _blocks(settings: CaptureSettings, world: World, missing: set[str]) -> Iterator[list[ImageSpec]]:
     """The specs whose images are missing, one block at a time."""
     for start in range(0, settings.images, BLOCK):
-        every = [spec for name in settings.platforms for spec in image_specs(settings, world, name, BLOCK, start)]
+        count = min(BLOCK, settings.images - start)
+        every = [spec for name in settings.platforms for spec in image_specs(settings, world, name, count, start)]
         if inside := [spec for spec in every if spec.name in missing]:
             yield inside
 

@@ -1,7 +1,7 @@
 """The frame source of datasets and missions: the world's scene, drawn by the renderer."""
 
 from collections.abc import Mapping
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +10,7 @@ from pavetwin._core import Trace
 from pavetwin.capture.plan import platform_key
 from pavetwin.capture.platforms import CaptureContext
 from pavetwin.capture.samples import CameraSample
+from pavetwin.capture.settings import CaptureSettings
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.render.nearby import FAR_M
 from pavetwin.render.renderer import Renderer
@@ -110,8 +111,19 @@ class SceneRenderer:
 class SceneFrameSource:
     """Renders the camera samples of a dataset."""
 
+    _begun: ClassVar[list[tuple[World, SceneRenderer]]] = []
+    """What `begin` made, until a source takes it."""
+
     def __init__(self, context: CaptureContext) -> None:
-        self._scene_renderer = SceneRenderer(context.world, context.settings.look)
+        if self._begun and self._begun[0][0] is context.world:
+            _, self._scene_renderer = self._begun.pop()
+        else:
+            self._scene_renderer = SceneRenderer(context.world, context.settings.look)
+
+    @classmethod
+    def begin(cls, world: World, settings: CaptureSettings) -> None:
+        """Make the renderer of a world before its traffic is known, for the source that is made next."""
+        cls._begun[:] = [(world, SceneRenderer(world, settings.look))]
 
     def frame(self, sample: CameraSample, context: CaptureContext) -> RenderedFrame:
         """The same sample gives the same frame, whatever was rendered before."""

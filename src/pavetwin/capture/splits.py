@@ -8,7 +8,7 @@ the traffic, and that separates the fewest streets that meet: no image can be ta
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Final
 
 import numpy as np
@@ -107,10 +107,12 @@ def split_streets(
     counts[~within] = 0.0
     counts /= np.maximum(counts.sum(axis=0), np.finfo(np.float64).tiny)
     town = _Town(counts, _meetings(world, names), within, target)
+    # Searches from different starts end beside the same assignments.
+    cost_of = lru_cache(None)(lambda splits: _cost(town, np.frombuffer(splits, dtype=np.intp)))
     best, least = np.empty(0, dtype=np.intp), np.inf
     for _ in range(STARTS):
-        chosen = _improved(town, _started(town, rng))
-        cost = _cost(town, chosen)
+        chosen = _improved(town, _started(town, rng), cost_of)
+        cost = cost_of(chosen.tobytes())
         if cost < least - 1e-12:
             best, least = chosen, cost
     return {name: SPLITS[split] for name, split in zip(names, best.tolist(), strict=True)}
@@ -165,18 +167,21 @@ def _started(town: _Town, rng: np.random.Generator) -> IndexArray:
     return chosen
 
 
-def _improved(town: _Town, chosen: IndexArray) -> IndexArray:
-    """Local search: move each street to the split of least cost, until no move helps."""
+def _improved(town: _Town, chosen: IndexArray, cost_of: Callable[[bytes], float]) -> IndexArray:
+    """Local search: move each street to the split of least cost, until no move helps.
+
+    `cost_of` gives the cost of an assignment by its bytes.
+    """
     chosen = chosen.copy()
     open_splits = np.flatnonzero(town.target > 0)
-    cost, moved = _cost(town, chosen), True
+    cost, moved = cost_of(chosen.tobytes()), True
     while moved:
         moved = False
         for street in range(len(chosen)):
             before = chosen[street]
             for split in open_splits:
                 chosen[street] = split
-                other = _cost(town, chosen)
+                other = cost_of(chosen.tobytes())
                 if other < cost - 1e-12:
                     cost, before, moved = other, split, True
             chosen[street] = before

@@ -24,7 +24,7 @@ class Check:
 
 def doctor(
     clear_cache: Annotated[
-        bool, typer.Option("--clear-cache", help="Remove recorded traffic and baked NavMeshes from the cache.")
+        bool, typer.Option("--clear-cache", help="Remove recorded traffic, baked NavMeshes and tiles from the cache.")
     ] = False,
 ) -> None:
     """Check what is missing on this machine, and print the command that fixes it. Exit code 1 when something is.
@@ -46,8 +46,9 @@ def doctor(
         if check.hint:
             out.print(f"  fix: {check.hint}", markup=False)
     out.line(f"Aircraft: {', '.join(AIRCRAFT.names())} (`pavetwin aircraft list` shows their figures)")
-    worlds, size = cache.cache_size()
-    out.line(f"Cache: {cache.cache_folder()}, {worlds} world{'s' * (worlds != 1)}, {size / 1e6:.1f} MB")
+    (worlds, size), most = cache.cache_size(), cache.most_bytes()
+    held = f"{worlds} world{'s' * (worlds != 1)}, {size / 1e6:.1f} MB of {most / 1e9:g} GB at most"
+    out.line(f"Cache: {cache.cache_folder()}, {held}")
     if any(check.hint for check in checks):
         raise typer.Exit(1)
     out.print("Nothing is missing.")

@@ -7,6 +7,9 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import UnsupportedOperation
+from typing import TextIO
+
+from pavetwin.errors import CacheWarning
 
 STDERR = 2
 
@@ -14,7 +17,7 @@ STDERR = 2
 @contextmanager
 def quiet() -> Iterator[None]:
     """Drop Python's warnings, logs without a handler, and all that native libraries and child processes print on the
-    error stream. The program's own errors and progress still reach it, as `sys.stderr`."""
+    error stream. The program's own errors, progress and warnings still reach it, as `sys.stderr`; each warning once."""
     root, handler, own = logging.getLogger(), logging.NullHandler(), sys.stderr
     sys.stderr.flush()
     terminal = os.dup(STDERR)
@@ -28,6 +31,8 @@ def quiet() -> Iterator[None]:
         with warnings.catch_warnings():
             if not sys.warnoptions:
                 warnings.simplefilter("ignore")
+                warnings.simplefilter("once", CacheWarning)
+                warnings.showwarning = _tell
             yield
     finally:
         os.dup2(terminal, STDERR)
@@ -36,6 +41,17 @@ def quiet() -> Iterator[None]:
         if sys.stderr is not own and _is_native(own):
             sys.stderr.close()
             sys.stderr = own
+
+
+def _tell(
+    message: Warning | str,
+    category: type[Warning],  # noqa: ARG001 - the signature of `warnings.showwarning`
+    filename: str,  # noqa: ARG001
+    lineno: int,  # noqa: ARG001
+    file: TextIO | None = None,  # noqa: ARG001
+    line: str | None = None,  # noqa: ARG001
+) -> None:
+    print(message, file=sys.stderr)
 
 
 def _is_native(stream: object) -> bool:

@@ -12,7 +12,6 @@ from typing import Final, cast
 import numpy as np
 import shapely
 from contourpy import FillType, contour_generator
-from scipy.spatial import KDTree
 
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
 
@@ -120,6 +119,8 @@ def _bridges(rings: list[Float64Array]) -> dict[tuple[int, int], list[tuple[int,
         mine = np.flatnonzero(ring == added)
         distance[mine] = np.nan
         left = np.flatnonzero(~np.isnan(distance))
+        from scipy.spatial import KDTree  # a quarter of a second that most masks, which have one part, need not wait
+
         away, best = KDTree(points[mine]).query(points[left])
         closer = away < distance[left]
         nearest[left[closer]] = mine[best[closer]]

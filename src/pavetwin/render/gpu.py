@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, Final
 
+import cv2
 import numpy as np
 import wgpu
 
@@ -134,12 +135,17 @@ def halved(texels: UInt8Array, *, srgb: bool = False, rooted: bool = False) -> l
 
 
 def _quartered(texels: UInt8Array) -> list[UInt8Array]:
-    """The same for a square of 2ⁿ texels, several times as fast: tiles wait for it."""
+    """The same for a square of 2ⁿ texels, many times as fast: tiles wait for it."""
     levels = [texels]
-    while len(levels[-1]) > 1:
-        fine = levels[-1].astype(np.uint16)
-        rows = fine[0::2] + fine[1::2]
-        levels.append(((rows[:, 0::2] + rows[:, 1::2] + 2) >> 2).astype(np.uint8))
+    while side := len(levels[-1]) // 2:
+        fine = levels[-1]
+        if texels.shape[2] == 2:  # which OpenCV rounds differently
+            wide = fine.astype(np.uint16)
+            rows = wide[0::2] + wide[1::2]
+            levels.append(((rows[:, 0::2] + rows[:, 1::2] + 2) >> 2).astype(np.uint8))
+        else:
+            half = cv2.resize(fine, (side, side), interpolation=cv2.INTER_AREA)
+            levels.append(np.asarray(half, dtype=np.uint8).reshape(side, side, -1))
     return levels
 
 

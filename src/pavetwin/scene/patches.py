@@ -12,7 +12,6 @@ from typing import Final
 
 import numpy as np
 import shapely
-from scipy.ndimage import distance_transform_edt
 from shapely import Polygon
 
 from pavetwin._core import relief_mesh
@@ -141,6 +140,8 @@ def _maps(field: Heightfield) -> tuple[UInt8Array, UInt8Array, UInt8Array]:
 
 def _inward(field: Heightfield) -> Float32Array:
     """(rows, cols): 1 on the outline and inside, falling to 0 before the hole's ring."""
+    from scipy.ndimage import distance_transform_edt  # half a second that patches from the cache need not wait
+
     away = distance_transform_edt(~field.mask) * field.cell_m
     ramp = np.clip(1 - away / (BESIDE_M - SMOOTHED_M - RING_M), 0, 1)
     return np.asarray(ramp * ramp * (3 - 2 * ramp), dtype=np.float32)

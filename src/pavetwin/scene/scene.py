@@ -11,6 +11,7 @@ import numpy.typing as npt
 from shapely import Polygon
 
 from pavetwin.arrays import Float64Array, UInt8Array
+from pavetwin.defects.registry import DEFECT_CLASSES
 from pavetwin.memory import give_back
 from pavetwin.scene import furniture, signals
 from pavetwin.scene.agents import Actors, upright
@@ -46,6 +47,7 @@ from pavetwin.scene.model import (
 from pavetwin.scene.models import BODY, library
 from pavetwin.scene.parked import ParkedInstances
 from pavetwin.scene.patches import holes_of, part_on, patch_of
+from pavetwin.scene.scene_cache import SceneCache, kept_of_all
 from pavetwin.scene.shafts import shafts
 from pavetwin.scene.thin import shaded_strips
 from pavetwin.scene.wires import Wires, wire_instances, wires_of
@@ -66,8 +68,6 @@ THIN_KEPT: Final = 512
 EAVES_M: Final = 0.35
 """Greatest overhang of roofs beyond walls."""
 
-"""West, south, east, north."""
-
 
 class Scene:
     """Everything visible of a world. The same world and seed give the same scene, tile by tile, in any order."""
@@ -82,7 +82,8 @@ class Scene:
         self.look, self._street_look = look, street_look(look)
         self.world = world
         self.seed = seed
-        self._tile = lru_cache(tiles_kept)(self._make)
+        self._kept = SceneCache(world, seed=seed, look=look).kept
+        self._tile = lru_cache(tiles_kept)(lambda key: self._kept(_name(key, "tile"), lambda: self._make(key)))
         self._patch = lru_cache(PATCHES_KEPT)(self._patch_of)
         self._thin = lru_cache(THIN_KEPT)(self._thin_of)
         self._actors: Actors | None = None
@@ -92,7 +93,10 @@ class Scene:
         return self._tile(key)
 
     def maps(self, key: TileKey) -> GroundMaps:
-        """The weathering and marking maps of a tile's ground; not cached."""
+        """The weathering and marking maps of a tile's ground; not held in memory."""
+        return self._kept(_name(key, "maps"), lambda: self._make_maps(key))
+
+    def _make_maps(self, key: TileKey) -> GroundMaps:
         made = ground_maps(self._plan, key)
         give_back()
         return made
@@ -125,7 +129,7 @@ class Scene:
     @cached_property
     def models(self) -> Mapping[str, Model]:
         """All instanced models, by name."""
-        return {**library(), **shafts(), **bare_trees(), **fixture_models()}
+        return kept_of_all("models", lambda: {**library(), **shafts(), **bare_trees(), **fixture_models()})
 
     @cached_property
     def details(self) -> Mapping[GroundKind, Detail]:
@@ -211,7 +215,7 @@ class Scene:
 
     @cached_property
     def _holes(self) -> list[Polygon]:
-        return holes_of(self.world.defects)
+        return self._kept("holes", lambda: holes_of(self.world.defects))
 
     @cached_property
     def _defects(self) -> Mapping[TileKey, list[int]]:
@@ -280,9 +284,16 @@ class Scene:
 
     @cached_property
     def _plan(self) -> GroundPlan:
-        return plan_ground(self.world, self.seed, holes=self._holes, look=self._street_look)
+        return plan_ground(self.world, self.seed, holes=self._holes, look=self._street_look, kept=self._kept)
 
     def _patch_of(self, number: int) -> DefectPatch:
+        if not DEFECT_CLASSES.get(self.world.defects[number].kind).ships:
+            return self._make_patch(number)  # the code of the user's own class may have changed
+        middle = self.world.defects[number].centre
+        (key,) = keys_of((middle.x, middle.y, middle.x, middle.y))
+        return self._kept(_name(key, f"patch-{number}"), lambda: self._make_patch(number))
+
+    def _make_patch(self, number: int) -> DefectPatch:
         defect = self.world.defects[number]
         paved = self._plan.paved_in(number)
         return patch_of(defect, paved.kind, paved.finish)
@@ -302,6 +313,9 @@ class Scene:
 
     def _thin_of(self, key: TileKey) -> Float64Array:
         """(n, 7): wires and twigs on a tile."""
+        return self._kept(_name(key, "thin"), lambda: self._make_thin(key))
+
+    def _make_thin(self, key: TileKey) -> Float64Array:
         twigs = [segments for _, segments in self._bare_trees(key)]
         return np.concatenate([self._wires.pieces[self._wire_pieces.get(key, [])], *twigs])
 
@@ -331,6 +345,11 @@ class Scene:
             low = float(self.heights([(extra.x_m, extra.y_m)])[0])
             place = upright(extra.x_m, extra.y_m, extra.yaw_rad, z_m=low)
             yield Instance(extra.model, BODY, place, extra.tints)
+
+
+def _name(key: TileKey, what: str) -> str:
+    """Of a value of a tile in the scene's cache."""
+    return f"{key[0]}_{key[1]}/{what}"
 
 
 def _by_tile(places: Sequence[tuple[float, float]]) -> Mapping[TileKey, list[int]]:

@@ -1,18 +1,34 @@
-"""What can be computed again, in the user's cache: recordings and NavMeshes of worlds, and textures of the ground.
+"""What can be computed again, in the user's cache: recordings and NavMeshes of worlds, textures and tiles.
 
 A world's folder may be read-only, and is left as it was built. The folder in the cache is named by the world's content
-hash: a world that has changed never reads what was made from another.
+hash: a world that has changed never reads what was made from another. The cache has a bound: what was not used for
+longest goes first.
 """
 
 import os
 import shutil
+import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
+from typing import Final
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import unwritable
 from pavetwin.world.folder import CACHE_VARIABLE
 from pavetwin.world.model import World
+
+SIZE_VARIABLE: Final = "PAVETWIN_CACHE_GB"
+"""Environment variable: the most that the cache holds, in GB."""
+
+MOST_GB: Final = 4.0
+"""The same unless it is set: the tiles of some 1,500 places."""
+
+LEFT_FREE: Final = 0.1
+"""Share of the bound that is freed when it is reached, so that it is not reached again at once."""
+
+IN_USE_S: Final = 86_400.0
+"""What was made from a world and used since is not removed: a mission may be reading it."""
 
 
 def cache_folder() -> Path:
@@ -38,25 +54,92 @@ def cached(world: World, file: str) -> Iterator[Path]:
         PaveTwinError: the world was never saved.
     """
     folder = world.network_file.parent
-    yield cache_folder() / "worlds" / (world.content_hash[:16] or folder.name) / file
+    path = cache_folder() / "worlds" / (world.content_hash[:16] or folder.name) / file
+    mark_used(path)
+    yield path
     yield folder / file
 
 
+def mark_used(path: Path) -> None:
+    """Note that a file of the cache is used now, if it is there: many file systems do not note when a file is read."""
+    with suppress(OSError):
+        os.utime(path, ns=(time.time_ns(), path.stat().st_mtime_ns))
+
+
+def tile_folder() -> Path:
+    """Where tiles of scenes are, and what they are made from."""
+    return cache_folder() / "tiles"
+
+
+def most_bytes() -> int:
+    """How much the cache may hold.
+
+    Raises:
+        PaveTwinError: `PAVETWIN_CACHE_GB` is not a number above 0.
+    """
+    said = os.environ.get(SIZE_VARIABLE, "")
+    try:
+        most = 1e9 * float(said or MOST_GB)
+        if 0 < most < float("inf"):
+            return int(most)
+    except ValueError:
+        pass
+    raise PaveTwinError(f"{SIZE_VARIABLE} is '{said}'; give the most that the cache may hold in GB, such as 4.")
+
+
 def cache_size() -> tuple[int, int]:
-    """How many worlds are in the cache, and bytes of all files, those of textures included."""
+    """How many worlds are in the cache, and bytes of all files, those of textures and tiles included."""
     folder = cache_folder() / "worlds"
-    worlds = [path for path in folder.iterdir() if path.is_dir()] if folder.is_dir() else []
-    files = (file for part in (*worlds, texture_folder()) for file in part.rglob("*") if file.is_file())
-    return len(worlds), sum(file.stat().st_size for file in files)
+    worlds = sum(path.is_dir() for path in folder.iterdir()) if folder.is_dir() else 0
+    return worlds, sum(status.st_size for _, status in _files())
+
+
+def make_room() -> None:
+    """Remove the files that were not used for longest, if the cache holds more than it may.
+
+    Raises:
+        PaveTwinError: as `most_bytes`.
+    """
+    most, files = most_bytes(), list(_files())
+    held = sum(status.st_size for _, status in files)
+    if held <= most:
+        return
+    worlds, in_use = cache_folder() / "worlds", time.time() - IN_USE_S
+    for path, status in sorted(files, key=lambda file: _last_use(file[1])):
+        if held <= (1 - LEFT_FREE) * most:
+            break
+        if path.is_relative_to(worlds) and _last_use(status) > in_use:
+            continue
+        with suppress(OSError):  # another process may have removed it
+            path.unlink()
+            held -= status.st_size
+            path.parent.rmdir()  # unless another file is in it
+
+
+def _last_use(status: os.stat_result) -> float:
+    return max(status.st_atime, status.st_mtime)
+
+
+def _files() -> Iterator[tuple[Path, os.stat_result]]:
+    """The files of the cache that are whole, and none that somebody else put there."""
+    for folder in _folders():
+        for path in folder.rglob("*"):
+            with suppress(OSError):
+                if path.is_file() and not path.name.startswith("."):
+                    yield path, path.stat()
+
+
+def _folders() -> tuple[Path, ...]:
+    return cache_folder() / "worlds", texture_folder(), tile_folder()
 
 
 def clear_cache() -> None:
-    """Remove all worlds' files and all textures from the cache; they are made again when they are needed.
+    """Remove all worlds' files, textures and tiles from the cache; they are made again when they are needed.
 
     Raises:
         PaveTwinError: something cannot be removed.
     """
-    for folder in (cache_folder() / "worlds", texture_folder()):
+    for folder in _folders():
         try:
             if folder.is_dir():
                 shutil.rmtree(folder)

@@ -1,8 +1,9 @@
 """A world's ground surfaces and the marks on them: computed once, looked up per tile."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Final, Protocol, TypeVar
 
 import numpy as np
 import shapely
@@ -21,6 +22,7 @@ from pavetwin.scene.ground.layout.lines import boxes_of
 from pavetwin.scene.ground.layout.paved import PLAIN, PavedSurface
 from pavetwin.scene.ground.layout.streets import StreetPlan, streets_of
 from pavetwin.scene.ground.layout.surfaces import SpatialIndex, SurfaceLayout
+from pavetwin.scene.ground.layout.wear import Wear
 from pavetwin.scene.ground.looks import DEFAULT_LOOK, StreetLook, street_look
 from pavetwin.scene.ground.looks.marking_standard import MarkingStandard, marking_standard
 from pavetwin.scene.ground.markings.painter import Paint
@@ -31,9 +33,26 @@ from pavetwin.world.model import Lane, Segment, Surface, World
 WIDENED_M: Final = 3.0
 """How far from a street or junction the carriageway is still counted to it."""
 
+Value = TypeVar("Value")
 
+
+class Keep(Protocol):
+    """Gets a value by its name: from where it is kept, or by the function that makes it."""
+
+    def __call__(self, name: str, make: Callable[[], Value], /) -> Value: ...
+
+
+def made(name: str, make: Callable[[], Value], /) -> Value:  # noqa: ARG001 - nothing is kept
+    """Makes the value."""
+    return make()
+
+
+@dataclass(frozen=True)
 class GroundPlan(SurfaceLayout):
     """A world's surfaces and all marks on them, each computed on first use."""
+
+    kept: Keep = made
+    """Gets what takes long to compute, by its name: from the cache, or by the function."""
 
     @cached_property
     def standard(self) -> MarkingStandard:
@@ -42,18 +61,21 @@ class GroundPlan(SurfaceLayout):
 
     @cached_property
     def paint(self) -> Paint:
+        return self.kept("paint", self._painted)
+
+    def _painted(self) -> Paint:
         drawn = markings(self, self.standard).resurfaced(shapely.union_all([shape for shape, _ in self._stretches]))
         drawn = drawn.joined(marks(self, drawn))
         return drawn.joined(plants(self, drawn))
 
     @cached_property
     def repairs(self) -> Repairs:
-        return repairs(self, self.fixtures)
+        return self.kept("repairs", lambda: repairs(self, self.fixtures))
 
     @cached_property
     def fixtures(self) -> tuple[Fixture, ...]:
         """Covers, grates, caps and leaves."""
-        return placed(self)
+        return self.kept("fixtures", lambda: placed(self))
 
     @cached_property
     def fixture_index(self) -> SpatialIndex:
@@ -90,6 +112,11 @@ class GroundPlan(SurfaceLayout):
     @cached_property
     def lanes(self) -> tuple[tuple[Lane, StreetPlan], ...]:
         return tuple((lane, street) for street in self.streets for lane in street.lanes)
+
+    @cached_property
+    def wear(self) -> Wear:
+        """How its lanes and segments wear, by their numbers."""
+        return Wear.of(self, self.lanes, self.segments)
 
     @cached_property
     def lane_index(self) -> SpatialIndex:
@@ -154,7 +181,9 @@ class GroundPlan(SurfaceLayout):
         ]
 
 
-def plan_ground(world: World, seed: int, holes: Sequence[Polygon] = (), look: StreetLook | None = None) -> GroundPlan:
+def plan_ground(
+    world: World, seed: int, holes: Sequence[Polygon] = (), look: StreetLook | None = None, kept: Keep = made
+) -> GroundPlan:
     """The plan of a world's ground.
 
     Args:
@@ -162,6 +191,7 @@ def plan_ground(world: World, seed: int, holes: Sequence[Polygon] = (), look: St
         seed: of ageing, repairs and markings.
         holes: where patches of defects replace the carriageway, world frame; they must not overlap.
         look: of its streets; the default one unless given.
+        kept: see `GroundPlan`; nothing is kept unless given.
     """
     bays = bays_of(world)
     return GroundPlan(
@@ -172,4 +202,5 @@ def plan_ground(world: World, seed: int, holes: Sequence[Polygon] = (), look: St
         bays=SpatialIndex([part for part in shapely.get_parts(bays) if not part.is_empty]),
         streets=streets_of(world),
         look=look or street_look(DEFAULT_LOOK),
+        kept=kept,
     )

@@ -4,7 +4,6 @@ Low-frequency fields are computed at half resolution and upsampled; edges of rep
 resolution.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -133,19 +132,13 @@ def _road_tone(ground: _CoarseFields) -> Float32Array:
     """Reflectance factor from wheels, rollers and weather, before that of age."""
     plan, tables = ground.plan, ground.tables
     streets = ground.segments
-    parts = np.array([*(plan.name_hash(f"part {street.name}") % 4096 for _, street in plan.segments), 0], np.int32)
-    offset = parts[streets.index]
+    offset = plan.wear.parts[streets.index]
     streak, scuff, band = tables.road((tables.streak, tables.scuff, tables.band), streets.along, streets.across, offset)
     on_street = (streets.index >= 0).astype(np.float32)
     lanes = ground.lanes
-    passes = _table(0.97 + 0.06 * plan.chance(f"pass {lane.id}") for lane, _ in plan.lanes)
-    worn = _table(plan.pavement(street).wheel_paths.at(plan.chance(f"polish {street.key}")) for _, street in plan.lanes)
-    streaks, blotches = (
-        _table(getattr(plan.pavement(street), what) for _, street in plan.segments)[streets.index]
-        for what in ("streaks", "blotches")
-    )
-    pass_tone = np.where(lanes.index >= 0, passes[lanes.index], 1.0)
-    wheel = np.where(lanes.index >= 0, worn[lanes.index], -0.05) * ground.wheels
+    streaks, blotches = (table[streets.index] for table in (plan.wear.streaks, plan.wear.blotches))
+    pass_tone = np.where(lanes.index >= 0, plan.wear.passes[lanes.index], 1.0)
+    wheel = np.where(lanes.index >= 0, plan.wear.wheel_paths[lanes.index], -0.05) * ground.wheels
     slow = blotches * (
         0.030 * ground.plane(tables.broad) + 0.024 * ground.plane(tables.blotch) + 0.034 * ground.plane(tables.fine)
     )
@@ -159,8 +152,7 @@ def _stain(ground: _CoarseFields) -> tuple[Float32Array, Float32Array]:
     middle = np.where(lanes.index >= 0, np.exp(-0.5 * (lanes.across / 0.33) ** 2), 0.0)
     (band,) = tables.road((tables.band,), lanes.along, lanes.across, lanes.index * np.int32(131))
     oily = np.clip(0.55 + 0.5 * band, 0.1, 1.6)
-    of_lane = _table(ground.plan.pavement(street).oil for _, street in ground.plan.lanes)[lanes.index]
-    stain = 0.095 * dirt.oil * of_lane * middle * oily
+    stain = 0.095 * dirt.oil * ground.plan.wear.oil[lanes.index] * middle * oily
     stain = stain + 0.17 * dirt.tyre_marks * np.minimum(ground.turns, 1.5) * np.clip(
         0.8 + 0.3 * ground.plane(tables.blotch, 1), 0.2, 1.6
     )
@@ -284,11 +276,6 @@ def _ribbon(
         np.copyto(along[part], np.float32(begin) + np.clip(ahead, 0, np.float32(length)), where=nearer)
         np.copyto(best[part], away, where=nearer)
     return window.at, across, along
-
-
-def _table(values: Iterable[float]) -> Float32Array:
-    """Values by number; one in reserve, for nothing's number −1."""
-    return np.array([*values, 1.0], dtype=np.float32)
 
 
 def _renumbered(found: Tracks, numbers: list[int]) -> Tracks:

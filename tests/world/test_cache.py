@@ -1,0 +1,70 @@
+"""The cache holds at most what it may: what was not used for longest goes first."""
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.world.cache import SIZE_VARIABLE, make_room, mark_used, most_bytes
+from pavetwin.world.folder import CACHE_VARIABLE
+
+DAY_S = 86_400.0
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A cache of at most 10 kB."""
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    monkeypatch.setenv(SIZE_VARIABLE, "0.00001")
+    return tmp_path
+
+
+def put(path: Path, *, used_before_s: float, size: int = 3_000) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(bytes(size))
+    then = time.time() - used_before_s
+    os.utime(path, (then, then))
+    return path
+
+
+def test_what_was_not_used_for_longest_goes_first(cache: Path) -> None:
+    tiles = [put(cache / "tiles" / "a" / f"{n}_0" / "maps", used_before_s=1000.0 - n) for n in range(4)]
+    make_room()
+    assert [path.exists() for path in tiles] == [False, True, True, True]
+    assert not tiles[0].parent.exists(), "an empty folder is not left behind"
+    put(cache / "textures" / "grain.npz", used_before_s=0.0)
+    mark_used(tiles[1])
+    make_room()
+    assert [path.exists() for path in tiles] == [False, True, False, True]
+
+
+def test_nothing_goes_while_there_is_room(cache: Path) -> None:
+    old = put(cache / "tiles" / "a" / "maps", used_before_s=400 * DAY_S)
+    make_room()
+    assert old.exists()
+
+
+def test_recordings_in_use_stay_and_others_go(cache: Path) -> None:
+    in_use = put(cache / "worlds" / "a" / "traffic" / "high-1.parquet", used_before_s=DAY_S / 2, size=9_000)
+    old = put(cache / "worlds" / "a" / "traffic" / "high-2.parquet", used_before_s=2 * DAY_S)
+    tile = put(cache / "tiles" / "a" / "maps", used_before_s=10.0)
+    make_room()
+    assert (in_use.exists(), old.exists(), tile.exists()) == (True, False, False)
+
+
+def test_files_of_others_and_those_being_written_stay(cache: Path) -> None:
+    foreign = put(cache / "thesis.txt", used_before_s=400 * DAY_S, size=20_000)
+    half = put(cache / "tiles" / "a" / ".maps-host-1-x", used_before_s=DAY_S, size=20_000)
+    put(cache / "tiles" / "a" / "maps", used_before_s=10.0, size=12_000)
+    make_room()
+    assert foreign.exists()
+    assert half.exists()
+
+
+@pytest.mark.parametrize("said", ["plenty", "0", "-1", "inf", "nan"])
+def test_a_bound_that_is_none_is_named(said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(SIZE_VARIABLE, said)
+    with pytest.raises(PaveTwinError, match=f"{SIZE_VARIABLE} is '{said}'; give the most"):
+        most_bytes()
