@@ -159,7 +159,7 @@ def _frames(shown: Tab) -> Iterator[Line]:
     """Rendered frames of captures: the first of all, of one before it at the same place, and of a far place."""
     captures = shown.value("(({ t_s, x_m, y_m }) => ({ t_s, x_m, y_m }))(pavetwin.mission.captures)")
     places = np.column_stack([captures["x_m"], captures["y_m"]])
-    first = 6
+    first = len(places) // 2
     away = np.hypot(*(places - places[first]).T)
     far = int(np.argmax(away)) if away.max() < FAR_M else int(np.flatnonzero(away >= FAR_M)[0])
 
@@ -171,7 +171,7 @@ def _frames(shown: Tab) -> Iterator[Line]:
     first_s = rendered_s(first)
     note = "the process of the renderer starts and reads the world"
     yield Line("the first rendered frame of a mission in the page", first_s, Kind.SECONDS, note=note)
-    shown.page.wait_for_timeout(1000 * min(20.0, 3 * first_s))  # the next ones are made ahead
+    shown.page.wait_for_timeout(1000 * min(60.0, 3.0 + 5 * first_s))  # the next four are made ahead
     warm = [rendered_s(capture) for capture in range(first - 1, first - 6, -1)]
     note = f"seek to a capture beside one that is there; from the command to the picture; median of {len(warm)}"
     what = "a rendered frame at a moment that is chosen"

@@ -137,6 +137,8 @@ def test_the_town_is_drawn(shown: Shown, address: str) -> None:
     assert shown.picture().std(axis=(0, 1)).mean() > 10, "the canvas is blank"
     assert shown.hosts == {address.removeprefix("http://")}
     assert shown.complaints == []
+    smooth = "town.renderer.getContext().getContextAttributes().antialias"
+    assert not shown.page.evaluate(smooth), "smooth edges take a processor most of its time"
 
 
 def test_levels_come_with_the_distance(shown: Shown) -> None:

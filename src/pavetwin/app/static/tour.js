@@ -20,7 +20,7 @@ export class Tour {
     this.#title = element('h2', { id: 'tour-title' });
     this.#words = element('p', { id: 'tour-words' });
     this.#back = element('button', { type: 'button' }, 'Back');
-    this.#next = element('button', { type: 'button', className: 'main' });
+    this.#next = element('button', { type: 'button', className: 'main' }, 'Next');
     const skip = element('button', { type: 'button', className: 'skip' }, 'Skip');
     card.append(this.#title, this.#words, element('div', { className: 'actions' }, skip, this.#back, this.#next));
     this.#back.addEventListener('click', () => this.#show(this.#step - 1));

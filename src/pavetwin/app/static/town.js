@@ -28,11 +28,25 @@ function nothing(message) {
   };
 }
 
+// The name of what draws.
+function rendererName(gl) {
+  return gl.getParameter(gl.getExtension("WEBGL_debug_renderer_info")?.UNMASKED_RENDERER_WEBGL ?? gl.RENDERER);
+}
+
+// Whether WebGL is drawn by the processor, which has no time for smooth edges.
+function isSoftware() {
+  const gl = new OffscreenCanvas(1, 1).getContext("webgl2");
+  const named = gl ? rendererName(gl) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(named);
+}
+
 export function createTown(canvas, { base, fetch = globalThis.fetch.bind(globalThis), onPick, onMessage, onSettled } = {}) {
   let renderer;
+  const options = { antialias: !isSoftware(), powerPreference: "high-performance" };
   try {
-    if (!canvas.getContext("webgl2", { antialias: true, powerPreference: "high-performance" })) throw new Error();
-    renderer = new WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
+    if (!canvas.getContext("webgl2", options)) throw new Error();
+    renderer = new WebGLRenderer({ canvas, ...options });
   } catch {
     onMessage?.(NO_WEBGL);
     return nothing(NO_WEBGL);
@@ -148,10 +162,9 @@ class Town {
   }
 
   stats() {
-    const { render } = this.renderer.info, gl = this.renderer.getContext();
-    const named = gl.getExtension("WEBGL_debug_renderer_info");
+    const { render } = this.renderer.info;
     return {
-      available: true, message: this.message, renderer: gl.getParameter(named?.UNMASKED_RENDERER_WEBGL ?? gl.RENDERER),
+      available: true, message: this.message, renderer: rendererName(this.renderer.getContext()),
       drawCalls: render.calls, triangles: render.triangles, tiles: this.tiles?.counts() ?? [0, 0, 0],
       pending: this.tiles ? this.tiles.pending : 1, failed: this.tiles?.failed?.message ?? null,
       bytes: this.files.bytes, agents: this.list?.length ?? 0, agents_ms: this.agents?.median ?? 0,
