@@ -32,7 +32,7 @@ from pavetwin.perception.evaluation.evaluate import RESAMPLES, evaluate
 from pavetwin.perception.evaluation.labelled import LabelledSplit, numbered_after, read_split
 from pavetwin.perception.evaluation.running import LEAST_CONFIDENCE, found_by
 from pavetwin.perception.examples.opening import read_examples
-from pavetwin.perception.shipped import start_path
+from pavetwin.perception.shipped import model_path, start_path
 from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
 
 BUILT: Final = ("synthetic", "export")
@@ -108,14 +108,32 @@ class Study:
             from pavetwin.perception.training.export import export
 
             export(run, model, licence=self._recipe.trainings[name].licence, half=True)
-        files = {where: run / f"found-{where}.json" for where in self.splits}
+        return self.seen_by(model, run)
+
+    def seen_by(self, model: Path, folder: Path) -> Found:
+        """What an exported model finds; it has looked at the images where the folder holds that."""
+        files = {where: folder / f"found-{where}.json" for where in self.splits}
         if not all(file.is_file() for file in files.values()):
             from pavetwin.perception.inference import Detector
 
             detector = Detector(model, confidence=LEAST_CONFIDENCE)
+            folder.mkdir(parents=True, exist_ok=True)
             for where, split in self.splits.items():
                 write_found(files[where], found_by(detector, (split,)), split)
         return {where: list(read_detections(file, (self.splits[where],))) for where, file in files.items()}
+
+    def found_beside(self, name: str) -> Found:
+        """What a model finds that the trainings are compared with."""
+        return self.seen_by(self.model_beside(name), self._folder / "beside" / Path(name).stem)
+
+    def model_beside(self, name: str) -> Path:
+        """The file of such a model: beside the recipe, or one that ships.
+
+        Raises:
+            PaveTwinError: there is no such model.
+        """
+        file = self._beside / name
+        return model_path(file if file.is_file() else name)
 
     def _run(self, name: str, size: str, seed: int) -> Path:
         return self._folder / "runs" / f"{name}-{size}-{seed}"
@@ -202,7 +220,9 @@ def run(study: Study, recipe: TrainingRecipe, folder: Path, resamples: int) -> N
     todo = list(jobs(recipe))
     for seed, size, name in todo:
         study.start(name, size, seed)  # what is missing is told before hours of work
-    found: dict[str, list[Found]] = {}
+    for name in recipe.beside:
+        study.model_beside(name)
+    found = {name: [study.found_beside(name)] for name in recipe.beside}
     for at, (seed, size, name) in enumerate(todo, start=1):
         err.line(f"{at} of {len(todo)}: {name}, size {size}, seed {seed}")
         told = study.found(name, size, seed)

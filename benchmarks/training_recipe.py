@@ -43,7 +43,11 @@ class TrainingRecipe(Settings):
     sizes: tuple[Literal["n", "s", "m", "l"], ...] = Field(default=("n",), min_length=1)
     seeds: int = Field(default=3, ge=1, description="Runs of each training.")
     trainings: dict[str, Training] = Field(
-        min_length=1, description="By name, in order; the first is what the others are compared with."
+        min_length=1,
+        description="By name, in order; without models beside them, the first is what the others are compared with.",
+    )
+    beside: tuple[str, ...] = Field(
+        default=(), description="Models that the trainings are compared with: what ships, by name, or exported files."
     )
     variants: Variants | None = None
 

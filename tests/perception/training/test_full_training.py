@@ -54,7 +54,7 @@ def test_a_recipe_becomes_models_reports_and_tables(
     its = full_training.variants
     monkeypatch.setattr(its, "RECIPE", {**NETWORK, "native": True, "classifier_epochs": 0, "mosaic_off": 0})
     monkeypatch.setattr(its, "GROUPS", {"orders": {name: ORDERS[name] for name in (PHOTOGRAPHS, PLAIN)}})
-    file = recipe(variants={"synthetic": "town", "photographs": "photographs", "views": 8})
+    file = recipe(beside=["synthetic-1"], variants={"synthetic": "town", "photographs": "photographs", "views": 8})
     output = tmp_path / "out"
     words = [str(file), "-o", str(output), "--resamples", "20"]
     assert main([*words, "--stop-after", "0"]) == 0
@@ -66,10 +66,12 @@ def test_a_recipe_becomes_models_reports_and_tables(
     assert (output / "reports" / "mixed-n" / "town" / "report.html").is_file()
     told = (output / "tables.md").read_text()
     assert told.startswith(
-        "## town: 3 test images\n\n| training | mAP@0.5 | of each run | less real n, 95 % interval |"
+        "## town: 3 test images\n\n| training | mAP@0.5 | of each run | less synthetic-1, 95 % interval |"
     )
     assert [line for line in told.splitlines() if line.startswith("###")] == [
-        f"### {name} n on {where}, seed 0" for where in ("town", "photographs") for name in ("real", "mixed")
+        f"### {name} on {where}, seed 0"
+        for where in ("town", "photographs")
+        for name in ("synthetic-1", "real n", "mixed n")
     ]
     assert "| mean of the classes with objects |" in told
     compared = (output / "variants.md").read_text()
@@ -85,6 +87,7 @@ def test_a_recipe_becomes_models_reports_and_tables(
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
+        ({"beside": ["synthetic-0"]}, "There is no model 'synthetic-0': name one that ships"),
         ({"training": {}}, "unknown key 'training' (did you mean 'trainings'?)"),
         ({"settings": {"epoch": 3}}, "trainings.real: `overrides`: no setting 'epoch' (did you mean 'epochs'?)"),
         ({"settings": {"seed": 3}}, "settings: seed is given by sizes and seeds"),
