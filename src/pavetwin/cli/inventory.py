@@ -163,7 +163,7 @@ def _tell(reading: "Reading", observations: int, listed: "Sequence[Entry]") -> N
     if chances:
         likely = sum(chance >= LIKELY for chance in chances)
         out.line(
-            f"About {sum(chances):.0f} of them show a defect, by the fitted sensor; {likely} more likely do than not "
+            f"Expected to show a defect, by the fitted sensor: {sum(chances):.1f}; more likely than not: {likely} "
             "(column probability)."
         )
     for remark in reading.remarks:

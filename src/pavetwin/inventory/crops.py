@@ -79,5 +79,5 @@ def _cell(entry: Entry, picture: Image.Image) -> Image.Image:
     text = ", ".join([*words, looks])
     sure = f"confidence {entry.confidence:.2f}"
     if entry.probability is not None:
-        sure += f", a defect with {100 * entry.probability:.0f} %"
+        sure += f", a defect: {100 * entry.probability:.0f} %"
     return captioned(picture.resize((CELL_PX, CELL_PX)), f"{entry.number}: {entry.kind}", text, sure)
