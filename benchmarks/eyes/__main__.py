@@ -64,8 +64,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             ]
             out.print(inventories.markdown(*inventories.inventories(folders)), markup=False)
         if asked.entries:
-            folders = [folder for each in asked.entries for _, folder in agreement.read_grid(each)]
-            out.print(entries.markdown(entries.judged(folders)), markup=False)
+            missions = entries.judged([folder for each in asked.entries for _, folder in agreement.read_grid(each)])
+            for each in asked.entries:
+                here = [mission for mission in missions if each in mission.folder.parents]
+                out.print(f"{each}:\n{entries.markdown(here)}", markup=False)
         if asked.study is not None:
             table = Store(asked.study).table()
             out.print(tables.answers(table), markup=False)

@@ -22,8 +22,7 @@ DRAWS = 4000
 class Judged:
     """A mission, judged by a regression over the other towns."""
 
-    town: str
-    mission: str
+    folder: Path
     probabilities: tuple[float, ...]
     is_defect: tuple[bool, ...]
     """Of the entries with a probability."""
@@ -32,6 +31,10 @@ class Judged:
     """By all entries."""
     pci_likely: float
     """By those that are more likely a defect than not."""
+
+    @property
+    def town(self) -> str:
+        return self.folder.parent.name
 
 
 def judged(folders: Sequence[Path]) -> list[Judged]:
@@ -54,8 +57,7 @@ def _judged(folder: Path, inventory: JudgedInventory, others: Sequence[JudgedInv
         if each.probability is not None
     ]
     return Judged(
-        folder.parent.name,
-        folder.name,
+        folder,
         tuple(chance for chance, _ in told),
         tuple(is_defect for _, is_defect in told),
         report.pci,
