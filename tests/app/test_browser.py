@@ -398,6 +398,7 @@ def test_what_was_missed_is_chosen_and_flown_again(flown: Flown) -> None:
     tab.wait("!document.querySelector('#start').disabled")
     tab.page.click("#tab-files")
     tab.wait("document.querySelector('#files .remark')?.textContent.includes('-missed')")
+    assert tab.page.locator("#files .make small").inner_text() == f"pavetwin replay {flown.folder}-missed"
     assert tab.value("pavetwin.mission.targets") == list(missed)
     again = flown.folder.with_name(f"{flown.folder.name}-missed")
     assert read_mission(again / "mission.yaml").spec.targets == missed

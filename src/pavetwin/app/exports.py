@@ -30,13 +30,15 @@ _PLANS: Final = {
 
 
 def exports() -> list[dict[str, Any]]:
-    """What can be made here: its name, in words, the command that makes it, and whether only of missions."""
+    """What can be made here: its name, in words, the command that makes it, whether only of what can be flown again,
+    and whether of one mission where several policies were flown."""
     made = [
         {
             "name": HTML,
             "words": "Page that plays offline (.html)",
             "command": "pavetwin replay MISSION",
             "of_missions": False,
+            "of_one": False,
         }
     ]
     made += [
@@ -45,6 +47,7 @@ def exports() -> list[dict[str, Any]]:
             "words": f"Flight plan: {_PLANS.get(name, name)}",
             "command": f"pavetwin plan export MISSION --format {name}",
             "of_missions": True,
+            "of_one": True,
         }
         for name in PLAN_FORMATS.names()
     ]
@@ -55,6 +58,7 @@ def exports() -> list[dict[str, Any]]:
                 "words": "Recording for rerun (.rrd)",
                 "command": "pavetwin replay MISSION -o mission.rrd",
                 "of_missions": True,
+                "of_one": False,
             }
         )
     return made

@@ -12,9 +12,8 @@ const WORDS = {
 };
 
 export class Files {
-  #root; #tasks; #made = element('ul', { className: 'list' }); #told = element('p', { className: 'told' }); #asked = null; #key = null;
-  /** Which mission of the flight is shown. */
-  mission = 0;
+  #root; #tasks; #made = element('ul', { className: 'list' }); #told = element('p', { className: 'told' }); #asked = null; #key = null; #mission = 0;
+  #tellCommand = () => {};
 
   /** @param exports what the server can make: [name, words, command] each */
   constructor(root, tasks, exports) {
@@ -26,10 +25,15 @@ export class Files {
 
   clear() {
     this.#key = null;
+    this.#tellCommand = () => {};
     this.#root.replaceChildren(element('p', {}, 'The files of a mission are listed here after the flight.'));
   }
 
-  set(key, folder, names, isMission) {
+  /**
+   * @param policies of the missions; each has a folder of its own where there are several
+   * @param isMission whether it can be flown again
+   */
+  set(key, folder, names, policies, isMission) {
     if (this.#key !== key) {
       this.#asked?.cancel();
       this.#made.replaceChildren();
@@ -38,9 +42,15 @@ export class Files {
     this.#key = key;
     const links = names.map(name => this.#link(`api/played/${key}/files/${name}`, name, WORDS[name.split('/').at(-1)]));
     this.#root.replaceChildren(
-      this.#told, ...this.#makers(isMission), this.#made,
+      this.#told, ...this.#makers(folder, policies, isMission), this.#made,
       element('p', { className: 'remark' }, `In ${folder}, as \`pavetwin fly\` writes them:`), element('ul', { className: 'list' }, ...links),
     );
+  }
+
+  /** Which mission of the flight is shown. */
+  set mission(number) {
+    this.#mission = number;
+    this.#tellCommand();
   }
 
   /** What is being written. */
@@ -50,14 +60,18 @@ export class Files {
     return element('li', {}, element('a', { href, download: name.replaceAll('/', '-') }, name, element('small', {}, words)));
   }
 
-  #makers(isMission) {
+  #makers(folder, policies, isMission) {
     const choices = this.exports.filter(({ of_missions: only }) => isMission || !only);
     if (!choices.length) return [];
     const select = element('select', {}, ...choices.map(({ name, words }) => new Option(words, name)));
     select.setAttribute('aria-label', 'What to make of this mission');
     const button = element('button', { type: 'button' }, 'Make'), command = element('small');
-    const tell = () => { command.textContent = choices.find(({ name }) => name === select.value).command; };
+    const tell = () => {
+      const { command: words, of_one: isOfOne } = choices.find(({ name }) => name === select.value);
+      command.textContent = words.replace('MISSION', isOfOne && policies.length > 1 ? `${folder}/${policies[this.#mission]}` : folder);
+    };
     select.addEventListener('change', tell);
+    this.#tellCommand = tell;
     button.addEventListener('click', () => this.#make(select.value, button));
     tell();
     return [element('div', { className: 'make' }, select, button, command)];
@@ -67,7 +81,7 @@ export class Files {
     const key = this.#key;
     button.disabled = true;
     this.tell('Making it …');
-    const asked = this.#asked = this.#tasks.ask({ do: 'export', key, mission: this.mission, what }, ({ what: words }) => { if (words) this.tell(`${words} …`); });
+    const asked = this.#asked = this.#tasks.ask({ do: 'export', key, mission: this.#mission, what }, ({ what: words }) => { if (words) this.tell(`${words} …`); });
     try {
       const { files, told } = await asked.promise;
       if (this.#key !== key) return;

@@ -229,7 +229,7 @@ async function chooseDescribed(file) {
 }
 
 function setFiles({ key, folder, files: names }) {
-  files.set(key, folder, names, !player.mission.isByHand);
+  files.set(key, folder, names, player.flight.missions.map(({ policy }) => policy), !player.mission.isByHand);
 }
 
 /** Choose the segments on which the mission missed something, to fly over them with other settings. */
