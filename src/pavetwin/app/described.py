@@ -98,8 +98,8 @@ def _plain_name(name: Any, what: str) -> Any:
     """
     if isinstance(name, str) and (":" in name or "/" in name):
         raise PaveTwinError(
-            f"{WHERE} has a {what} of a file, '{Path(name).name[:60]}', which the page does not take; fly it by "
-            "`pavetwin fly --again`."
+            f"{WHERE} has a {what} of a file, '{Path(name).name[:60]}', which the page does not take; fly it "
+            "again from the command line."
         )
     return name
 

@@ -30,13 +30,12 @@ _PLANS: Final = {
 
 
 def exports() -> list[dict[str, Any]]:
-    """What can be made here: its name, in words, the command that makes it, whether only of what can be flown again,
-    and whether of one mission where several policies were flown."""
+    """What can be made here: its name, in words, whether only of what can be flown again, and whether of one mission
+    where several policies were flown."""
     made = [
         {
             "name": HTML,
             "words": "Page that plays offline (.html)",
-            "command": "pavetwin replay MISSION",
             "of_missions": False,
             "of_one": False,
         }
@@ -45,7 +44,6 @@ def exports() -> list[dict[str, Any]]:
         {
             "name": name,
             "words": f"Flight plan: {_PLANS.get(name, name)}",
-            "command": f"pavetwin plan export MISSION --format {name}",
             "of_missions": True,
             "of_one": True,
         }
@@ -56,7 +54,6 @@ def exports() -> list[dict[str, Any]]:
             {
                 "name": RRD,
                 "words": "Recording for rerun (.rrd)",
-                "command": "pavetwin replay MISSION -o mission.rrd",
                 "of_missions": True,
                 "of_one": False,
             }

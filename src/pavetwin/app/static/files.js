@@ -3,6 +3,9 @@
 import { element } from './dom.js';
 import { CancelledError } from './server.js';
 
+/** The commands that make the same files; of plans by the format's name. */
+const COMMANDS = { html: 'pavetwin replay MISSION', rrd: 'pavetwin replay MISSION -o mission.rrd' };
+
 const WORDS = {
   'mission.yaml': 'all that the mission depends on, to fly it again', 'captures.geojson': 'found defects, GeoJSON',
   'defects.gpkg': 'all defects, found or missed and why, GeoPackage for QGIS', 'defects.csv': 'all defects as a table',
@@ -15,7 +18,7 @@ export class Files {
   #root; #tasks; #made = element('ul', { className: 'list' }); #told = element('p', { className: 'told' }); #asked = null; #key = null; #mission = 0;
   #tellCommand = () => {};
 
-  /** @param exports what the server can make: [name, words, command] each */
+  /** @param exports what the server can make, see `pavetwin.app.exports` */
   constructor(root, tasks, exports) {
     this.#root = root;
     this.#tasks = tasks;
@@ -67,8 +70,8 @@ export class Files {
     select.setAttribute('aria-label', 'What to make of this mission');
     const button = element('button', { type: 'button' }, 'Make'), command = element('small');
     const tell = () => {
-      const { command: words, of_one: isOfOne } = choices.find(({ name }) => name === select.value);
-      command.textContent = words.replace('MISSION', isOfOne && policies.length > 1 ? `${folder}/${policies[this.#mission]}` : folder);
+      const { name, of_one: isOfOne } = choices.find(each => each.name === select.value);
+      command.textContent = (COMMANDS[name] ?? `pavetwin plan export MISSION --format ${name}`).replace('MISSION', isOfOne && policies.length > 1 ? `${folder}/${policies[this.#mission]}` : folder);
     };
     select.addEventListener('change', tell);
     this.#tellCommand = tell;
