@@ -15,9 +15,8 @@ from pavetwin.world.store import load_world
 IMAGES: Final = Path("docs/images")
 LARGEST_BYTES: Final = 500_000
 
-MOVING_PX: Final = (1024, 600)
-SHOWN_PX: Final = (820, 480)
-COLOURS: Final = 96
+SHOWN_PX: Final = (700, 394)
+COLOURS: Final = 64
 HIGH: Final = "traffic=high&seed=1"
 
 
@@ -68,7 +67,6 @@ def _stills(shown: Tab, place: str, segments: Sequence[str]) -> None:
 
 def _animation(shown: Tab, place: str, segments: Sequence[str]) -> None:
     """Select, fly, scrub, compare; without the town in 3-D, which changes too much from one picture to the next."""
-    shown.page.set_viewport_size({"width": MOVING_PX[0], "height": MOVING_PX[1]})
     _open(shown, f"{place}&count=2")
     shown.page.click("#solid")
     frames: list[tuple[Image.Image, int]] = []
@@ -103,12 +101,20 @@ def _animation(shown: Tab, place: str, segments: Sequence[str]) -> None:
     shown.value("document.activeElement.blur()")
     shown.page.keyboard.press("v")
     take(1800)
-    palette = frames[-1][0].quantize(COLOURS, dither=Image.Dither.NONE)
+    palette = _side_by_side([picture for picture, _ in frames]).quantize(COLOURS, dither=Image.Dither.NONE)
     pictures = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture, _ in frames]
     path = IMAGES / "app.gif"
     durations = [for_ms for _, for_ms in frames]
     pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=durations, loop=0, optimize=False)
     _check(path)
+
+
+def _side_by_side(pictures: Sequence[Image.Image]) -> Image.Image:
+    wide, tall = SHOWN_PX
+    sheet = Image.new("RGB", (wide * len(pictures), tall))
+    for at, picture in enumerate(pictures):
+        sheet.paste(picture, (wide * at, 0))
+    return sheet
 
 
 def _scrub(shown: Tab, take: Callable[[int], None], count: int) -> None:
