@@ -23,29 +23,41 @@ export class Materials {
     return material;
   }
 
-  // Of houses: vertex colours times a layer of the façade textures; `mean` takes the mean of the layer.
+  // Of houses: vertex colours times a layer of the façade textures; `mean` takes the mean of the layer, at each vertex.
   house(mean) {
     const material = this.#matt({ vertexColors: true }, (shader) => {
       shader.uniforms.facades = this.facades;
-      shader.vertexShader = shader.vertexShader
-        .replace("#include <common>", `#include <common>
-          ${mean ? "" : "attribute vec2 facade;"}
-          attribute float layer;
-          varying vec3 vFacade;`)
-        .replace("#include <begin_vertex>", `#include <begin_vertex>
-          vFacade = vec3(${mean ? "vec2(0.5)" : `facade / ${this.facadeSteps.toFixed(1)}`}, layer);`);
-      const sampled = mean ? "textureLod(facades, place, 9.0)" : "texture(facades, place)";
-      shader.fragmentShader = shader.fragmentShader
-        .replace("#include <common>", `#include <common>
-          uniform sampler2DArray facades;
-          varying vec3 vFacade;`)
-        .replace("#include <color_fragment>", `#include <color_fragment>
-          vec3 place = vec3(vFacade.x, -vFacade.y, floor(vFacade.z + 0.5) - 1.0);
-          vec3 facade = ${sampled}.rgb;
-          if (vFacade.z > 0.5) diffuseColor.rgb *= facade;`);
+      if (mean) this.#meanFacade(shader);
+      else this.#facade(shader);
     });
     material.customProgramCacheKey = () => `house ${mean}`;
     return material;
+  }
+
+  #meanFacade(shader) {
+    shader.vertexShader = shader.vertexShader
+      .replace("#include <common>", `#include <common>
+        uniform sampler2DArray facades;
+        attribute float layer;`)
+      .replace("#include <color_vertex>", `#include <color_vertex>
+        if (layer > 0.5) vColor.rgb *= textureLod(facades, vec3(0.5, 0.5, floor(layer + 0.5) - 1.0), 9.0).rgb;`);
+  }
+
+  #facade(shader) {
+    shader.vertexShader = shader.vertexShader
+      .replace("#include <common>", `#include <common>
+        attribute vec2 facade;
+        attribute float layer;
+        varying vec3 vFacade;`)
+      .replace("#include <begin_vertex>", `#include <begin_vertex>
+        vFacade = vec3(facade / ${this.facadeSteps.toFixed(1)}, layer);`);
+    shader.fragmentShader = shader.fragmentShader
+      .replace("#include <common>", `#include <common>
+        uniform sampler2DArray facades;
+        varying vec3 vFacade;`)
+      .replace("#include <color_fragment>", `#include <color_fragment>
+        vec3 facade = texture(facades, vec3(vFacade.x, -vFacade.y, floor(vFacade.z + 0.5) - 1.0)).rgb;
+        if (vFacade.z > 0.5) diffuseColor.rgb *= facade;`);
   }
 
   // Of instanced models: vertex colours, of which slots 1 to 4 are multiplied by an instance's own; leaves are cut out.
