@@ -15,8 +15,8 @@ from pavetwin.world.store import load_world
 IMAGES: Final = Path("docs/images")
 LARGEST_BYTES: Final = 500_000
 
-SHOWN_PX: Final = (700, 394)
-COLOURS: Final = 64
+SHOWN_PX: Final = (600, 337)
+COLOURS: Final = 40
 HIGH: Final = "traffic=high&seed=1"
 
 
@@ -89,19 +89,19 @@ def _animation(shown: Tab, place: str, segments: Sequence[str]) -> None:
     shown.page.hover("#start")
     _fly(shown)
     take(900)
-    _scrub(shown, take, 8)
-    shown.value("document.activeElement.blur()")
+    _scrub(shown, take, 5)
+    shown.value("(document.activeElement.blur(), pavetwin.seek(0), null)")
     shown.page.keyboard.press("n")
     shown.wait("pavetwin.frame")
     take(1600)
     shown.page.click("#compare")
     take(900)
     _fly(shown)
-    _scrub(shown, take, 5)
+    _scrub(shown, take, 4)
     shown.value("document.activeElement.blur()")
     shown.page.keyboard.press("v")
     take(1800)
-    palette = _side_by_side([picture for picture, _ in frames]).quantize(COLOURS, dither=Image.Dither.NONE)
+    palette = _side_by_side([picture for picture, _ in frames]).quantize(COLOURS, Image.Quantize.MAXCOVERAGE)
     pictures = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture, _ in frames]
     path = IMAGES / "app.gif"
     durations = [for_ms for _, for_ms in frames]
