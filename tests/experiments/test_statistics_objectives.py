@@ -52,7 +52,8 @@ def test_the_best_of_those_that_find_enough(
     assert (made.best["altitude_m"], made.best["policy"]) == option
     assert made.sentences[0].startswith(f"Fly {option[1]} at {option[0]:g} m: mean coverage ")
     assert made.best["certainty"] > 0.5
-    assert made.options["certainty"].max() == made.best["certainty"]
+    # Of two options at one altitude both may be the highest, in all samples but a few.
+    assert made.best["certainty"] == pytest.approx(made.options["certainty"].max(), abs=0.001)
     assert (made.options["certainty"] <= made.options["kept"]).all()
     assert made.options["feasible"].to_list() == [True] * 4 + [False] * 2
 

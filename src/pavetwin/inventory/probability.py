@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from pavetwin.arrays import Float64Array
-from pavetwin.errors import PaveTwinError
+from pavetwin.errors import PaveTwinError, about
 from pavetwin.inventory.entry import Entry
 from pavetwin.sensing.entry_model import EntryModel
 from pavetwin.sensing.sensor_model import SensorModel
@@ -42,7 +42,8 @@ def entry_model(detector: str | None, fitted: str | None = None) -> EntryModel |
     if fitted is None:
         file = None if detector is None else sensor_of(detector)
         return None if file is None else SensorModel.read(file).entries
-    model = SensorModel.read(sensor_path(fitted))
+    with about("fitted"):
+        model = SensorModel.read(sensor_path(fitted))
     if detector is None:
         raise PaveTwinError(f"`fitted` '{fitted}': no detector looked at these images; leave it out.")
     if model.detector.sha256 != detector:
