@@ -40,12 +40,12 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def shared_file(request: pytest.FixtureRequest) -> Callable[[str], Path]:
-    """The path of a file of real input, by its name below `--shared-data`; skips, naming it, where it is absent."""
+    """The path of real input, a file or folder, by its name below `--shared-data`; skips, naming it, where it is absent."""
     folder: Path = request.config.getoption("--shared-data")
 
     def find(name: str) -> Path:
         path = folder / name
-        if not path.is_file():
+        if not path.exists():
             pytest.skip(f"real input {path} is absent (name its folder with --shared-data)")
         return path
 

@@ -13,6 +13,7 @@ from pavetwin.app.kept import kept_environment, kept_world
 from pavetwin.app.task_report import TaskReport
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.again import MISSION, check_replaceable, mission_file, read_mission
+from pavetwin.mission.environment import MissionEnvironment
 from pavetwin.mission.fly import MissionResult, fly
 from pavetwin.mission.inputs import MissionInputs, load_inputs
 from pavetwin.mission.naming import mission_folder
@@ -45,15 +46,14 @@ def descriptions(folder: Path) -> list[Path]:
     return [own] if own.is_file() else sorted(folder.glob(f"*/{MISSION}"))
 
 
-def fly_request(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
-    """Fly the missions of a request, write them where the command line does, and what plays them."""
-    request, world = FlightRequest.of(task["request"]), kept_world(Path(task["world"]))
-    tell(0.0, "Preparing the flight domain")
-    names = request.names
-    specs, environment = plan_missions(
+def planned(
+    request: FlightRequest, world: World, policies: Sequence[str]
+) -> tuple[list[MissionSpec], MissionEnvironment]:
+    """The missions of a request, one for each policy, in the environment that is kept for the next task."""
+    return plan_missions(
         world,
         request.settings(),
-        names,
+        policies,
         density=request.density,
         mix=request.mix or "",
         segments=request.segments or request.count,
@@ -61,6 +61,14 @@ def fly_request(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
         seed=request.seed,
         environment=kept_environment(request, world),
     )
+
+
+def fly_request(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
+    """Fly the missions of a request, write them where the command line does, and what plays them."""
+    request, world = FlightRequest.of(task["request"]), kept_world(Path(task["world"]))
+    tell(0.0, "Preparing the flight domain")
+    names = request.names
+    specs, environment = planned(request, world, names)
     inputs = load_inputs(specs[0], world=world, environment=environment, on_progress=tell)
     specs = [inputs.flown(spec) for spec in specs]
     folder = mission_folder(specs[0], names, PRESET, usual_targets=request.is_usual)

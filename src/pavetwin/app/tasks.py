@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pavetwin.app.flight_request import PRESET, FlightRequest
-from pavetwin.app.flights import fly_missed, fly_request, listed_missions, play_mission
+from pavetwin.app.flights import fly_missed, fly_request, listed_missions, planned, play_mission
 from pavetwin.app.kept import kept_environment, kept_world
 from pavetwin.app.map_limits import LARGEST_KM2
 from pavetwin.app.requests import KINDS, LARGEST_BYTES
@@ -20,7 +20,6 @@ from pavetwin.config.altitude import CEILING_M, LOWEST_M
 from pavetwin.files import writing
 from pavetwin.mission.estimate import estimate
 from pavetwin.mission.inputs import load_inputs
-from pavetwin.mission.plan import plan_missions
 from pavetwin.mission.reach import check_reach
 from pavetwin.mission.targets import ORDERS, choose_targets
 from pavetwin.policies import policy_names
@@ -119,17 +118,7 @@ def _pilot(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
 
     request, world = FlightRequest.of(task["request"]), kept_world(Path(task["world"]))
     tell(0.0, "Preparing the flight domain")
-    (spec,), environment = plan_missions(
-        world,
-        request.settings(),
-        request.names[:1],
-        density=request.density,
-        mix=request.mix or "",
-        segments=request.segments or request.count,
-        order=request.order,
-        seed=request.seed,
-        environment=kept_environment(request, world),
-    )
+    (spec,), environment = planned(request, world, request.names[:1])
     inputs = load_inputs(spec, world=world, environment=environment, on_progress=tell)
     with inputs.replay:
         return fly_by_hand(inputs.flown(spec), inputs, Path(task["folder"]), tell)

@@ -4,7 +4,7 @@ A probit model with a random effect u per defect: a look finds the defect where
 
     x · β + σ u + e > 0,   u and e standard normal,
 
-u the same for all looks at a defect and e anew for each. So a single look finds it with the chance
+u the same for all looks at a defect and e drawn for each. So a single look finds it with the chance
 Φ(x · β / √(1 + σ²)), and looks at one defect have the correlation σ² / (1 + σ²), as those of the sensor `recall` have
 (`pavetwin.sensing.draws`).
 

@@ -99,7 +99,7 @@ async function showWorld() {
   await listFlown();
 }
 
-/** A town that was just built. Where there was none before, the page begins anew with it. */
+/** A town that was just built. Where there was none before, the page starts again with it. */
 async function showNewTown(world) {
   if (!page.map) {
     location.hash = new URLSearchParams({ world: world.name });

@@ -103,7 +103,7 @@ class Pool {
   }
 }
 
-// Pools by name, filled anew together.
+// Pools by name, refilled together.
 export class Pools {
   // `casts`: whether they cast shadows, which only what stands still does.
   constructor(group, models, casts = false) {
