@@ -40,7 +40,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def shared_file(request: pytest.FixtureRequest) -> Callable[[str], Path]:
-    """The path of real input, a file or folder, by its name below `--shared-data`; skips, naming it, where it is absent."""
+    """The path of real input, a file or folder, by its name below `--shared-data`; skips where it is absent."""
     folder: Path = request.config.getoption("--shared-data")
 
     def find(name: str) -> Path:
