@@ -1,5 +1,6 @@
 """Where pictures without a defect are taken from."""
 
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -91,3 +92,29 @@ def test_a_car_s_pictures_without_a_defect_show_road(
             taken.append(sample.pose.mount)
     assert len(taken) > 20
     assert ahead[0] <= taken.count("front") / len(taken) <= ahead[1]
+
+
+def test_a_share_of_the_images_without_defects_shows_a_person_or_a_vehicle(crowded: Built, tmp_path: Path) -> None:
+    world = save_world(crowded, tmp_path / "w")
+    settings = CaptureSettings(
+        platforms=("uav",), images=80, altitudes_m=(8.0,), densities=("medium",), seed=5, empty=0.5
+    )
+    shares = {}
+    for share in (0.0, 0.8):
+        platform = Uav(prepare(world, settings.model_copy(update={"road_users": share})))
+        kinds: Counter[str] = Counter()
+        specs = [spec for spec in image_specs(settings, world, "uav", 80) if not spec.aims]
+        for spec in specs:
+            sample = draw_sample(platform, spec, 0)
+            assert sample is not None
+            assert not platform.context.defect_index.outlines.query(footprint(sample.pose.view), "intersects").size
+            agents = platform.context.traces["medium"].agents_at(sample.pose.time_s)
+            ground = np.column_stack([agents["x_m"], agents["y_m"], np.zeros(len(agents["x_m"]))])
+            place = sample.pose.view.project(ground) / settings.size_px
+            seen = (np.abs(place - 0.5) < 0.42).all(axis=1)
+            pedestrian = platform.context.recordings["medium"].agents.is_pedestrian[agents["agent"][seen]]
+            kinds["person"] += bool(pedestrian.any())
+            kinds["vehicle"] += bool((~pedestrian).any())
+        shares[share] = {kind: number / len(specs) for kind, number in kinds.items()}
+    assert shares[0.8]["person"] > shares[0.0]["person"] + 0.2
+    assert shares[0.8]["person"] + shares[0.8]["vehicle"] > 0.7

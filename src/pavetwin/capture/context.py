@@ -45,7 +45,7 @@ def check(settings: CaptureSettings) -> None:
         raise PaveTwinError(f"`altitudes_m`: say how high the {flyers[0]} flies, for example `altitudes_m` 10.")
     if settings.altitudes_m and settings.gsd_mm:
         raise PaveTwinError("`gsd_mm`: the ground resolution decides the altitude; give it or `altitudes_m`, not both.")
-    for name in ("altitudes_m", "gsd_mm"):
+    for name in ("altitudes_m", "gsd_mm", "road_users"):
         if getattr(settings, name) and not flyers:
             raise PaveTwinError(f"`{name}`: a {settings.platforms[0]} does not fly; leave it out.")
     check_resolution(settings)

@@ -61,6 +61,9 @@ class CaptureSettings(Settings):
     """Shares of train, val and test: of the images, and about those of the streets' defects."""
     empty: Share = 0.15
     """Share of images that are to show no defect at all."""
+    road_users: Share = 0.0
+    """Share of the UAV's images without defects that are taken of a person or a vehicle, in equal parts; the others
+    are taken of any place. Few people walk where defects are."""
     parking: ParkingSettings = ParkingSettings()
     """Vehicles parked in the world's places: at the date and time of each image, by the seed."""
     look: NameOrFile = DEFAULT_LOOK
@@ -191,7 +194,7 @@ def check_same(folder: Path, expected: dict[str, Any]) -> bool:
             f"'{folder}' was begun with other classes of labels than now ({', '.join(only) or 'in another order'}); "
             "give the `plugins` that it was begun with, or choose another folder."
         )
-    existing = {"parking": NO_PARKING.model_dump(mode="json")} | found["settings"]
+    existing = {"parking": NO_PARKING.model_dump(mode="json"), "road_users": 0.0} | found["settings"]
     requested = expected["settings"]
     if both_own:  # the same content, in whichever folder
         existing, requested = ({**each, "camera": Path(each["camera"]).name} for each in (existing, requested))

@@ -116,6 +116,13 @@ def make(
     ] = "yolo,yolo-seg,voc,coco",
     split: Annotated[str, typer.Option(help="Percent of train/val/test, by whole streets.")] = "70/15/15",
     empty: Annotated[float, typer.Option(help="Share of images that must show no defect.")] = 0.15,
+    road_users: Annotated[
+        float,
+        typer.Option(
+            help="Share of the UAV's images without defects that are taken of a person or a vehicle. Few people walk "
+            "where defects are."
+        ),
+    ] = 0.0,
     png: Annotated[bool, typer.Option("--png", help="Store images without loss.")] = False,
     quality: Annotated[int, typer.Option(help="Of JPEG, 50 to 100.")] = 92,
     cache: CacheFolder = None,  # noqa: ARG001 - its callback does it
@@ -130,6 +137,7 @@ def make(
     pavetwin capture worlds/town -o datasets/parked --parking by-time
     pavetwin capture worlds/town -o datasets/grey --look uniform
     pavetwin capture worlds/town -o datasets/crops --gsd-mm 2 8 --images 500
+    pavetwin capture worlds/town -o datasets/people --density high --empty 0.4 --road-users 0.8
     pavetwin capture worlds/town -o datasets/sharp --camera phantom4pro --size 1280x960 --png --formats yolo
 
     Missing traffic is recorded first. Labels are Single Crack, Crocodile Crack, Pothole, Person and Car, then
@@ -150,6 +158,7 @@ def make(
         "formats": tuple(re.split(r"[,\s]+", formats.strip())),
         "split": split_shares(split, option="--split"),
         "empty": empty,
+        "road_users": road_users,
         "picture": "png" if png else "jpg",
         "quality": quality,
         "plugins": paths_of(plugin),

@@ -1,6 +1,6 @@
 """The UAV's camera over a street: mostly nadir and along the street, as inspections are flown, with some variation."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import atan2, floor, log2, pi, radians, tan
 from typing import Final
@@ -13,6 +13,7 @@ from pavetwin.capture.clearings import Clearings
 from pavetwin.capture.defect_index import INNER
 from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.capture.platforms.base import CaptureContext, Platform, Pose, platform
+from pavetwin.capture.road_users import RoadUsers
 from pavetwin.config.altitude import CEILING_M, LOWEST_M
 from pavetwin.scene.view import View, look
 from pavetwin.uav.cameras import find_camera
@@ -39,6 +40,20 @@ _ROAD_M: Final = 1.0
 """The middle of every image lies on the road, or at most this far beside it."""
 
 
+@dataclass(frozen=True)
+class _Aim:
+    """What an image is taken of."""
+
+    xy: Float64Array
+    """(2,) metres, world frame."""
+    along_rad: float
+    """Direction of its street."""
+    time_s: float | None = None
+    """Of the recorded traffic; None: any."""
+    centred: bool = False
+    """Whether it is in the middle of the image; else it is anywhere in the inner part."""
+
+
 @platform("uav")
 class Uav(Platform):
     uses_altitude = True
@@ -47,17 +62,17 @@ class Uav(Platform):
         super().__init__(context)
         self._camera = find_camera(context.settings.camera)
         self._clearings: dict[tuple[str, float], Clearings] = {}
+        self._road_users: dict[tuple[str, str], RoadUsers] = {}
 
     def propose(self, spec: ImageSpec, rng: np.random.Generator) -> Pose | None:
-        drawn = self._aimed_at(spec, rng) if spec.aims else self._clear_place(spec, rng)
-        if drawn is None:
+        aim = self._aimed_at(spec, rng) if spec.aims else self._road_user(spec, rng) or self._clear_place(spec, rng)
+        if aim is None:
             return None
-        aim, along_rad = drawn
-        heading = self._heading(along_rad, rng)
+        heading = self._heading(aim.along_rad, rng)
         tilt = _GIMBAL_RAD * rng.standard_normal() if rng.random() < _NADIR else rng.uniform(*_TILT_RAD)
         pitch = -pi / 2 + float(tilt)
         speed = 0.0 if rng.random() < _HOVERING else float(rng.uniform(*_SPEED_MPS))
-        place = rng.uniform(0.5 - INNER / 2, 0.5 + INNER / 2, size=2) if spec.aims else np.full(2, 0.5)
+        place = np.full(2, 0.5) if aim.centred else rng.uniform(0.5 - INNER / 2, 0.5 + INNER / 2, size=2)
         size = self.context.settings.size_px
         view = look(
             (0.0, 0.0, spec.altitude_m or 1.0),
@@ -70,7 +85,7 @@ class Uav(Platform):
         if spec.gsd_mm is not None:
             view = _crop_of_resolution(view, size, spec.gsd_mm, rng)
         # The aim's ground position seen from above the origin gives the camera's position.
-        xy, altitude_m = aim - view.ground(place * size), float(view.position[2])
+        xy, altitude_m = aim.xy - view.ground(place * size), float(view.position[2])
         if not np.isfinite(xy).all() or not LOWEST_M <= altitude_m <= CEILING_M:
             return None
         if not self.context.airspace.contains(float(xy[0]), float(xy[1]), altitude_m):
@@ -78,22 +93,38 @@ class Uav(Platform):
         view = replace(view, position=np.array([*xy, altitude_m]))
         if not shapely.dwithin(self.context.defect_index.road, shapely.Point(view.ground(np.array(size) / 2)), _ROAD_M):
             return None
-        time_s = float(rng.uniform(0.0, self.context.recordings[spec.density].duration_s))
+        time_s = aim.time_s
+        if time_s is None:
+            time_s = float(rng.uniform(0.0, self.context.recordings[spec.density].duration_s))
         return Pose(view, time_s, heading, pitch, self._camera, mount="gimbal")
 
-    def _aimed_at(self, spec: ImageSpec, rng: np.random.Generator) -> tuple[Float64Array, float]:
-        """The centre (2,) of a defect that the image must show, and the direction of its street."""
+    def _aimed_at(self, spec: ImageSpec, rng: np.random.Generator) -> _Aim:
+        """A defect that the image must show."""
         defect = self.context.world.defects[int(rng.choice(self.context.defect_index.candidates(spec)))]
         segment = self.context.world.segment(defect.segment)
-        return np.array([defect.centre.x, defect.centre.y]), _direction(segment, defect.centre)
+        return _Aim(np.array([defect.centre.x, defect.centre.y]), _direction(segment, defect.centre))
 
-    def _clear_place(self, spec: ImageSpec, rng: np.random.Generator) -> tuple[Float64Array, float] | None:
-        """The centre (2,) of an image that must show no defect, and the direction of its street."""
+    def _road_user(self, spec: ImageSpec, rng: np.random.Generator) -> _Aim | None:
+        """A person or a vehicle, of an image that is to show one and no defect; None of other images."""
+        if spec.share >= self.context.settings.road_users:
+            return None
+        key = spec.split, spec.density
+        if key not in self._road_users:
+            recording = self.context.recordings[spec.density]
+            self._road_users[key] = RoadUsers.of(recording, self._of_split[spec.split])
+        outlines = self.context.defect_index.outlines
+        drawn = self._road_users[key].draw(rng, outlines, self._clear_radius_m(spec))
+        if drawn is None:
+            return None
+        return _Aim(drawn.xy, _direction(drawn.segment, shapely.Point(drawn.xy)), drawn.time_s)
+
+    def _clear_place(self, spec: ImageSpec, rng: np.random.Generator) -> _Aim | None:
+        """The centre of an image that must show no defect."""
         key = spec.split, self._clear_radius_m(spec)
         if key not in self._clearings:
             self._clearings[key] = Clearings.of(self._of_split[spec.split], self.context.defect_index.outlines, key[1])
         drawn = self._clearings[key].draw(rng)
-        return None if drawn is None else (drawn[0], _direction(drawn[1], shapely.Point(drawn[0])))
+        return None if drawn is None else _Aim(drawn[0], _direction(drawn[1], shapely.Point(drawn[0])), centred=True)
 
     def _clear_radius_m(self, spec: ImageSpec) -> float:
         """Of a disc that lies within every nadir image of a spec, and nearly within every tilted one."""
