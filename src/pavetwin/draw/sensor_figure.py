@@ -17,7 +17,8 @@ from pavetwin.sensing.sensor_model import SensorModel
 ENOUGH: Final = 30
 """Defects with as many looks, to show how many of these found them."""
 
-MOST_LOOKS: Final = 4
+MOST_LOOKS: Final = 10
+"""More looks at one defect than that do not fit the figure."""
 
 _PERCENT: Final = PercentFormatter(1.0, decimals=0, symbol=" %")
 

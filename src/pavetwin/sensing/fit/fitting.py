@@ -246,12 +246,15 @@ class RepeatedLooks:
 
 
 def repeated_looks(model: SensorModel, looks: pl.DataFrame, count: int) -> RepeatedLooks:
-    """Of the defects that were looked at at least so often: how many of their first `count` looks found them."""
+    """Of the defects that were looked at at least so often: how many of `count` of their looks, from the first to the
+    last in even steps, found them."""
     chance, found = chances_of(model, looks), looks["found"].to_numpy()
     rows: dict[str, list[int]] = {}
     for row, name in enumerate(looks[GROUP].to_list()):
         rows.setdefault(name, []).append(row)
-    chosen = np.array([mine[:count] for mine in rows.values() if len(mine) >= count], dtype=np.intp).reshape(-1, count)
+    often = [np.array(mine) for mine in rows.values() if len(mine) >= count]
+    spread = [mine[np.linspace(0, len(mine) - 1, count).round().astype(np.intp)] for mine in often]
+    chosen = np.array(spread, dtype=np.intp).reshape(-1, count)
     counts = found[chosen].sum(axis=1)
     nodes, weights = np.polynomial.hermite_e.hermegauss(41)
     level = ndtri(np.clip(chance[chosen], 1e-9, 1 - 1e-9)) * sqrt(1 + model.spread**2)
