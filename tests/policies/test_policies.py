@@ -393,6 +393,29 @@ def test_micro_of_equals_takes_the_shortest() -> None:
     assert answer.length_m == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_micro_is_not_moved_by_the_last_digits_of_predicted_shares(seed: int) -> None:
+    """Shares of equals, and of a gain that just suffices, in the digits of another processor."""
+
+    class Shares:
+        """All candidates show as much, staying a twentieth less."""
+
+        def __init__(self, error: float) -> None:
+            self.error = np.random.default_rng(seed).uniform(-error, error, 49)
+
+        def agents(self) -> tuple[()]:
+            return ()
+
+        def predict(self, displacements: np.ndarray) -> np.ndarray:
+            return np.where(np.arange(len(displacements)), 3 / 20, 2 / 20) + self.error[: len(displacements)]
+
+    micro = load_policy("micro", SETTINGS)
+    exact, near = (micro.decide(replace(HALF_HIDDEN, moment=Shares(error))) for error in (0.0, 1e-12))
+    assert isinstance(exact, Displace)
+    assert exact == near
+    assert (exact.east_m, exact.north_m) == tuple(micro.candidates[1])  # type: ignore[attr-defined]
+
+
 def test_micro_moves_again_only_a_window_further_along() -> None:
     micro, north = load_policy("micro", SETTINGS), MOMENTS["more to see from the north"]
     window_m = north.window_along_m

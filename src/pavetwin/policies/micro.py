@@ -16,6 +16,10 @@ RINGS = (1 / 3, 2 / 3, 1.0)
 LEAST_GAIN = 0.05
 """A displacement must be predicted to show at least this share of the hidden cells more than staying does."""
 
+SHARE_DIGITS = 9
+"""Shares that are the same to so many decimals are equal: they are of some hundred cells, and what differs less is the
+last digits of floating-point numbers, which differ from processor to processor."""
+
 
 @policy("micro")
 class Micro(Policy):
@@ -41,9 +45,9 @@ class Micro(Policy):
         occlusion = snapshot.occlusion
         if occlusion is None or occlusion.episode.since_displacement_m < snapshot.window_along_m:
             return GoOn()
-        shares = snapshot.predict_visibility(self.candidates)
+        shares = np.round(snapshot.predict_visibility(self.candidates), SHARE_DIGITS)
         best = int(np.argmax(shares))  # the first of equals, and shorter ones come first
-        if shares[best] - max(float(shares[0]), 0.0) < LEAST_GAIN:
+        if round(float(shares[best]) - max(float(shares[0]), 0.0), SHARE_DIGITS) < LEAST_GAIN:
             return GoOn()
         east, north = self.candidates[best]
         return Displace(float(east), float(north))
