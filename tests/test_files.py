@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.files import working_in, writing, writing_folder
+from pavetwin.files import staging_folder, working_in, writing, writing_folder
 
 KILLED_WHILE_WRITING = """
 import os, signal, sys
@@ -82,3 +82,11 @@ def test_two_processes_do_not_work_in_one_folder(tmp_path: Path) -> None:
     with working_in(folder):
         assert not folder.exists()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_elsewhere_that_is_gone_is_named(tmp_path: Path) -> None:
+    """A tile that another process removed, say: the folder that is written is in order."""
+    with pytest.raises(PaveTwinError, match="'/gone/tile' is gone"), staging_folder(tmp_path / "out" / "images"):
+        Path("/gone/tile").read_bytes()
+    with pytest.raises(PaveTwinError, match="nothing can be made there"), writing(Path("/proc/nothing/m")):
+        pass

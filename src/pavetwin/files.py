@@ -199,7 +199,11 @@ def _is_running(number: str) -> bool:
 
 
 def unwritable(target: Path, error: OSError) -> PaveTwinError:
-    """The plain sentence for a file that could not be written."""
+    """The plain sentence for a file that could not be written, or for another that was missing while it was."""
+    place = target.absolute()
+    missing = Path(os.fsdecode(error.filename)).absolute() if error.errno == errno.ENOENT and error.filename else None
+    if missing and missing not in (place, *place.parents) and place.parent not in missing.parents:
+        return PaveTwinError(f"Cannot write '{target}': '{missing}' is gone. Give the same command again.")
     nowhere = error.errno == errno.ENOENT  # what mkdir says of a place such as /proc
     reason = "nothing can be made there" if nowhere else error.strerror or str(error)
     return PaveTwinError(f"Cannot write '{target}': {reason}. {hint(error, 'choose another folder')}.")

@@ -108,6 +108,25 @@ def test_other_inputs_are_other_files(world: World, folder: Path, monkeypatch: p
     assert len({*names}) == len(names) == len(list(folder.iterdir()))
 
 
+def test_bytecode_and_hidden_files_are_no_part_of_the_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They appear and go while other processes start."""
+    package = tmp_path / "pavetwin"
+    for folder in scene_cache.MADE_BY:
+        (package / folder / "__pycache__").mkdir(parents=True)
+    code = package / "scene" / "model.py"
+    code.write_text("a = 1\n")
+    monkeypatch.setattr(scene_cache.model, "__file__", str(code))
+    for module in (scene_cache.seeds, scene_cache.arrays):
+        monkeypatch.setattr(module, "__file__", str(code))
+    made_by = scene_cache.made_by.__wrapped__
+    before = made_by()
+    for name in ("__pycache__/model.cpython-311.pyc", "__pycache__/model.cpython-311.pyc.140234", ".model.py.swp"):
+        (package / "scene" / name).write_bytes(b"x")
+    assert made_by() == before
+    (package / "world" / "levels.yaml").write_text("b: 2\n")
+    assert made_by() != before
+
+
 def test_a_world_that_was_never_built_leaves_nothing(world: World, folder: Path) -> None:
     SceneCache(replace(world, content_hash=""), seed=4, look="varied").kept("value", lambda: 1)
     assert not folder.exists()

@@ -116,7 +116,7 @@ def made_by() -> str:
     package = Path(model.__file__).parent.parent
     files = [Path(str(module.__file__)) for module in (seeds, arrays)]
     for folder in MADE_BY:
-        files += sorted(path for path in (package / folder).rglob("*") if path.is_file() and path.suffix != ".pyc")
+        files += sorted(path for path in (package / folder).rglob("*") if _is_source(path.relative_to(package)))
     digest = hashlib.sha256()
     for path in files:
         digest.update(f"{path.relative_to(package)} ".encode() + path.read_bytes())
@@ -125,6 +125,12 @@ def made_by() -> str:
         digest.update(f"{library} {version(library)} ".encode())
     digest.update(shapely.geos_version_string.encode())
     return digest.hexdigest()
+
+
+def _is_source(path: Path) -> bool:
+    """Whether a path within the package is of its code or data: not of bytecode, which appears and goes while other
+    processes start, nor hidden."""
+    return bool(path.suffix) and "__pycache__" not in path.parts and not path.name.startswith(".")
 
 
 def _read(path: Path) -> Any:
