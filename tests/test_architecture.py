@@ -28,7 +28,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"mission"}),
     frozenset({"draw"}),
     frozenset({"experiments", "capture", "datasets", "flightplan", "inventory"}),
-    frozenset({"handover"}),
+    frozenset({"handover", "driving"}),
     frozenset({"app"}),
     frozenset({"cli"}),
 )

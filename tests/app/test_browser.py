@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from pavetwin.capture.platforms.car import REAR
 from pavetwin.mission.again import read_mission
 from pavetwin.mission.fly import MissionResult, fly
 from pavetwin.mission.timeline import Timeline
@@ -143,6 +144,41 @@ def test_the_uav_is_flown_by_keys_and_the_flight_is_played(building: BrowserTab)
     assert not page.locator("#pilot").is_visible()
     assert not building.value("document.querySelector('#mission').inert")
     assert "no mission of this town" in page.locator("#notice").inner_text()
+
+
+def test_a_car_is_driven_by_keys_and_the_drive_is_played(building: BrowserTab) -> None:
+    page = building.page
+    building.value(f"(location.hash = '#world=cross&traffic=low&seed=1&segments={SEGMENTS[0]}', location.reload())")
+    building.ready()
+    page.keyboard.press("r")
+    building.wait("pavetwin.mission?.isLive && pavetwin.mission.car")
+    told = page.locator("#pilot").inner_text()
+    assert "You drive" in told
+    assert "does not see you" in told, "the traffic does not react"
+    page.keyboard.down("w")
+    building.wait("pavetwin.stateAt(pavetwin.time).speed > 4")
+    building.wait("pavetwin.mission.captures.t_s.length > 3")
+    page.keyboard.up("w")
+    building.wait("pavetwin.stateAt(pavetwin.time).speed === 0")
+    now, eye = building.value("(now => [now, pavetwin.mission.cameraOf(now)])(pavetwin.stateAt(pavetwin.time))")
+    assert np.hypot(now["x"] - eye["x"], now["y"] - eye["y"]) == pytest.approx(-REAR.x_m, abs=1e-6)
+    assert "%" in page.locator("#pilot li").first.inner_text()
+    yaw = now["yaw"]
+    page.keyboard.down("ArrowUp")
+    page.keyboard.down("a")
+    building.wait(f"pavetwin.stateAt(pavetwin.time).yaw > {yaw} + 0.1")
+    page.keyboard.up("a")
+    page.keyboard.up("ArrowUp")
+    page.click("#pilot .end")
+    building.wait("pavetwin.mission && !pavetwin.mission.isLive && !document.querySelector('#start').disabled")
+    assert building.value("pavetwin.mission.policy") == "by-car"
+    assert not page.locator("#pilot").is_visible()
+    assert "its guest" in page.locator("#table").inner_text()
+    page.click("#tab-files")
+    assert "by-car.json" in page.locator("#files").inner_text()
+    building.value("pavetwin.seek(pavetwin.mission.duration_s / 2)")
+    page.wait_for_timeout(300)
+    assert all(building.picture(place).std() > 5 for place in ("#map", "#camera canvas", "#plots"))
 
 
 def test_a_contact_sheet_is_looked_at_and_a_damaged_study_told(browser: Any, tmp_path: Path) -> None:

@@ -3,9 +3,9 @@
 The page sends `{"id": 7, "do": "fly", "world": "w0", "request": {…}}` and gets `{"id": 7, "share": 0.4, "what": …}` as
 often as it reads, `{"id": 7, "ready": {…}}` when a mission can be played, and then `{"id": 7, "done": {…}}` or
 `{"id": 7, "error": "…"}`. `{"id": 7, "do": "cancel"}` ends a task. Of the frames that a page asks for only the latest
-waits; `{"id": 7, "cancelled": true}` answers the one before it. A flight by hand tells `{"id": 7, "live": {…}}` ten
-times a second, as often as the page reads, and takes `{"id": 7, "do": "say", "stick": {…}}`, the latest first.
-A page that goes away ends all of its tasks.
+waits; `{"id": 7, "cancelled": true}` answers the one before it. A flight or a drive by hand tells
+`{"id": 7, "live": {…}}` ten times a second, as often as the page reads, with all that is new since, and takes
+`{"id": 7, "do": "say", "stick": {…}}`, the latest first. A page that goes away ends all of its tasks.
 """
 
 import asyncio
@@ -35,6 +35,23 @@ PAGES: Final = 64
 """Open at a time."""
 
 
+def joined(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Any]:
+    """Two states of a flight or a drive by hand told as one: the later, with what is new in both.
+
+    Columns of captures and lists of defects grow; a flag stays where either has it.
+    """
+    grown = {**before, **after}
+    for name, value in before.items():
+        now = after.get(name)
+        if isinstance(value, dict) and name == "captures" and isinstance(now, dict):
+            grown[name] = {column: [*values, *now[column]] for column, values in value.items()}
+        elif isinstance(value, list) and name == "found" and isinstance(now, list):
+            grown[name] = [*value, *now]
+        elif isinstance(value, bool) and isinstance(now, bool):
+            grown[name] = value or now
+    return grown
+
+
 class LiveHandler(WebSocketHandler):
     """One page."""
 
@@ -46,6 +63,8 @@ class LiveHandler(WebSocketHandler):
         self._tasks: dict[int, asyncio.Task[None]] = {}
         self._frames: set[int] = set()
         self._said: dict[int, Said] = {}
+        self._untold: dict[int, dict[str, Any]] = {}
+        """What of flights and drives by hand the page could not be told yet."""
         self._leaving: asyncio.Task[None] | None = None
         self._sending: asyncio.Future[None] | None = None
         self._is_open = False
@@ -110,6 +129,7 @@ class LiveHandler(WebSocketHandler):
             else:
                 said = self._said[number] = Said()
                 done = await self.session.run(asked, lambda told: self._report(number, told), said)
+            self._tell_live(number)
             self._send({"id": number, "done": done})
         except PaveTwinError as error:
             self._send({"id": number, "error": str(error)})
@@ -118,12 +138,22 @@ class LiveHandler(WebSocketHandler):
         finally:
             del self._tasks[number]
             self._said.pop(number, None)
+            self._untold.pop(number, None)
             self._frames.discard(number)
 
     def _report(self, number: int, told: Mapping[str, Any]) -> None:
-        """Progress; left out while the page has not taken what it was sent before."""
-        if "ready" in told or self._sending is None or self._sending.done():
+        """Progress; while the page has not taken what it was sent before, it is left out, and what is live is kept."""
+        if "live" in told:
+            self._untold[number] = joined(self._untold.get(number, {}), told["live"])
+        is_ready = self._sending is None or self._sending.done()
+        if "live" in told and is_ready:
+            self._tell_live(number)
+        elif "ready" in told or ("live" not in told and is_ready):
             self._send({"id": number, **told})
+
+    def _tell_live(self, number: int) -> None:
+        if live := self._untold.pop(number, None):
+            self._send({"id": number, "live": live})
 
     def _send(self, message: dict[str, Any]) -> None:
         with suppress(WebSocketClosedError):

@@ -17,7 +17,7 @@ import numpy as np
 from pavetwin._core import Trace
 from pavetwin.app.agent_minutes import minutes
 from pavetwin.config import MissionSettings
-from pavetwin.draw.marks import outcomes
+from pavetwin.draw.marks import DefectOutcome, outcomes
 from pavetwin.draw.mission_style import AGENT_COLOURS, agent_group
 from pavetwin.draw.readings import DOING
 from pavetwin.mission.environment import MissionEnvironment, window_m
@@ -49,7 +49,7 @@ from pavetwin.mission.timeline import Timeline
 from pavetwin.mission.track import MODES
 from pavetwin.policies import Displace, Revisit, Wait
 from pavetwin.uav import camera_of
-from pavetwin.world.model import World
+from pavetwin.world.model import Defect, World
 
 FLIGHT: Final = "flight.json.gz"
 
@@ -69,21 +69,33 @@ def write_playback(results: Sequence[MissionResult], folder: Path, *, step_s: fl
         step_s: of the traffic's trace.
     """
     longest = max(results, key=lambda result: result.duration_s)
-    written = 0
-    for number, content in enumerate(minutes(longest.trace, step_s, longest.duration_s)):
-        (folder / minute_file(number)).write_bytes(gzip.compress(content, 6, mtime=0))
-        written = number + 1
     flight = {
-        "step_s": step_s,
-        "minutes": written,
-        "agents": bodies(longest.trace, step_s, longest.duration_s),
+        **write_agents(longest.trace, folder, step_s=step_s, until_s=longest.duration_s),
         "missions": [mission_values(result) for result in results],
         "tables": tables(results),
         "sentence": sentence(results),
         "remarks": remarks(results),
     }
-    written_flight = json.dumps(flight, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    (folder / FLIGHT).write_bytes(gzip.compress(written_flight.encode(), 6, mtime=0))
+    write_flight(flight, folder)
+
+
+def write_agents(trace: Trace, folder: Path, *, step_s: float, until_s: float) -> dict[str, Any]:
+    """Write the agents of each minute. Returns what `FLIGHT` says of them."""
+    written = 0
+    for number, content in enumerate(minutes(trace, step_s, until_s)):
+        (folder / minute_file(number)).write_bytes(gzip.compress(content, 6, mtime=0))
+        written = number + 1
+    return {"step_s": step_s, "minutes": written, "agents": bodies(trace, step_s, until_s)}
+
+
+def write_flight(values: Mapping[str, Any], folder: Path, *, level: int = 6) -> None:
+    """Write what the browser plays of missions, agents aside.
+
+    Args:
+        level: of the compression.
+    """
+    text = json.dumps(values, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    (folder / FLIGHT).write_bytes(gzip.compress(text.encode(), level, mtime=0))
 
 
 def tables(results: Sequence[MissionResult]) -> list[dict[str, Any]]:
@@ -108,16 +120,16 @@ def mission_values(result: MissionResult) -> dict[str, Any]:
         "targets": list(result.spec.targets),
         "totals": asdict(totals(result)),
         "track": {
-            **{name: _rounded(track[name], 3) for name in ("t_s", "x_m", "y_m", "altitude_m", "speed_mps")},
-            "yaw_rad": _rounded(timeline.yaw_rad, 4),
-            "battery": _rounded(track["battery"], 5),
-            "visibility": _rounded(track["visibility"], 4),
+            **{name: rounded(track[name], 3) for name in ("t_s", "x_m", "y_m", "altitude_m", "speed_mps")},
+            "yaw_rad": rounded(timeline.yaw_rad, 4),
+            "battery": rounded(track["battery"], 5),
+            "visibility": rounded(track["visibility"], 4),
             "mode": timeline.activity.tolist(),
             "segment": track["segment"].tolist(),
         },
         "captures": {
-            **{name: _rounded(captures[name], 3) for name in ("t_s", "x_m", "y_m", "visibility")},
-            "yaw_rad": _rounded(captures["yaw_rad"], 4),
+            **{name: rounded(captures[name], 3) for name in ("t_s", "x_m", "y_m", "visibility")},
+            "yaw_rad": rounded(captures["yaw_rad"], 4),
             "segment": captures["segment"].tolist(),
         },
         "events": [
@@ -133,7 +145,6 @@ def still_values(
     environment: MissionEnvironment, settings: MissionSettings, policy: str, sensor: str
 ) -> dict[str, Any]:
     """What of a mission does not change while it is flown."""
-    parked = parked_columns(environment.parked)
     return {
         "policy": policy,
         "sensor": sensor,
@@ -142,9 +153,17 @@ def still_values(
         "window_m": [round(each, 3) for each in window_m(settings)],
         "footprint_m": [round(each, 3) for each in camera_of(settings).footprint_m(settings.altitude_m)],
         "modes": [{"name": mode.value, "words": DOING[mode]} for mode in MODES],
+        **standing_values(environment),
+    }
+
+
+def standing_values(environment: MissionEnvironment) -> dict[str, Any]:
+    """Parked vehicles, and the ids of the segments by their index."""
+    parked = parked_columns(environment.parked)
+    return {
         "parked": {
-            **{name: _rounded(parked[name], 3) for name in ("x_m", "y_m", "yaw_rad", "length_m", "width_m")},
-            "height_m": _rounded(parked["height_m"], 2),
+            **{name: rounded(parked[name], 3) for name in ("x_m", "y_m", "yaw_rad", "length_m", "width_m")},
+            "height_m": rounded(parked["height_m"], 2),
         },
         "segments": [segment.id for segment in environment.world.segments],
     }
@@ -188,20 +207,32 @@ def _defects(result: MissionResult) -> list[dict[str, Any]]:
         defect, inspected = result.environment.defects[number], judged.get(number)
         shown.append(
             {
-                "id": number,
-                "segment": defect.segment,
-                "class": defect.kind,
-                "severity": defect.severity.value,
-                "length_m": round(defect.length_m, 3),
-                "width_m": round(defect.width_m, 4),
-                "area_m2": round(defect.area_m2, 4),
-                "place_m": _place((defect.centre.x, defect.centre.y)),
+                **defect_values(defect),
                 "outcome": outcome.value,
                 "found_s": round(confirmed[number].time_s, 3) if number in confirmed else None,
                 **({} if inspected is None else _why(inspected)),
             }
         )
     return shown
+
+
+def defect_values(defect: Defect) -> dict[str, Any]:
+    """A defect, whatever became of it."""
+    return {
+        "id": defect.id,
+        "segment": defect.segment,
+        "class": defect.kind,
+        "severity": defect.severity.value,
+        "length_m": round(defect.length_m, 3),
+        "width_m": round(defect.width_m, 4),
+        "area_m2": round(defect.area_m2, 4),
+        "place_m": _place((defect.centre.x, defect.centre.y)),
+    }
+
+
+def found_values(defect: Defect, found_s: float) -> dict[str, Any]:
+    """A defect that was found while somebody steers."""
+    return {**defect_values(defect), "outcome": DefectOutcome.CONFIRMED.value, "found_s": round(found_s, 3)}
 
 
 def _why(inspected: InspectedDefect) -> dict[str, Any]:
@@ -253,7 +284,7 @@ def _number(value: float | None, digits: int) -> float | None:
     return None if value is None else round(value, digits)
 
 
-def _rounded(values: Any, digits: int) -> list[float | None]:
+def rounded(values: Any, digits: int) -> list[float | None]:
     """A column; None where a value is not defined."""
     rounded = np.round(np.asarray(values, dtype=np.float64), digits)
     listed: list[float | None] = rounded.tolist()

@@ -23,8 +23,11 @@ EXPORTS: Final = ("html", "rrd", "qgc", "wpml", "litchi", "csv")
 WORLDS: Final = "worlds"
 """The folder here whose worlds are shown where none is named, and that gets those built from maps."""
 
+BY_HAND: Final = ("pilot", "drive")
+"""What takes the latest position of a stick while it goes on."""
+
 PILOTS: Final = 2
-"""Flights by hand at a time; more wait."""
+"""Of these at a time; more wait."""
 
 FOLDER: Final = "pavetwin-app"
 """A part of the name of a server's temporary folder. Those of servers that were killed go with the next start."""
@@ -186,7 +189,8 @@ class Session:
 
     async def run(self, asked: Mapping[str, Any], on_progress: OnReport, said: Said | None = None) -> Mapping[str, Any]:
         """Do what a browser asked for: `choose` what a mission.yaml says, `estimate`, `fly`, `fly_missed`, `play`, list
-        the `missions`, `build` a town, `pilot` a flight by hand, `export` a mission, or `show` a study or a dataset.
+        the `missions`, `build` a town, `pilot` a flight or `drive` a car by hand, `export` a mission, or `show` a study
+        or a dataset.
 
         Args:
             said: what the page says to the task while it goes on.
@@ -206,7 +210,7 @@ class Session:
         world = self.world(asked.get("world"))
         task: dict[str, Any] = {"do": asked.get("do"), "world": str(world.folder), "folder": str(self.folder)}
         match task["do"]:
-            case "estimate" | "fly" | "pilot":
+            case "estimate" | "fly" | "pilot" | "drive":
                 task["request"] = asked.get("request")
             case "play":
                 task["mission"] = asked.get("mission")
@@ -221,7 +225,7 @@ class Session:
         def told(message: Mapping[str, Any]) -> None:
             on_progress({"ready": self._kept(message["ready"], world)} if "ready" in message else message)
 
-        pool = self._flights if task["do"] == "pilot" else self.tasks
+        pool = self._flights if task["do"] in BY_HAND else self.tasks
         return self._kept(await pool.run(task, told, said=said), world)
 
     async def _export(self, asked: Mapping[str, Any], on_progress: OnReport) -> Mapping[str, Any]:

@@ -19,8 +19,9 @@ from pavetwin.config import load_settings
 from pavetwin.config.altitude import CEILING_M, LOWEST_M
 from pavetwin.files import writing
 from pavetwin.mission.estimate import estimate
-from pavetwin.mission.inputs import load_inputs
+from pavetwin.mission.inputs import MissionInputs, load_inputs
 from pavetwin.mission.reach import check_reach
+from pavetwin.mission.spec import MissionSpec
 from pavetwin.mission.targets import ORDERS, choose_targets
 from pavetwin.policies import policy_names
 from pavetwin.sensing.registered import sensor_names
@@ -49,6 +50,7 @@ def run(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
         "export": _export,
         "choose": _choose,
         "pilot": _pilot,
+        "drive": _drive,
         "town": _town,
         "frame": _frame,
     }
@@ -116,12 +118,25 @@ def _pilot(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
     """A flight by hand, with the traffic, sensor and settings of a request."""
     from pavetwin.app.piloting import fly_by_hand
 
+    spec, inputs = _steered(task, tell)
+    with inputs.replay:
+        return fly_by_hand(inputs.flown(spec), inputs, Path(task["folder"]), tell)
+
+
+def _drive(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
+    """A drive by hand, with the same."""
+    from pavetwin.app.driving import drive_by_hand
+
+    spec, inputs = _steered(task, tell)
+    with inputs.replay:
+        return drive_by_hand(inputs.flown(spec), inputs, Path(task["folder"]), tell)
+
+
+def _steered(task: Mapping[str, Any], tell: TaskReport) -> tuple[MissionSpec, MissionInputs]:
     request, world = FlightRequest.of(task["request"]), kept_world(Path(task["world"]))
     tell(0.0, "Preparing the flight domain")
     (spec,), environment = planned(request, world, request.names[:1])
-    inputs = load_inputs(spec, world=world, environment=environment, on_progress=tell)
-    with inputs.replay:
-        return fly_by_hand(inputs.flown(spec), inputs, Path(task["folder"]), tell)
+    return spec, load_inputs(spec, world=world, environment=environment, on_progress=tell)
 
 
 def _show(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:

@@ -42,7 +42,7 @@ export class Camera {
   }
 
   setFlight(flight, mission) {
-    this.#frames?.setMission(flight, mission?.isLive ? null : mission);
+    this.#frames?.setMission(flight, mission?.isLive || mission?.car ? null : mission);
     this.#flight = flight;
     this.#mission = mission;
     this.#parked = mission ? parkedAgents(mission.parked) : [];
@@ -72,7 +72,7 @@ export class Camera {
 
   #draw() {
     if (!this.#mission || !this.#colours || !this.#map || !this.#canvas.clientWidth) return;
-    const now = this.#mission.at(this.#time), colours = this.#colours;
+    const now = this.#mission.cameraOf(this.#mission.at(this.#time)), colours = this.#colours;
     this.#tell(now);
     const ratio = devicePixelRatio || 1, width = this.#canvas.clientWidth, height = this.#canvas.clientHeight;
     if (this.#canvas.width !== Math.round(width * ratio) || this.#canvas.height !== Math.round(height * ratio)) {
@@ -136,10 +136,11 @@ export class Camera {
     pen.globalAlpha = 0.8;
     pen.fill(around, 'evenodd');
     pen.globalAlpha = 1;
-    if (now.visibility === null) {
+    if (now.visibility === null && !this.#mission.car) {
       drawUav(pen, now.x, now.y, now.yaw, 26 / k, this.#colours.uav, this.#colours.halo);
       return;
     }
+    if (now.visibility === null) return;
     const window = new Path2D();
     rectangle(window, now.x, now.y, now.yaw, deep, wide);
     pen.strokeStyle = this.#colours.halo;
@@ -155,11 +156,11 @@ export class Camera {
       time: `${Math.floor(this.#time / 60)}:${seconds.toFixed(1).padStart(4, '0')}`,
       speed: `${now.speed.toFixed(1)} m/s`,
       height: `${now.altitude.toFixed(1)} m`,
-      battery: `${Math.round(100 * now.battery)} %`,
+      battery: now.battery === null ? '–' : `${Math.round(100 * now.battery)} %`,
       'visibility o': now.visibility === null ? '–' : now.visibility.toFixed(2),
     };
     for (const [name, text] of Object.entries(values)) this.#cells.get(name).textContent = text;
     this.#doing.textContent = now.mode.words;
-    this.#canvas.setAttribute('aria-label', `What the camera covers, from above: the UAV ${now.mode.words}, visibility ${values['visibility o']}`);
+    this.#canvas.setAttribute('aria-label', `What the camera covers, from above: the ${this.#mission.car ? 'car' : 'UAV'} ${now.mode.words}, visibility ${values['visibility o']}`);
   }
 }

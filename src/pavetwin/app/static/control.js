@@ -1,5 +1,6 @@
-// Flying by hand: keys or buttons move a stick, the server flies as the stick says, and the page shows the flight as it
-// grows. The server's clock leads; the page shows a tenth of a second before the last that it was told.
+// Flying and driving by hand: keys or buttons move a stick, the server goes as the stick says, and the page shows the
+// flight or the drive as it grows. The server's clock leads; the page shows a tenth of a second before the last that it
+// was told.
 
 import { element } from './dom.js';
 import { Flight, clock } from './playback.js';
@@ -9,8 +10,17 @@ const KEYS = {
   KeyW: ['ahead', 1], ArrowUp: ['ahead', 1], KeyS: ['ahead', -1], ArrowDown: ['ahead', -1],
   KeyA: ['left', 1], KeyD: ['left', -1], KeyQ: ['turn', 1], ArrowLeft: ['turn', 1], KeyE: ['turn', -1], ArrowRight: ['turn', -1],
 };
+/** In a car both keys to the left steer, and there is no sideways. */
+const STEERS = { KeyA: ['turn', 1], KeyD: ['turn', -1], KeyQ: ['turn', 1], KeyE: ['turn', -1] };
 const BUTTONS = [['KeyQ', '⟲', 'Turn left'], ['KeyW', '▲', 'Ahead'], ['KeyE', '⟳', 'Turn right'], ['KeyA', '◀', 'Left'], ['KeyS', '▼', 'Back'], ['KeyD', '▶', 'Right']];
-const HELP = 'W A S D or the buttons: ahead, left, back, right. Q E or ← →: turn. Shift: faster. L: fly home and land.';
+const UAV = {
+  title: 'You fly', end: 'Land', ends: 'Fly home and land (L)', begins: 'Taking off …',
+  help: 'W A S D or the buttons: ahead, left, back, right. Q E or ← →: turn. Shift: faster. L: fly home and land.',
+};
+const CAR = {
+  title: 'You drive', end: 'End', ends: 'Come to rest and end the drive (L)', begins: 'Getting in …',
+  help: 'W or ↑: ahead; S or ↓: brake, then reverse. A D or ← →: steer. Shift: up to 50 instead of 30 km/h. L: end. The rear camera counts. The traffic is recorded: you are its guest, it does not see you.',
+};
 /** Keys of the page that change only what is seen; the others wait for the landing. */
 const VIEW_KEYS = new Set(['d', 't', 'f', '+', '=', '-', '0', '1', '2', '3', '4', '?']);
 const AGAIN_MS = 400, LAG_S = 0.1, SHOWN_STREETS = 2;
@@ -46,7 +56,7 @@ class LiveFlight extends Flight {
 
 export class Pilot {
   #root; #show; #map; #task = null; #flight = null; #state = null; #told = 0; #held = new Set(); #fast = false; #lands = false;
-  #timer = 0; #cells; #streets; #pending = []; #sent = ''; #low = false;
+  #timer = 0; #cells; #streets; #pending = []; #sent = ''; #low = false; #words = UAV;
 
   /**
    * @param root the panel
@@ -59,14 +69,14 @@ export class Pilot {
     this.#cells = new Map(['time', 'speed', 'height', 'battery', 'visibility o', 'found'].map(name => [name, element('dd')]));
     this.#streets = element('ul');
     const pad = element('div', { className: 'pad' }, ...BUTTONS.map(([code, sign, words]) => this.#button(code, sign, words)));
-    const land = element('button', { type: 'button', className: 'main', title: 'Fly home and land (L)' }, 'Land');
+    const land = element('button', { type: 'button', className: 'main end' });
     const giveUp = element('button', { type: 'button', title: 'End at once; nothing is kept' }, 'Give up');
     land.addEventListener('click', () => this.#land());
     giveUp.addEventListener('click', () => this.#task?.cancel());
     root.append(
-      element('h2', {}, 'You fly'), element('p', { className: 'told' }),
+      element('h2'), element('p', { className: 'told' }),
       element('dl', {}, ...[...this.#cells].map(([name, cell]) => element('div', {}, element('dt', {}, name), cell))),
-      this.#streets, element('div', { className: 'row' }, pad, element('div', { className: 'ends' }, land, giveUp)), element('small', {}, HELP),
+      this.#streets, element('div', { className: 'row' }, pad, element('div', { className: 'ends' }, land, giveUp)), element('small'),
     );
     addEventListener('keydown', event => this.#key(event, true), true);
     addEventListener('keyup', event => this.#key(event, false), true);
@@ -85,8 +95,10 @@ export class Pilot {
     const flight = await LiveFlight.load(key);
     if (this.#task !== task) return;
     this.#flight = flight;
+    this.#words = flight.missions[0].car ? CAR : UAV;
+    this.#tellWords();
     this.#root.hidden = false;
-    this.tell('Taking off …');
+    this.tell(this.#words.begins);
     for (const state of this.#pending.splice(0)) this.#grow(state);
     this.#timer = setInterval(() => { if (this.#held.size) this.#send(true); }, AGAIN_MS);
     requestAnimationFrame(() => this.#tick());
@@ -98,6 +110,17 @@ export class Pilot {
   }
 
   tell(words) { this.#root.querySelector('.told').textContent = words; }
+
+  /** What differs between flying and driving. */
+  #tellWords() {
+    const { title, end, ends, help } = this.#words, land = this.#root.querySelector('.end'), isCar = this.#words === CAR;
+    this.#root.setAttribute('aria-label', isCar ? 'Driving by hand' : 'Flying by hand');
+    this.#root.querySelector('h2').textContent = title;
+    this.#root.querySelector('small').textContent = help;
+    Object.assign(land, { textContent: end, title: ends });
+    for (const name of ['height', 'battery']) this.#cells.get(name).parentElement.hidden = isCar;
+    for (const code of ['KeyQ', 'KeyE']) this.#root.querySelector(`[data-code="${code}"]`).style.visibility = isCar ? 'hidden' : '';
+  }
 
   end() {
     if (this.#flight) this.#show.end();
@@ -125,13 +148,12 @@ export class Pilot {
   #tellState(state) {
     const mode = this.#flight.missions[0].modes[state.mode];
     const values = {
-      time: clock(state.t_s), speed: `${state.speed_mps.toFixed(1)} m/s`, height: `${state.altitude_m.toFixed(1)} m`, battery: `${Math.round(100 * state.battery)} %`,
+      time: clock(state.t_s), speed: this.#words === CAR ? `${Math.round(3.6 * state.speed_mps)} km/h` : `${state.speed_mps.toFixed(1)} m/s`,
+      height: `${state.altitude_m.toFixed(1)} m`, battery: state.battery === null ? '–' : `${Math.round(100 * state.battery)} %`,
       'visibility o': state.visibility === null ? '–' : state.visibility.toFixed(2), found: String(this.#flight.missions[0].defects.length),
     };
     for (const [name, text] of Object.entries(values)) this.#cells.get(name).textContent = text;
-    if (state.is_low) this.#low = true;
-    const flies = mode.name === 'inspect' ? 'The stick is yours.' : `It ${mode.words}.`;
-    this.tell(this.#low && mode.name !== 'ground' ? 'The battery is low: it flies home and lands by itself.' : this.#lands && mode.name === 'inspect' ? 'It comes to rest.' : flies);
+    this.tell(this.#words === CAR ? this.#driven(state, mode) : this.#flown(state, mode));
     const { [state.segment]: present, ...others } = state.coverage, before = Object.entries(others).reverse();
     const latest = [...present === undefined ? [] : [[state.segment, present]], ...before].slice(0, SHOWN_STREETS);
     this.#streets.replaceChildren(...latest.map(([id, share]) => {
@@ -141,9 +163,23 @@ export class Pilot {
     }));
   }
 
+  #flown({ is_low: isLow }, mode) {
+    if (isLow) this.#low = true;
+    if (this.#low && mode.name !== 'ground') return 'The battery is low: it flies home and lands by itself.';
+    if (mode.name !== 'inspect') return `It ${mode.words}.`;
+    return this.#lands ? 'It comes to rest.' : 'The stick is yours.';
+  }
+
+  #driven({ is_met: isMet }, mode) {
+    if (isMet) return 'Recorded traffic drives through you: it does not see you.';
+    if (mode.name === 'blocked') return 'Something is in the way, or the road ends: steer, or reverse.';
+    return this.#lands ? 'It comes to rest.' : 'The wheel is yours.';
+  }
+
   #button(code, sign, words) {
     const button = element('button', { type: 'button', title: words }, sign);
     button.setAttribute('aria-label', words);
+    button.dataset.code = code;
     button.addEventListener('pointerdown', event => { button.setPointerCapture(event.pointerId); this.#hold(code, true); });
     for (const name of ['pointerup', 'pointercancel']) button.addEventListener(name, () => this.#hold(code, false));
     return button;
@@ -187,7 +223,10 @@ export class Pilot {
 
   #send(isAgain = false) {
     const stick = { ahead: 0, left: 0, turn: 0, is_fast: this.#fast, lands: this.#lands };
-    for (const code of this.#held) stick[KEYS[code][0]] += KEYS[code][1];
+    for (const code of this.#held) {
+      const [name, way] = (this.#words === CAR && STEERS[code]) || KEYS[code];
+      stick[name] += way;
+    }
     for (const name of ['ahead', 'left', 'turn']) stick[name] = Math.max(-1, Math.min(1, stick[name]));
     const text = JSON.stringify(stick);
     if (!isAgain && text === this.#sent) return; // a key that repeats

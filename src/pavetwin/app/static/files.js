@@ -11,7 +11,8 @@ const WORDS = {
   'defects.gpkg': 'all defects, found or missed and why, GeoPackage for QGIS', 'defects.csv': 'all defects as a table',
   'mission.parquet': 'a row for each segment', 'track.parquet': 'the UAV every 0.3 s', 'detections.parquet': 'a row for each detection',
   'streets.csv': 'a row for each street', 'map.png': 'the mission as a map', 'comparison.png': 'the policies side by side',
-  'by-hand.json': 'when the stick moved', 'looks.parquet': 'what each capture showed of each defect',
+  'by-hand.json': 'when the stick moved', 'by-car.json': 'when the pedals and the wheel moved',
+  'segments.csv': 'what the camera saw of each segment', 'track.csv': 'the car every 0.1 s', 'looks.parquet': 'what each capture showed of each defect',
 };
 
 export class Files {
@@ -46,7 +47,7 @@ export class Files {
     const links = names.map(name => this.#link(`api/played/${key}/files/${name}`, name, WORDS[name.split('/').at(-1)]));
     this.#root.replaceChildren(
       this.#told, ...this.#makers(folder, policies, isMission), this.#made,
-      element('p', { className: 'remark' }, `In ${folder}, as \`pavetwin fly\` writes them:`), element('ul', { className: 'list' }, ...links),
+      element('p', { className: 'remark' }, isMission ? `In ${folder}, as \`pavetwin fly\` writes them:` : `In ${folder}, until the server ends:`), element('ul', { className: 'list' }, ...links),
     );
   }
 

@@ -27,7 +27,7 @@ const KEYS = [
   ['← →', 'a second back or on (shift: ten), away from the map'], ['N P', 'next or previous occlusion'], ['[ ]', 'slower, faster'],
   ['V', 'the other policy'], ['arrows', 'move the map, when it has the focus'], ['+ − 0', 'zoom the map; the whole town'],
   ['T', 'show or hide the town in 3-D'], ['1 2 3 4', 'see the town by hand, behind the UAV, from its camera, from a car'],
-  ['U', 'fly the UAV yourself'], ['M', 'build a town from a street map'], ['O', 'make the choices of a mission.yaml'],
+  ['U R', 'fly the UAV yourself, or drive a car'], ['M', 'build a town from a street map'], ['O', 'make the choices of a mission.yaml'],
   ['X', 'choose the street, or the defect, in the middle of the map'], ['A', 'choose all streets in view'],
   ['B', 'drag a box around streets'], ['F', 'follow the UAV'], ['D', 'light or dark'], ['?', 'these keys'],
 ];
@@ -75,7 +75,7 @@ async function boot() {
   newTown = new NewTown(by('new-town'), tasks, start, showNewTown, chooseDescribed);
   if (!start.worlds.length) {
     by('selection').textContent = 'There is no town yet. Build one from a street map with + above; or generate one with `pavetwin world build --generate town -o worlds/town`, and start the page again.';
-    by('start').disabled = by('compare').disabled = by('control').disabled = true;
+    by('start').disabled = by('compare').disabled = by('control').inert = true;
     return;
   }
   const shared = form.read(location.hash);
@@ -134,19 +134,22 @@ async function fly() {
   await follow({ do: 'fly', world: form.world, request: form.request(selection.segments, selection.count, selection.order) });
 }
 
-/** Fly by hand: the flight is shown while it grows, and played as any other once the UAV has landed. */
-async function takeControl() {
+/** Fly or drive by hand: it is shown while it grows, and played as any other flight afterwards. */
+async function takeControl(what) {
+  by('control').open = false;
   if (page.task || !form.isValid) return by('mission').reportValidity();
-  const isLanded = await follow({ do: 'pilot', world: form.world, request: form.request(selection.segments, selection.count, selection.order) });
+  const isLanded = await follow({ do: what, world: form.world, request: form.request(selection.segments, selection.count, selection.order) });
   if (!isLanded) return;
-  notice('Landed. The flight can be played like any other, but it is no mission of this town: what you want to keep of it is under Files.');
+  const is = what === 'drive' ? 'The drive is over. It' : 'Landed. The flight';
+  notice(`${is} can be played like any other, but it is no mission of this town: what you want to keep of it is under Files.`);
   by('notice').classList.add('told');
 }
 
 function showLive(flight) {
   setLive(true);
   player.setFlight(flight);
-  map.showPlace(...page.map.base_m, 7);
+  const { x, y } = player.mission.at(0);
+  map.showPlace(x, y, 7);
   followUav(true);
 }
 
@@ -164,7 +167,7 @@ async function follow(task) {
   const late = setTimeout(() => { busy.hidden = false; }, 300);
   by('start').disabled = true;
   let isDone = false;
-  const isLive = task.do === 'pilot', asked = page.task = tasks.ask(task, told => {
+  const isLive = task.do === 'pilot' || task.do === 'drive', asked = page.task = tasks.ask(task, told => {
     if (told.live) return pilot.live(told.live);
     if (told.ready) {
       clearTimeout(late);
@@ -294,7 +297,7 @@ function listen() {
   const actions = {
     compare: () => { form.compare(!form.isCompared); selection.update(); }, share, theme, solid: () => showTown(!town.isShown), help: () => by('keys').showModal(),
     again: () => { by('keys').close(); tour.begin(); },
-    build: () => newTown?.open(), control: takeControl, cancel: () => page.task?.cancel(), box: () => box(),
+    build: () => newTown?.open(), 'control-uav': () => takeControl('pilot'), 'control-car': () => takeControl('drive'), cancel: () => page.task?.cancel(), box: () => box(),
   };
   for (const [id, act] of Object.entries(actions)) by(id).addEventListener('click', act);
   by('find').addEventListener('change', () => { find(by('find').value.trim()); by('find').value = ''; });
@@ -310,7 +313,7 @@ function key(event) {
   const onTown = event.target === by('town').querySelector('canvas'), onButton = event.target.matches('button, summary, a, [type="range"], [role="tab"]');
   const acts = {
     ...playerKeys(player, map, onButton), Enter: onButton ? null : fly, Escape: escape, c: () => by('compare').click(), b: () => box(), f: () => followUav(), d: theme,
-    m: () => newTown?.open(), o: openDescribed, x: () => map.clickMiddle(), a: () => map.pickView(), u: takeControl, t: () => showTown(!town.isShown), '?': () => by('keys').showModal(),
+    m: () => newTown?.open(), o: openDescribed, x: () => map.clickMiddle(), a: () => map.pickView(), u: () => takeControl('pilot'), r: () => takeControl('drive'), t: () => showTown(!town.isShown), '?': () => by('keys').showModal(),
     ...Object.fromEntries(TOWN_MODES.map((mode, i) => [i + 1, () => town.setMode(mode)])),
   };
   const act = arrowAct(event, player, map, onButton || onTown) ?? acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];

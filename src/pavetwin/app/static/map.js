@@ -1,6 +1,6 @@
 // The map: the town on a canvas that is drawn again when the view changes, and above it what moves and what is chosen.
 
-import { drawAgents, drawDefect, drawTown, drawUav, parkedAgents, pathOf, rectangle, townPaths } from './shapes.js';
+import { drawAgents, drawCar, drawDefect, drawTown, drawUav, parkedAgents, pathOf, rectangle, townPaths } from './shapes.js';
 import { visibilityColour } from './theme.js';
 
 const TOOLS_PX = 44; // Of the map below its buttons.
@@ -295,11 +295,11 @@ export class StreetMap {
     this.#metres(pen);
     const others = this.#flight.missions.filter(other => other !== mission);
     for (const other of [...others, mission]) {
-      const { x, y, yaw, visibility } = other.at(Math.min(t, other.duration_s));
+      const state = other.at(Math.min(t, other.duration_s)), { x, y, yaw, visibility } = state, eye = other.cameraOf(state);
       const size = Math.max(1.9, 17 * pixel), several = this.#flight.missions.length > 1;
       if (other === mission && visibility !== null) {
         const path = new Path2D();
-        rectangle(path, x, y, yaw, mission.window_m[1], mission.window_m[0]);
+        rectangle(path, eye.x, eye.y, yaw, mission.window_m[1], mission.window_m[0]);
         for (const [colour, width] of [[c.halo, 4.5], [visibilityColour(c, visibility), 2.6]]) {
           pen.strokeStyle = colour;
           pen.lineWidth = width * pixel;
@@ -307,7 +307,8 @@ export class StreetMap {
         }
       }
       pen.globalAlpha = other === mission ? 1 : 0.65;
-      drawUav(pen, x, y, yaw, size, several ? c.policies[other.policy] ?? c.uav : c.uav, c.halo);
+      if (other.car) drawCar(pen, x, y, yaw, other.car, pixel, c.uav, c.halo);
+      else drawUav(pen, x, y, yaw, size, several ? c.policies[other.policy] ?? c.uav : c.uav, c.halo);
       pen.globalAlpha = 1;
     }
   }

@@ -55,8 +55,8 @@ export class Mission {
     this.finishedAt = new Map(this.events.filter(e => e.kind === 'finish').map(e => [e.segment, e.t_s]));
   }
 
-  /** Flown by hand, which no policy can fly again. */
-  get isByHand() { return this.policy === 'by-hand'; }
+  /** Flown or driven by hand, which no policy can do again. */
+  get isByHand() { return this.policy === 'by-hand' || Boolean(this.car); }
 
   /** Segments, in the order of inspection, with a defect that was missed and is not behind a parked vehicle. */
   get missedOn() {
@@ -75,10 +75,16 @@ export class Mission {
     const gap = track.t_s[j] - track.t_s[i], share = gap > 0 ? Math.min(1, Math.max(0, (t - track.t_s[i]) / gap)) : 0;
     const mix = name => track[name][i] + (track[name][j] - track[name][i]) * share;
     return {
-      x: mix('x_m'), y: mix('y_m'), altitude: mix('altitude_m'), speed: mix('speed_mps'), battery: mix('battery'),
+      x: mix('x_m'), y: mix('y_m'), altitude: mix('altitude_m'), speed: mix('speed_mps'), battery: track.battery[i] === null ? null : mix('battery'),
       yaw: mix('yaw_rad'), mode: this.modes[track.mode[i]], segment: track.segment[i], visibility: track.visibility[i],
       captures: lastUpTo(this.captures.t_s, t + 1e-9) + 1, row: i,
     };
+  }
+
+  /** Where the camera is of a vehicle at a moment: the UAV's is where that is, the car's is behind it. */
+  cameraOf(now) {
+    const ahead = this.car?.camera_ahead_m ?? 0;
+    return { ...now, x: now.x + ahead * Math.cos(now.yaw), y: now.y + ahead * Math.sin(now.yaw) };
   }
 
   /** What a defect is at a moment: `found`, `found on return`, `missed` …, or null while it is open. */

@@ -53,7 +53,7 @@ export class Results {
       const is = Number(button.dataset.id) === this.#shown;
       button.setAttribute('aria-current', is);
       if (!is) continue;
-      if (this.frames) button.after(this.frames.of(this.#mission, this.#mission.byId.get(this.#shown)));
+      if (this.frames && !this.#mission.car) button.after(this.frames.of(this.#mission, this.#mission.byId.get(this.#shown)));
       button.parentElement.scrollIntoView({ block: 'nearest' });
     }
   }

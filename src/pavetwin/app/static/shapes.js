@@ -94,6 +94,21 @@ export function parkedAgents(parked) {
   }));
 }
 
+/** The car that is driven, from above, its front marked; not smaller than a few pixels. */
+export function drawCar(pen, x, y, yaw, { length_m: length, width_m: width }, pixel, colour, halo) {
+  const long = Math.max(length, 13 * pixel), wide = Math.max(width, 7 * pixel), c = Math.cos(yaw), s = Math.sin(yaw);
+  const outline = new Path2D(), front = new Path2D(), at = (ahead, left) => [x + ahead * c - left * s, y + ahead * s + left * c];
+  rectangle(outline, x, y, yaw, long, wide);
+  rectangle(front, ...at(0.24 * long, 0), yaw, 0.16 * long, 0.8 * wide);
+  pen.fillStyle = colour;
+  pen.strokeStyle = halo;
+  pen.lineWidth = 1.5 * pixel;
+  pen.fill(outline);
+  pen.stroke(outline);
+  pen.fillStyle = halo;
+  pen.fill(front);
+}
+
 /** A quadrotor from above, its front marked; `size` in metres from rotor to rotor. */
 export function drawUav(pen, x, y, yaw, size, colour, halo) {
   const arm = size / 2, rotor = size * 0.24;

@@ -42,11 +42,12 @@ export class Timeline {
     const ink = getComputedStyle(document.documentElement).getPropertyValue('--soft').trim();
     const line = getComputedStyle(document.documentElement).getPropertyValue('--line').trim();
     const percent = share => (share === null ? null : 100 * share);
-    const data = [
-      track.t_s, track.battery.map(percent), track.t_s.map(t => (all ? (100 * this.#mission.foundUpTo(t)) / all : null)),
-      track.visibility.map(percent),
-    ];
-    const curves = [['battery', colours.battery], ['defects found', colours.outcomes.found], ['visibility o', colours.seeing]];
+    const shown = [
+      ['battery', colours.battery, track.battery.map(percent)],
+      ['defects found', colours.outcomes.found, track.t_s.map(t => (all ? (100 * this.#mission.foundUpTo(t)) / all : null))],
+      ['visibility o', colours.seeing, track.visibility.map(percent)],
+    ].filter(([, , values]) => values.some(value => value !== null));
+    const curves = shown.map(([label, colour]) => [label, colour]), data = [track.t_s, ...shown.map(([, , values]) => values)];
     const font = '11px system-ui, "DejaVu Sans", sans-serif';
     const axis = { stroke: ink, font, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1, size: 4 } };
     this.#plot = new uPlot({

@@ -120,7 +120,8 @@ class Town {
     this.dirty = true;
   }
 
-  // "orbit", "follow", "uav", "car"; options {agent} for the car, {fov_deg}, {back_m, up_m} to follow.
+  // "orbit", "follow", "uav", "car"; options {agent} for the car and {eye: {ahead_m, up_m, pitch_rad}} for a camera on
+  // it in place of its driver, {fov_deg}, {back_m, up_m} to follow.
   setCamera(mode, options = {}) {
     this.asked = [mode, options];
     this.cameras?.set(mode, options);

@@ -7,8 +7,12 @@ const MODES = {
   orbit: ['Orbit', 'Turn the town by hand (1)'], follow: ['Follow', 'Behind the UAV (2)'], uav: ['UAV’s eye', 'What the camera sees (3)'],
   car: ['Car’s eye', 'From the driver’s seat of a vehicle that you click, or of the nearest (4)'],
 };
+/** Where a car is driven instead of a UAV flown. */
+const DRIVEN = { follow: ['Follow', 'Behind the car (2)'], uav: ['Rear camera', 'What the camera sees that inspects (3)'], car: ['Front camera', 'From the front bumper, or from the vehicle that you click (4)'] };
 export const TOWN_MODES = Object.keys(MODES);
 const LAYERS = { agents: 'traffic', parked: 'parked vehicles', uav: 'UAV', objects: 'trees and street furniture', defects: 'outlines of defects' };
+/** The car that somebody drives, among the agents. */
+const OWN = 'own car', PAINT = [0.75, 0.36, 0.02];
 const AT_FIRST = ['agents', 'parked', 'uav', 'objects'];
 const KINDS = { van: 'van', truck: 'truck', bus: 'bus', motorcycle: 'motorcycle' };
 /** Above this time of a frame the camera's view is not drawn in 3-D while the mission plays: it takes a second frame. */
@@ -60,7 +64,7 @@ export class TownPanel {
 
   setFlight(flight, mission) {
     const isFirst = mission && !this.#mission;
-    if (flight !== this.#flight) this.#car = null;
+    if (flight !== this.#flight) this.#car = mission?.car ? OWN : null;
     this.#flight = flight;
     this.#mission = mission;
     this.#parked = mission ? parkedVehicles(mission.parked) : [];
@@ -141,6 +145,8 @@ export class TownPanel {
 
   #tellMode() {
     for (const [mode, button] of this.#buttons) {
+      const [words, title] = (this.#mission?.car && DRIVEN[mode]) || MODES[mode];
+      Object.assign(button, { textContent: words, title });
       button.disabled = !this.#mission && mode !== 'orbit';
       button.setAttribute('aria-checked', mode === this.#mode);
     }
@@ -150,13 +156,14 @@ export class TownPanel {
   #show() {
     if (!this.#town) return;
     const has = layer => this.#layers.has(layer);
-    this.#town.setLayers({ agents: has('agents') || has('parked'), uav: has('uav'), objects: has('objects'), defects: has('defects') });
+    this.#town.setLayers({ agents: has('agents') || has('parked') || Boolean(this.#mission?.car), uav: has('uav') && !this.#mission?.car, objects: has('objects'), defects: has('defects') });
     this.#setCamera();
     this.#draw();
   }
 
   #setCamera() {
-    const options = { agent: this.#car, ...BEHIND };
+    const options = { agent: this.#car, ...BEHIND }, front = this.#mission?.car?.front;
+    if (this.#mode === 'car' && this.#car === OWN) Object.assign(options, { eye: front, fov_deg: front.fov_deg });
     if (this.#mode === 'uav') {
       const { footprint_m, altitude_m } = this.#mission;
       options.fov_deg = 2 * Math.atan(footprint_m[1] / 2 / altitude_m) * 180 / Math.PI;
@@ -172,13 +179,15 @@ export class TownPanel {
       return;
     }
     const now = this.#mission.at(this.#time), moving = this.#flight.agentsAt(this.#time).filter(({ group }) => group !== 'aircraft');
-    const agents = this.#layers.has('agents') ? moving.map(asAgent) : [], parked = this.#layers.has('parked') ? this.#parked : [];
+    const { car } = this.#mission, own = car ? [{ ...car, id: OWN, x: now.x, y: now.y, yaw: now.yaw, model: 'hatchback', tints: [PAINT] }] : [];
+    const agents = [...this.#layers.has('agents') ? moving.map(asAgent) : [], ...own], parked = this.#layers.has('parked') ? this.#parked : [];
     if (this.#mode === 'car' && !agents.some(({ id }) => id === this.#car)) {
       this.#car = nearest(agents, now);
       this.#setCamera();
     }
     this.#town.setAgents([...agents, ...parked]);
-    this.#town.setUav({ x: now.x, y: now.y, z: now.altitude, yaw: now.yaw, pitch: -Math.PI / 2 });
+    const { x, y } = this.#mode === 'uav' ? this.#mission.cameraOf(now) : now, z = car && this.#mode !== 'uav' ? 0 : now.altitude;
+    this.#town.setUav({ x, y, z, yaw: now.yaw, pitch: -Math.PI / 2 });
   }
 
   #picked({ agent, defect }) {

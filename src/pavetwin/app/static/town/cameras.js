@@ -2,8 +2,8 @@
 import { OrbitControls, PerspectiveCamera, Vector3 } from "../vendor.js";
 
 export const MODES = ["orbit", "follow", "uav", "car"];
-// Of a driver's eyes: metres up, and the share of the length ahead of the middle.
-const DRIVER = { up: 1.25, ahead: 0.25 };
+// Of a driver's eyes: metres up, the share of the length ahead of the middle, and how far down they look.
+const DRIVER = { up_m: 1.25, ahead: 0.25, pitch_rad: -Math.atan(0.06) };
 
 export class Cameras {
   constructor(canvas, manifest, changed) {
@@ -70,9 +70,9 @@ export class Cameras {
       camera.up.set(-Math.sin(pitch) * north, flat, -Math.sin(pitch) * east);
       camera.lookAt(from.y + north * flat, from.z + Math.sin(pitch), from.x + east * flat);
     } else {
-      const ahead = DRIVER.ahead * (from.length_m ?? 4.4);
-      camera.position.set(from.y + north * ahead, DRIVER.up, from.x + east * ahead);
-      camera.lookAt(from.y + north * (ahead + 10), DRIVER.up - 0.6, from.x + east * (ahead + 10));
+      const { ahead_m: ahead, up_m: up, pitch_rad: pitch } = this.options.eye ?? { ...DRIVER, ahead_m: DRIVER.ahead * (from.length_m ?? 4.4) };
+      camera.position.set(from.y + north * ahead, up, from.x + east * ahead);
+      camera.lookAt(from.y + north * (ahead + 10), up + 10 * Math.tan(pitch), from.x + east * (ahead + 10));
     }
   }
 

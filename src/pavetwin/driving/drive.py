@@ -1,0 +1,322 @@
+"""A drive by hand: over the environment and traffic of missions, with the rear camera of the survey car.
+
+```python
+drive = Drive(environment, traffic, settings, sensor, street="s0001")
+while not drive.is_over:
+    drive.step(Pedals(ahead=1.0))
+```
+
+The rear camera of `pavetwin.capture.platforms.car` looks straight down, so what it sees is judged as what a UAV's
+camera sees: the kernel finds the cells of the road and the shares of the defects that nothing hides, the mission's
+sensor reports, and `DetectionLog` judges. Its whole image is the inspection window. The traffic is recorded: it does
+not react, and drives through the car. The same pedals give the same drive: `drive_again`.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from math import hypot
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from shapely import STRtree
+
+from pavetwin._core import NadirCamera, Viewpoint
+from pavetwin.capture.platforms.car import REAR
+from pavetwin.config import MissionSettings
+from pavetwin.driving.car import CarLimits, CarState, Pedals, moved, speed_after, steering_after
+from pavetwin.driving.outcomes import DefectLooks
+from pavetwin.driving.road import ASIDE, DrivableRoad, body
+from pavetwin.driving.seen import SeenCells
+from pavetwin.errors import PaveTwinError
+from pavetwin.mission.by_hand import STEP_S
+from pavetwin.mission.detections import DetectionLog
+from pavetwin.mission.environment import MissionEnvironment, shutter_s
+from pavetwin.mission.mission import Traffic
+from pavetwin.sensing import Frame, Outcome, Sensor
+
+CAPTURE_EVERY_M: Final = 1.5
+"""Driven between two captures: half of what an image shows along the road, so that each place is in two of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class PedalChange:
+    """From which step on the pedals were held so."""
+
+    step: int
+    pedals: Pedals
+
+
+@dataclass(frozen=True, slots=True)
+class Capture:
+    """One image of the rear camera."""
+
+    time_s: float
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    segment: int
+    visibility: float | None
+    """o; None where no road is in the image that nothing which stands still hides."""
+
+
+@dataclass(frozen=True, slots=True)
+class DrivenSegment:
+    """What a drive saw of a segment."""
+
+    segment: str
+    street: str
+    length_m: float
+    area_m2: float
+    surface_coverage: float
+    defects: int
+    found: int
+    false_alarms: int
+
+
+class Drive:
+    """One drive by hand, a step each `STEP_S`."""
+
+    def __init__(
+        self,
+        environment: MissionEnvironment,
+        traffic: Traffic,
+        settings: MissionSettings,
+        sensor: Sensor,
+        *,
+        street: str | None = None,
+        limits: CarLimits | None = None,
+    ) -> None:
+        """Args:
+            street: id of the segment on which it begins; else near the place of take-off.
+
+        Raises:
+            PaveTwinError: the sensor looks at images, which a drive has none of, or no lane has room for a car.
+        """
+        if sensor.after_landing:
+            raise PaveTwinError(
+                f"`sensor`: '{sensor.name}' looks at images after the drive; by hand choose one that answers at once, "
+                "as calibrated does."
+            )
+        self.environment, self.traffic, self.settings, self.sensor = environment, traffic, settings, sensor
+        self.limits = limits or CarLimits()
+        self.road = DrivableRoad(environment.world, environment.parked, self.limits)
+        self.state = self.road.start(street)
+        self.changes: list[PedalChange] = []
+        self.states: list[CarState] = [self.state]
+        """At each step, the start first."""
+        self.looks: list[float | None] = [None]
+        """o at each step."""
+        self.captures: list[Capture] = []
+        self.confirmed: dict[int, float] = {}
+        """When each defect was found [s], by its id."""
+        self.looks_at: dict[int, DefectLooks] = {}
+        """The captures of each defect that was in one, by its id."""
+        self.distance_m, self.is_over, self.is_blocked, self.is_met = 0.0, False, False, False
+        self.meetings = 0
+        """How many recorded road users have been where the car was."""
+        self.camera = NadirCamera(
+            image_px=REAR.camera.image_px, vertical_fov_rad=REAR.camera.fov_rad, window_rows=1.0, window_columns=1.0
+        )
+        self.seen = SeenCells(environment.ground, self.camera, REAR.z_m)
+        self.detections = DetectionLog(environment, sensor=sensor.name, other_classes=sensor.other_classes)
+        self._pedals, self._trace = Pedals(), traffic.trace()
+        self._surfaces = STRtree([segment.polygon for segment in environment.world.segments])
+        self._attempts = Counter[int]()
+        self._captured_m = 0.0
+        self._met: frozenset[int] = frozenset()
+        self._sun_deg = environment.sun_elevation_deg(settings.conditions)
+        self.below: int | None = None
+        """Index of the segment in the middle of the image; that before between segments; None before the first look."""
+
+    @property
+    def time_s(self) -> float:
+        """Since the drive began."""
+        return (len(self.states) - 1) * STEP_S
+
+    @property
+    def camera_place(self) -> tuple[float, float]:
+        """Of the rear camera, world frame."""
+        return self.state.place(REAR.x_m)
+
+    def step(self, pedals: Pedals) -> list[int]:
+        """Drive on for `STEP_S`. Returns the defects that were found.
+
+        Raises:
+            PaveTwinError: the traffic cannot be recorded any further.
+        """
+        if self._pedals.ends:
+            pedals = replace(pedals, ends=True)
+        if pedals != self._pedals or not self.changes:
+            self.changes.append(PedalChange(len(self.states) - 1, pedals))
+        self._pedals = pedals
+        before, self.state = self.state, self._next(pedals)
+        moved_m = hypot(self.state.x_m - before.x_m, self.state.y_m - before.y_m)
+        self.distance_m += moved_m
+        self._captured_m += moved_m
+        self.states.append(self.state)
+        if self._trace.duration_s <= self.time_s + STEP_S:
+            self._trace = self.traffic.extend(self.time_s + STEP_S)
+        self._meet()
+        found = self._look()
+        self.is_over = pedals.ends and self.state.speed_mps == 0.0
+        return found
+
+    def coverage(self) -> dict[str, float]:
+        """Share of the surface seen so far, by segment, in the order in which the camera first saw them."""
+        segments = self.environment.world.segments
+        return {segments[target].id: self.seen.share(target) for target in self.seen.targets}
+
+    def rows(self) -> list[DrivenSegment]:
+        """What was seen of each segment."""
+        segments, rows = self.environment.world.segments, []
+        alarms = Counter(each.segment for each in self.detections.all if each.outcome is Outcome.FALSE_ALARM)
+        for target in self.seen.targets:
+            segment = segments[target]
+            defects = self.environment.defects_by_segment.get(segment.id, ())
+            rows.append(
+                DrivenSegment(
+                    segment=segment.id,
+                    street=segment.street_name,
+                    length_m=segment.length_m,
+                    area_m2=segment.area_m2,
+                    surface_coverage=self.seen.share(target),
+                    defects=len(defects),
+                    found=sum(defect in self.confirmed for defect in defects),
+                    false_alarms=alarms[target],
+                )
+            )
+        return rows
+
+    def _next(self, pedals: Pedals) -> CarState:
+        """The state a step later. A kerb turns the wheels along it; where that is not enough, the car stops."""
+        state, limits = self.state, self.limits
+        self.is_blocked = False
+        speed_mps = speed_after(state.speed_mps, pedals, limits, STEP_S)
+        wanted_rad = pedals.left * limits.steering_rad
+        turned = steering_after(replace(state, speed_mps=speed_mps), wanted_rad, limits, STEP_S)
+        if speed_mps == 0.0 and state.speed_mps == 0.0:
+            return replace(state, steering_rad=turned)
+        most_rad = limits.steering_at(speed_mps)
+        for aside in ASIDE:
+            steering = min(max(turned + aside * limits.steering_rad, -most_rad), most_rad)
+            next_state = moved(state, speed_mps, steering, limits, STEP_S)
+            if self.road.holds(next_state):
+                return next_state
+        self.is_blocked = True
+        return replace(state, speed_mps=0.0, steering_rad=turned)
+
+    def _meet(self) -> None:
+        """Which recorded road users are where the car is."""
+        state, reach_m = self.state, 20.0
+        there = self._trace.agents_near(state.x_m, state.y_m, reach_m, self.time_s)
+        own, met = body(state), set()
+        for row in np.flatnonzero(np.hypot(there["x_m"] - state.x_m, there["y_m"] - state.y_m) < reach_m):
+            x, y, yaw = (float(there[name][row]) for name in ("x_m", "y_m", "yaw_rad"))
+            length, width = (float(there[name][row]) for name in ("length_m", "width_m"))
+            box = shapely.box(-length / 2, -width / 2, length / 2, width / 2)
+            c, s = float(np.cos(yaw)), float(np.sin(yaw))
+            if shapely.affinity.affine_transform(box, [c, -s, s, c, x, y]).intersects(own):
+                met.add(int(there["agent"][row]))
+        self.meetings += len(met - self._met)
+        self._met, self.is_met = frozenset(met), bool(met)
+
+    def _below(self) -> int:
+        here = shapely.Point(self.camera_place)
+        inside = sorted(self._surfaces.query(here, predicate="intersects").tolist())
+        if self.below is not None and (not inside or self.below in inside):
+            return self.below
+        return int(inside[0] if inside else self._surfaces.nearest(here))
+
+    def _look(self) -> list[int]:
+        below = self.below = self._below()
+        viewpoint = Viewpoint(position=self.camera_place, altitude_m=REAR.z_m, yaw_rad=self.state.yaw_rad)
+        is_capture = self._captured_m >= CAPTURE_EVERY_M
+        targets = self._surfaces.query(self._window(), predicate="intersects").tolist()
+        visibility = self.seen.look(sorted(targets), self._trace, self.time_s, viewpoint, counts=is_capture)
+        self.looks.append(visibility)
+        if not is_capture:
+            return []
+        self._captured_m = 0.0
+        x, y = self.camera_place
+        self.captures.append(Capture(self.time_s, x, y, self.state.yaw_rad, below, visibility))
+        return self._detect(viewpoint, below)
+
+    def _window(self) -> shapely.Polygon:
+        """The ground in the image."""
+        across, along = self.camera.window_m(REAR.z_m)
+        corners = ((along, across), (-along, across), (-along, -across), (along, -across))
+        return shapely.Polygon([self.state.place(REAR.x_m + a / 2, b / 2) for a, b in corners])
+
+    def _detect(self, viewpoint: Viewpoint, below: int) -> list[int]:
+        """What the sensor reports of the latest capture. Returns the defects that it confirms."""
+        environment, sensing, window = self.environment, self.settings.sensing, self._window()
+        sightings = []
+        for number in self._defects_in(window):
+            shares = environment.ground.defect_shares(number, self._trace, self.time_s, viewpoint)
+            self.looks_at.setdefault(number, DefectLooks()).add(shares, self.time_s)
+            if number in self.confirmed and not self.sensor.sees_confirmed:
+                continue
+            attempt = self._attempts[number]
+            if attempt and sensing.attempts == "first_capture":
+                continue
+            if shares["visible"] >= sensing.min_visible_fraction:
+                self._attempts[number] = attempt + 1
+                sightings.append(environment.sighting(number, shares["visible"], attempt))
+        if not sightings and not self.sensor.every_capture:
+            return []
+        frame = Frame(
+            number=len(self.captures) - 1,
+            time_s=self.time_s,
+            position=self.camera_place,
+            altitude_m=REAR.z_m,
+            yaw_rad=self.state.yaw_rad,
+            camera=REAR.camera,
+            conditions=self.settings.conditions,
+            velocity_mps=self.state.velocity_mps,
+            exposure_s=shutter_s(self.settings),
+            sun_elevation_deg=self._sun_deg,
+            sightings=tuple(sightings),
+        )
+        found = self.detections.judge(frame, self.sensor.detect(frame), self.confirmed, segment=below, on_revisit=False)
+        self.confirmed |= dict.fromkeys(found, self.time_s)
+        return found
+
+    def _defects_in(self, window: shapely.Polygon) -> list[int]:
+        """Ids of the defects whose centre is in the window, in their order."""
+        segments, world = self._surfaces.query(window, predicate="intersects").tolist(), self.environment.world
+        here = [
+            number for at in segments for number in self.environment.defects_by_segment.get(world.segments[at].id, ())
+        ]
+        shapely.prepare(window)
+        return sorted(number for number in here if window.intersects(self.environment.defects[number].centre))
+
+
+def drive_again(drive: Drive, changes: Iterable[PedalChange]) -> None:
+    """Drive what was recorded of another drive, to its end.
+
+    Args:
+        drive: not begun yet, over the same inputs.
+        changes: in the order of time; the last one ends the drive.
+    """
+    given = {change.step: change.pedals for change in changes}
+    pedals, step = Pedals(), 0
+    while not drive.is_over:
+        pedals = given.get(step, pedals)
+        drive.step(pedals)
+        step += 1
+
+
+def pedals_as_values(changes: Sequence[PedalChange]) -> list[dict[str, Any]]:
+    """What was recorded, in plain values; what does not differ from pedals at rest is left out."""
+    rest = asdict(Pedals())
+    return [
+        {"step": each.step, **{name: value for name, value in asdict(each.pedals).items() if value != rest[name]}}
+        for each in changes
+    ]
+
+
+def pedals_of_values(values: Iterable[dict[str, Any]]) -> list[PedalChange]:
+    """The reverse of `pedals_as_values`."""
+    return [PedalChange(each["step"], Pedals(**{k: v for k, v in each.items() if k != "step"})) for each in values]
