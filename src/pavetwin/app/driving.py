@@ -279,7 +279,8 @@ def _columns(rows: Sequence[DrivenSegment]) -> list[dict[str, Any]]:
 def _sentence(drive: Drive, rows: Sequence[DrivenSegment]) -> str:
     defects, found = sum(row.defects for row in rows), sum(row.found for row in rows)
     what = f"{found} of {defects} defects found" if defects else "No defects to find"
-    met = f", {drive.meetings} recorded road users met" if drive.meetings else ""
+    users = "road user" if drive.meetings == 1 else "road users"
+    met = f", {drive.meetings} recorded {users} met" if drive.meetings else ""
     return f"{what} on {drive.distance_m:.0f} m, driven in {drive.time_s / 60:.1f} min{met}."
 
 
