@@ -1,13 +1,14 @@
 """The cache holds at most what it may: what was not used for longest goes first."""
 
 import os
+import shutil
 import time
 from pathlib import Path
 
 import pytest
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.world.cache import SIZE_VARIABLE, make_room, mark_used, most_bytes
+from pavetwin.world.cache import SIZE_VARIABLE, cache_size, make_room, mark_used, most_bytes
 from pavetwin.world.folder import CACHE_VARIABLE
 
 DAY_S = 86_400.0
@@ -68,3 +69,21 @@ def test_a_bound_that_is_none_is_named(said: str, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setenv(SIZE_VARIABLE, said)
     with pytest.raises(PaveTwinError, match=f"{SIZE_VARIABLE} is '{said}'; give the most"):
         most_bytes()
+
+
+def test_folders_that_another_process_removes_meanwhile_are_passed_over(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tiles = [put(cache / "tiles" / name / "maps", used_before_s=100.0) for name in "abcdef"]
+    stat = Path.stat
+
+    def removing(path: Path, **options: bool) -> os.stat_result:
+        found = stat(path, **options)
+        if path in tiles:
+            for other in tiles:
+                if other != path and other.parent.exists():
+                    shutil.rmtree(other.parent)
+        return found
+
+    monkeypatch.setattr(Path, "stat", removing)
+    assert cache_size() == (0, 3_000)

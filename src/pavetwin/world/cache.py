@@ -10,6 +10,7 @@ import shutil
 import time
 from collections.abc import Iterator
 from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 from typing import Final
 
@@ -122,11 +123,11 @@ def _last_use(status: os.stat_result) -> float:
 
 def _files() -> Iterator[tuple[Path, os.stat_result]]:
     """The files of the cache that are whole, and none that somebody else put there."""
-    for folder in _folders():
-        for path in folder.rglob("*"):
+    # Other processes make and remove folders meanwhile; `os.walk` passes over what is gone.
+    for folder, _, names in chain.from_iterable(map(os.walk, _folders())):
+        for path in (Path(folder, name) for name in names if not name.startswith(".")):
             with suppress(OSError):
-                if path.is_file() and not path.name.startswith("."):
-                    yield path, path.stat()
+                yield path, path.stat()
 
 
 def _folders() -> tuple[Path, ...]:
