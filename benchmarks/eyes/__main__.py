@@ -8,10 +8,12 @@ prints the tables of docs/explanation/results.md, of a study by `recipes/eyes.ya
     python -m benchmarks.eyes --missions out/eyes/missions --captures datasets/town-test --plot agreement.png
     python -m benchmarks.eyes --inventories out/eyes/missions --only grid-202 town-201
     python -m benchmarks.eyes --entries out/eyes/missions out/eyes/usual
+    python -m benchmarks.eyes --repeated out/eyes/repeated --plot docs/images/repeated.png
 
 flies the sensor `detector` over a street of each town in each density, and compares what it found with the fitted
 sensor, of each town with one that was fitted to the others and to datasets of `pavetwin capture`; and compares the
-inventories of these missions with what is there, and judges their entries by a regression over the other towns.
+inventories of these missions with what is there, and judges their entries by a regression over the other towns. The
+last compares how often repeated looks find one defect with the sensor that ships, which must not be fitted to them.
 """
 
 import argparse
@@ -20,7 +22,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.eyes import agreement, entries, grid, inventories, plot, tables
+from benchmarks.eyes import agreement, entries, grid, inventories, plot, repeated, tables
 from pavetwin.capture.looks import looks_of
 from pavetwin.cli.console import fail, out, progress
 from pavetwin.errors import PaveTwinError
@@ -42,6 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--captures", nargs="*", type=Path, default=[], help="datasets to fit to as well")
     parser.add_argument("--inventories", type=Path, help="what --fly flew: compare its inventories with what is there")
     parser.add_argument("--entries", nargs="*", type=Path, default=[], help="what --fly flew: judge its entries")
+    parser.add_argument("--repeated", type=Path, help="what --fly flew over the same streets from several heights")
     parser.add_argument("--only", nargs="*", default=[], metavar="TOWN", help="of these towns")
     parser.add_argument("--plot", type=Path, help="also draw the picture")
     asked = parser.parse_args(arguments)
@@ -68,6 +71,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             for each in asked.entries:
                 here = [mission for mission in missions if each in mission.folder.parents]
                 out.print(f"{each}:\n{entries.markdown(here)}", markup=False)
+        if asked.repeated is not None:
+            out.print(repeated.compare(asked.repeated, asked.plot), markup=False)
         if asked.study is not None:
             table = Store(asked.study).table()
             out.print(tables.answers(table), markup=False)

@@ -66,9 +66,14 @@ def _chances(axes: Axes, model: SensorModel, looks: pl.DataFrame) -> None:
     axes.set_title("Single looks, in tenths", fontsize=8.5)
 
 
-def _repeats(axes: Axes, model: SensorModel, looks: pl.DataFrame) -> None:
+def most_repeated(looks: pl.DataFrame) -> int:
+    """The most looks, from 2 to `MOST_LOOKS`, that at least `ENOUGH` defects have; 2 where fewer have two."""
     often = looks.group_by(GROUP).len()["len"]
-    count = max((many for many in range(2, MOST_LOOKS + 1) if (often >= many).sum() >= ENOUGH), default=2)
+    return max((many for many in range(2, MOST_LOOKS + 1) if (often >= many).sum() >= ENOUGH), default=2)
+
+
+def _repeats(axes: Axes, model: SensorModel, looks: pl.DataFrame) -> None:
+    count = most_repeated(looks)
     seen = repeated_looks(model, looks, count)
     total = seen.observed.sum()
     if not total:

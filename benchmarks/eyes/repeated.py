@@ -1,0 +1,74 @@
+"""Many looks at the same defects, from several heights and in several lights, beside the fitted sensor.
+
+A mission looks at a defect two or three times, which does not tell a fitted correlation from looks that are drawn each
+by itself. Missions over the same street from six heights, each in its own light, look more than ten times.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from benchmarks.eyes.agreement import read_grid
+from pavetwin.draw.sensor_figure import most_repeated, save_sensor_figure
+from pavetwin.mission.look_table import read_looks
+from pavetwin.sensing.fit.fitting import RepeatedLooks, fit_sensor, repeated_looks
+from pavetwin.sensing.fit.tables import LookSource
+from pavetwin.sensing.sensor_model import SensorModel
+from pavetwin.sensing.shipped import DEFAULT, sensor_path
+
+
+def compare(missions: Path, picture: Path | None) -> str:
+    """A table of defects by how many of their looks found them, as text.
+
+    Args:
+        missions: folders of missions of the detector that the shipped sensor was fitted to, by town.
+        picture: where the figure goes.
+
+    Raises:
+        PaveTwinError: a mission cannot be read, or has too few looks.
+    """
+    model = SensorModel.read(sensor_path(DEFAULT))
+    sources = [read_looks(folder) for _, folder in read_grid(missions)]
+    looks = pl.concat([each.looks for each in sources])
+    count = most_repeated(looks)
+    if picture is not None:
+        save_sensor_figure(model, sources, picture, are_others=True)
+    return markdown(model, repeated_looks(model, looks, count), sources)
+
+
+def markdown(model: SensorModel, seen: RepeatedLooks, sources: Sequence[LookSource]) -> str:
+    """The counts, how well each model explains them, and the correlation that these looks alone give."""
+    total = seen.observed.sum()
+    rows = [
+        "| looks that found it | defects | fitted | each look by itself |",
+        "|---|---|---|---|",
+        *(
+            f"| {at} of {seen.looks} | {observed:.0f} | {fitted:.1f} | {alone:.1f} |"
+            for at, (observed, fitted, alone) in enumerate(
+                zip(seen.observed, seen.fitted, seen.independent, strict=True)
+            )
+        ),
+    ]
+    likely = {
+        name: float((seen.observed * np.log(np.maximum(expected, 1e-12) / total)).sum())
+        for name, expected in (("fitted", seen.fitted), ("by itself", seen.independent))
+    }
+    own = fit_sensor(sources)
+    low, high = _interval(own)
+    told = [
+        f"{total:.0f} defects. Logarithm of the likelihood of the counts: fitted {likely['fitted']:.1f}, each look by "
+        f"itself {likely['by itself']:.1f}.",
+        f"Correlation of the sensor that ships: {model.correlation:.2f}; fitted to these looks alone: "
+        f"{own.correlation:.2f} ({low:.2f} to {high:.2f}).",
+    ]
+    return "\n".join([*rows, "", *told])
+
+
+def _interval(model: SensorModel) -> tuple[float, float]:
+    """95 % of the correlation, from the error of the logarithm of the spread."""
+    number = model.log_spread
+    spreads = np.exp(number.estimate + np.array([-1.96, 1.96]) * number.standard_error)
+    low, high = (spreads**2 / (1 + spreads**2)).tolist()
+    return float(low), float(high)
