@@ -62,7 +62,28 @@ def test_profiles_are_anchored_at_the_times_that_their_makers_state() -> None:
         assert flight_min == pytest.approx(profile.flight_time_min, rel=1e-3)
         assert minutes(profile, 0) < longest(profile)
         if profile.hover_time_min is not None:
-            assert minutes(profile, 0) == pytest.approx(profile.hover_time_min, rel=1e-3)
+            assert minutes(profile, 0) == pytest.approx(profile.hover_time_min, rel=1e-12)
+
+
+def with_times(hover_min: float, speed_mps: float | None) -> AircraftProfile:
+    stated = {"flight_time_min": 28.0, "flight_speed_mps": speed_mps, "hover_time_min": hover_min}
+    return MATRICE_100.model_copy(update=stated)
+
+
+@pytest.mark.parametrize(
+    ("hover_min", "speed_mps"), [(19, None), (24, None), (27.5, None), (24, 5.0), (19, 12.0), (27.9, 1.0)]
+)
+def test_both_stated_times_hold(hover_min: float, speed_mps: float | None) -> None:
+    profile = with_times(hover_min, speed_mps)
+    flight_min = longest(profile) if speed_mps is None else minutes(profile, speed_mps)
+    assert (flight_min, minutes(profile, 0)) == pytest.approx((28.0, hover_min), rel=1e-12)
+    assert (rotor_power(profile).lift_w > 0).all()
+    assert (rotor_power(profile).other_w > 0).all()
+
+
+def test_times_that_no_rotor_explains_are_refused() -> None:
+    with pytest.raises(PaveTwinError, match="omit hover_time_min"):
+        rotor_power(with_times(19, 1.0))
 
 
 MAKERS_AIRCRAFT = {

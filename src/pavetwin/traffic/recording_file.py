@@ -18,7 +18,7 @@ from pavetwin.files import writing
 from pavetwin.traffic.area import TrafficArea
 from pavetwin.traffic.demand import Capacity, Density
 from pavetwin.traffic.kinds import AgentClass
-from pavetwin.traffic.part_file import part_writer, read_part, write_part
+from pavetwin.traffic.part_file import from_arrow, part_writer, read_part, write_part
 from pavetwin.traffic.pose_rows import COLUMNS, PoseRows
 from pavetwin.traffic.recording import SIZES, Agents, Origin, Recording
 from pavetwin.traffic.track_part import TrackPart
@@ -162,7 +162,7 @@ def _reader(file: pq.ParquetFile, group: int, first: int, last: int, path: Path)
 def _tracks_of_all_rows(file: pq.ParquetFile, metadata: dict[str, Any], agents: Agents, path: Path) -> AgentTracks:  # noqa: ARG001
     """Of a file of the first version."""
     table = file.read()
-    offsets = np.searchsorted(table["step"].to_numpy(), np.arange(metadata["frames"] + 1)).astype(np.uint32)
-    columns = {name: table[name].to_numpy() for name in COLUMNS}
-    rows = PoseRows(offsets, table["agent"].to_numpy().astype(np.uint32), **columns)
+    offsets = np.searchsorted(from_arrow(table["step"]), np.arange(metadata["frames"] + 1)).astype(np.uint32)
+    columns = {name: from_arrow(table[name]) for name in COLUMNS}
+    rows = PoseRows(offsets, from_arrow(table["agent"]).astype(np.uint32), **columns)
     return AgentTracks.of(rows, agents.is_pedestrian, metadata["step_s"])

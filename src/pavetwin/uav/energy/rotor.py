@@ -110,25 +110,23 @@ def _scales(figures: _Figures) -> tuple[float, float]:
         flown = np.array([0.0, figures.flight_speed_mps])
     blade_w, induced_w, drag_w = _terms(figures, flown)
 
-    def flight_w(other: float, lift: float) -> float:
-        watts = other * (blade_w + drag_w) + lift * induced_w
-        return float(watts.min() if figures.flight_speed_mps is None else watts[1])
-
     if figures.hover_w is None:
-        scale = figures.flight_w / flight_w(1.0, 1.0)
+        watts = blade_w + drag_w + induced_w
+        scale = figures.flight_w / float(watts.min() if figures.flight_speed_mps is None else watts[1])
         return scale, scale
-    from scipy.optimize import brentq  # a quarter of a second that other models and profiles need not wait
-
-    hover_w, blade_hover_w, induced_hover_w = figures.hover_w, float(blade_w[0]), float(induced_w[0])
-
-    def lift_scale(other: float) -> float:
-        return (hover_w - other * blade_hover_w) / induced_hover_w
-
-    def excess_w(other: float) -> float:
-        return flight_w(other, lift_scale(other)) - figures.flight_w
-
-    other = float(brentq(excess_w, 0.0, hover_w / blade_hover_w))
-    return lift_scale(other), other
+    # Where hovering takes `hover_w`, the power at any other airspeed is a straight line over the scale of the rest. The
+    # lowest of the lines reaches `flight_w` where the last of those that begin below it does.
+    per_induced, moving = figures.hover_w / float(induced_w[0]), slice(1, None)
+    begin_w = per_induced * induced_w[moving]
+    rise_w = (blade_w + drag_w)[moving] - float(blade_w[0] / induced_w[0]) * induced_w[moving]
+    below = begin_w < figures.flight_w
+    if not below.any():
+        raise PaveTwinError(
+            "aircraft: hovering for hover_time_min takes more power than a rotor can save in flight for "
+            "flight_time_min; correct one of them, or omit hover_time_min."
+        )
+    other = float(((figures.flight_w - begin_w)[below] / rise_w[below]).max())
+    return per_induced - other * float(blade_w[0] / induced_w[0]), other
 
 
 @energy_model("rotor")
