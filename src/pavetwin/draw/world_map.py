@@ -4,10 +4,12 @@ from collections.abc import Collection, Sequence
 from enum import StrEnum
 from math import cos, sin
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
+from matplotlib.path import Path as MarkerPath
 from matplotlib.typing import ColorType
 
 from pavetwin.arrays import Float64Array
@@ -27,6 +29,14 @@ SHADOW_EAST, SHADOW_SOUTH, SHADOW_LONGEST_M = 0.16, 0.22, 5.0
 
 TALL_M = 30.0
 """Buildings of this height and above have the darkest colour."""
+
+
+_LETTER_H: Final = MarkerPath(
+    [(-9, -10), (-9, 10), (-4, 10), (-4, 2.5), (4, 2.5), (4, 10), (9, 10), (9, -10), (4, -10), (4, -2.5), (-4, -2.5)]
+    + [(-4, -10), (-9, -10)],
+    closed=True,
+)
+"""A bold H, as on a pad. As text it would load Matplotlib's mathematics, a tenth of what a map takes."""
 
 
 class MapLayer(StrEnum):
@@ -191,7 +201,7 @@ class _Plan:
 def base_symbol(axes: Axes, world: World, zorder: float = ABOVE_WORLD - 1) -> None:
     x, y = world.base.x, world.base.y
     axes.plot(x, y, "o", ms=9, mfc=style.BASE, mec=style.PAPER, mew=0.8, zorder=zorder)
-    axes.plot(x, y, marker="$\\mathbf{H}$", ms=4.6, mfc=style.PAPER, mec="none", zorder=zorder)
+    axes.plot(x, y, marker=_LETTER_H, ms=4.6, mfc=style.PAPER, mec="none", zorder=zorder)
 
 
 def save_world_map(world: World, path: Path, *, ids: bool = False) -> list[str]:
