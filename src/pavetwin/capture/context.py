@@ -94,8 +94,11 @@ def prepare(
         DEFECT_CLASSES.get(kind)  # a class whose plugin is missing is named before anything takes time
     defect_streets(world, settings.split)  # checked before traffic is recorded
     report = on_progress or (lambda _share, _what: None)
+    airspace = Airspace.of(world)
     for altitude in settings.altitudes_m:
-        flight_domain(world, altitude)  # one without free airspace is named before anything takes time
+        flight_domain(
+            world, altitude, airspace.standing
+        )  # names one without free airspace at once
     recordings: dict[str, Recording] = {}
     densities = list(dict.fromkeys(settings.densities))
 
@@ -117,7 +120,7 @@ def prepare(
         defect_index=DefectIndex(world, splits),
         recordings=recordings,
         traces={name: trace_of(recording) for name, recording in recordings.items()},
-        airspace=Airspace.of(world),
+        airspace=airspace,
     )
 
 

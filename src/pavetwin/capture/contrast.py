@@ -8,10 +8,10 @@ pixels.
 
 from functools import cached_property
 
+import cv2
 import numpy as np
-from scipy import ndimage
 
-from pavetwin.arrays import Float32Array, UInt8Array, UInt32Array
+from pavetwin.arrays import BoolArray, Float32Array, UInt8Array, UInt32Array
 from pavetwin.capture.instance_masks import InstanceMask
 from pavetwin.scene.light import LUMINANCE
 
@@ -50,7 +50,7 @@ class ContrastMeter:
         columns = slice(max(0, left - REACH_PX), min(width, right + REACH_PX))
         labels = self._labels[rows, columns]
         here = labels == instance.label
-        reached = ndimage.maximum_filter(here, 2 * REACH_PX + 1, mode="constant") & ((labels == 0) | here)
+        reached = _beside(here) & ((labels == 0) | here)
         pavement = self._grain[rows, columns][reached]
         # By quartiles, so that a marking or shadow edge that crosses the defect does not count as texture.
         low, high = np.quantile(pavement, (0.25, 0.75))
@@ -69,4 +69,11 @@ class ContrastMeter:
     @cached_property
     def _grain(self) -> Float32Array:
         """Luma of the defect-free pavement less its local mean."""
-        return np.asarray(self._luma - ndimage.uniform_filter(self._luma, _GROUND_PX, mode="nearest"), dtype=np.float32)
+        mean = cv2.blur(self._luma, (_GROUND_PX, _GROUND_PX), borderType=cv2.BORDER_REPLICATE)
+        return np.asarray(self._luma - mean, dtype=np.float32)
+
+
+def _beside(mask: BoolArray) -> BoolArray:
+    """The mask and all within a square of `REACH_PX` around it."""
+    square = np.ones((2 * REACH_PX + 1, 2 * REACH_PX + 1), dtype=np.uint8)
+    return cv2.dilate(mask.astype(np.uint8), square, borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0

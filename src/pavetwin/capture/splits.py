@@ -62,6 +62,11 @@ class _Town:
         return np.eye(len(self.target))
 
     @cached_property
+    def open_splits(self) -> IndexArray:
+        """Those that get streets."""
+        return np.flatnonzero(self.target > 0)
+
+    @cached_property
     def any_meet(self) -> bool:
         """Whether any two streets meet."""
         return bool(self.meets.any())
@@ -173,13 +178,12 @@ def _improved(town: _Town, chosen: IndexArray, cost_of: Callable[[bytes], float]
     `cost_of` gives the cost of an assignment by its bytes.
     """
     chosen = chosen.copy()
-    open_splits = np.flatnonzero(town.target > 0)
     cost, moved = cost_of(chosen.tobytes()), True
     while moved:
         moved = False
         for street in range(len(chosen)):
             before = chosen[street]
-            for split in open_splits:
+            for split in town.open_splits:
                 chosen[street] = split
                 other = cost_of(chosen.tobytes())
                 if other < cost - 1e-12:
@@ -190,8 +194,8 @@ def _improved(town: _Town, chosen: IndexArray, cost_of: Callable[[bytes], float]
 
 def _cost(town: _Town, chosen: IndexArray) -> float:
     inside = town.alone[chosen]
-    missed = np.abs(inside.T @ town.counts - town.wanted)
-    parted = 1.0 - float((inside * (town.meets @ inside)).sum()) if town.any_meet else 0.0
+    missed = np.abs(inside.T @ town.counts - town.wanted).sum() / town.counts.shape[1]
+    parted = 1.0 - float(np.vdot(inside, town.meets @ inside)) if town.any_meet else 0.0
     used = np.bincount(chosen[town.reached], minlength=len(town.target))
-    unused = np.count_nonzero((used == 0) & (town.target > 0))
-    return float(missed.mean(axis=1).sum()) + PARTING_WEIGHT * parted + 10.0 * unused
+    unused = np.count_nonzero(used[town.open_splits] == 0)
+    return float(missed) + PARTING_WEIGHT * parted + 10.0 * unused

@@ -9,6 +9,8 @@ import hashlib
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
+from functools import cache
+from itertools import chain, islice
 from typing import Any, TypeVar
 
 import numpy as np
@@ -74,19 +76,31 @@ def content_hash(world: World, network_sha256: str) -> str:
     digest.update(_wkb(world.base))
     for name in (*HASHED, *(name for name in HASHED_IF_THERE if getattr(world, name))):
         digest.update(name.encode())
-        for item in getattr(world, name):
-            for part in _parts(item):
-                digest.update(part)
+        for part in _parts(getattr(world, name)):
+            digest.update(part)
     return digest.hexdigest()
 
 
-def _parts(item: Any) -> Iterator[bytes]:
-    if isinstance(item, BaseGeometry):
-        yield _wkb(item)
-        return
-    values = [_without_minus_zero(getattr(item, field.name)) for field in fields(item) if field.hash is not False]
-    yield json.dumps([value for value in values if not isinstance(value, BaseGeometry)], ensure_ascii=False).encode()
-    yield from (_wkb(value) for value in values if isinstance(value, BaseGeometry))
+def _parts(items: Sequence[Any]) -> Iterator[bytes]:
+    """Of each item its values, then its geometries, in the order of its fields; all geometries are written at once."""
+    rows = [[item] if isinstance(item, BaseGeometry) else _hashed_values(item) for item in items]
+    shapes = [[value for value in row if isinstance(value, BaseGeometry)] for row in rows]
+    written = iter(shapely.to_wkb(np.array([*chain.from_iterable(shapes)], dtype=object), byte_order=1).tolist())
+    for item, row, its in zip(items, rows, shapes, strict=True):
+        if not isinstance(item, BaseGeometry):
+            plain = [_without_minus_zero(value) for value in row if not isinstance(value, BaseGeometry)]
+            yield json.dumps(plain, ensure_ascii=False).encode()
+        yield from islice(written, len(its))
+
+
+def _hashed_values(item: Any) -> list[Any]:
+    kind: Any = type(item)
+    return [getattr(item, name) for name in _hashed_fields(kind)]
+
+
+@cache
+def _hashed_fields(kind: type) -> tuple[str, ...]:
+    return tuple(field.name for field in fields(kind) if field.hash is not False)
 
 
 def _without_minus_zero(value: Any) -> Any:

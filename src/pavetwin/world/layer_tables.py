@@ -7,6 +7,7 @@ junctions, crossings, buildings, furniture, parks, parking, defects.
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from functools import cache
 from itertools import filterfalse
 from operator import attrgetter, itemgetter
 from typing import Any, TypeVar
@@ -207,8 +208,14 @@ def collections_of(tables: Mapping[str, Sequence[LayerRow]]) -> dict[str, Any]:
 
 def _item(cls: type[Item], row: LayerRow, shape: str, **other: Any) -> Item:
     """An item from the columns that it has attributes for, its geometry, and what takes more than one column."""
-    values = {each.name: row[each.name] for each in fields(cls) if each.name in row}  # type: ignore[arg-type]
+    kind: Any = cls
+    values = {name: row[name] for name in _field_names(kind) if name in row}
     return cls(**{**values, shape: row["geometry"], **other})
+
+
+@cache
+def _field_names(cls: type) -> tuple[str, ...]:
+    return tuple(each.name for each in fields(cls))
 
 
 def _edges(row: LayerRow) -> tuple[str, ...]:

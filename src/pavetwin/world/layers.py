@@ -152,13 +152,9 @@ def _read(path: Path, layer: Layer, place: GeoReference, hint: str) -> Sequence[
         return round_to_grid(xy - (place.offset_east_m, place.offset_north_m))
 
     shapes = shapely.transform(shapely.from_wkb(geometry), to_world)
-    return [
-        {
-            **{name: _plain(kind, columns[name][index]) for name, kind in wanted.items()},
-            "geometry": _single(shape),
-        }
-        for index, shape in enumerate(shapes)
-    ]
+    plain = {name: [_plain(kind, value) for value in columns[name].tolist()] for name, kind in wanted.items()}
+    plain["geometry"] = [_single(shape) for shape in shapes]
+    return [dict(zip(plain, row, strict=True)) for row in zip(*plain.values(), strict=True)]
 
 
 def _layer_names(path: Path) -> list[str]:

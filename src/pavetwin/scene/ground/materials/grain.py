@@ -3,7 +3,6 @@
 from typing import Final
 
 import numpy as np
-from scipy import fft
 
 from pavetwin.arrays import Float32Array, FloatArray
 from pavetwin.scene.ground.materials.sampling import srgb_of_linear
@@ -23,6 +22,8 @@ def noise(rng: np.random.Generator, wavelength_px: float, *, along: float = 1.0,
         along: above 1 stretched along the rows (u), below 1 along the columns.
         octaves: width of the band.
     """
+    from scipy import fft  # a quarter of a second that textures from the cache need not wait
+
     spectrum = fft.rfft2(rng.standard_normal((SIDE_PX, SIDE_PX), dtype=np.float32))
     fx, fy = _frequencies()
     squared = np.maximum(fx**2 * np.float32(along) + fy**2 / np.float32(along), np.float32((0.5 / SIDE_PX) ** 2))
@@ -36,7 +37,7 @@ def noise(rng: np.random.Generator, wavelength_px: float, *, along: float = 1.0,
 
 def _frequencies() -> tuple[Float32Array, Float32Array]:
     """Cycles a texel along u (1, n) and v (n, 1), as the transform orders them."""
-    return fft.rfftfreq(SIDE_PX)[None, :].astype(np.float32), fft.fftfreq(SIDE_PX)[:, None].astype(np.float32)
+    return np.fft.rfftfreq(SIDE_PX)[None, :].astype(np.float32), np.fft.fftfreq(SIDE_PX)[:, None].astype(np.float32)
 
 
 def cells(rng: np.random.Generator, count: int, warp: Float32Array | None = None) -> tuple[Float32Array, Float32Array]:
@@ -131,6 +132,8 @@ def spread(field: Float32Array) -> Float32Array:
 
 def blurred(field: Float32Array, sigma_px: float) -> Float32Array:
     """A field under a periodic Gaussian."""
+    from scipy import fft  # as above
+
     fx, fy = _frequencies()
     steep = np.float32(-2 * (np.pi * sigma_px) ** 2)
     filtered = fft.rfft2(field.astype(np.float32)) * (np.exp(steep * fx**2) * np.exp(steep * fy**2))
