@@ -96,9 +96,7 @@ def prepare(
     report = on_progress or (lambda _share, _what: None)
     airspace = Airspace.of(world)
     for altitude in settings.altitudes_m:
-        flight_domain(
-            world, altitude, airspace.standing
-        )  # names one without free airspace at once
+        flight_domain(world, altitude, airspace.standing)  # names one without free airspace at once
     recordings: dict[str, Recording] = {}
     densities = list(dict.fromkeys(settings.densities))
 

@@ -180,11 +180,11 @@ def _print_summary(world: "World", record: "BuildRecord") -> None:
 def _summary(world: "World", record: "BuildRecord") -> list[tuple[str, str]]:
     """What the table says: names and values."""
     from pavetwin.config.mission import UavSettings
-    from pavetwin.mission.inspected_defects import PLACED
-    from pavetwin.mission.summary import outside_words
+    from pavetwin.defects.placement import PLACED
     from pavetwin.navigation.base import with_roadside_base
     from pavetwin.world.model import LaneKind
     from pavetwin.world.paving import paving_words
+    from pavetwin.world.segments import outside_words
 
     lon, lat = world.georeference.to_wgs84((world.base.x, world.base.y))
     beside = with_roadside_base(world, UavSettings().radius_m).base

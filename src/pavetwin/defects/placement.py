@@ -15,7 +15,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Final, Self
 
 import numpy as np
 import shapely
@@ -37,6 +37,9 @@ from pavetwin.world.content import snapped
 from pavetwin.world.gutters import GUTTER_M, has_gutter
 from pavetwin.world.model import Defect, Segment, Severity, ShapeParameters
 from pavetwin.world.segments import direction_at, point_at, segment_key
+
+PLACED: Final = "placed by the program, not surveyed"
+"""What the defects of a world are."""
 
 SHAPES, PLACES = 3, 30
 LARGEST_SHARE = 0.15

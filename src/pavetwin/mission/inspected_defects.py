@@ -31,10 +31,6 @@ if TYPE_CHECKING:
     from pavetwin._core import DefectShares
 
 
-PLACED: Final = "placed by the program, not surveyed"
-"""What the defects of a world are."""
-
-
 class MissReason(StrEnum):
     """Why a defect was missed; the first that applies."""
 

@@ -6,12 +6,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from pavetwin.defects.placement import PLACED
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.found_share import found_share
-from pavetwin.mission.inspected_defects import PLACED, missed_words
+from pavetwin.mission.inspected_defects import missed_words
 from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.results import Totals, totals
 from pavetwin.world.model import World
+from pavetwin.world.segments import outside_words
 
 ON_RETURN: Final = "found\non\nreturn\n%"
 """Heading of the share of defects that were found only on a revisit."""
@@ -204,12 +206,6 @@ def without_defects(rows: Sequence[SegmentMetrics]) -> list[str]:
 def limits_line(world: World) -> str:
     """What the numbers are not of."""
     return f"Defects are {PLACED}; not inspected: {outside_words(world)}."
-
-
-def outside_words(world: World) -> str:
-    """How much of the carriageway belongs to no segment."""
-    outside_m2, whole_m2 = world.outside_segments_m2, world.carriageway.area
-    return f"{outside_m2:.0f} m² of junctions and crossings, {100 * outside_m2 / whole_m2:.0f} % of the carriageway"
 
 
 def _reachable(measured: SegmentMetrics | Totals) -> float | None:

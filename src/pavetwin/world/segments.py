@@ -14,7 +14,7 @@ import shapely
 from shapely import LineString, Polygon
 from shapely.ops import split, substring
 
-from pavetwin.world.model import Segment, Surface
+from pavetwin.world.model import Segment, Surface, World
 from pavetwin.world.streets import StreetSurface, polygons_of, surface_of
 
 DEFAULT_SEGMENT_LENGTH_M = 135.0
@@ -118,3 +118,9 @@ def segment_key(segment: Segment) -> int:
     """A number that keys the random seeds of a segment; it does not depend on other streets."""
     middle = segment.centre_line.interpolate(0.5, normalized=True)
     return zlib.crc32(f"{' '.join(segment.edges)} {middle.x:.1f} {middle.y:.1f}".encode())
+
+
+def outside_words(world: World) -> str:
+    """How much of the carriageway belongs to no segment."""
+    outside_m2, whole_m2 = world.outside_segments_m2, world.carriageway.area
+    return f"{outside_m2:.0f} m² of junctions and crossings, {100 * outside_m2 / whole_m2:.0f} % of the carriageway"

@@ -137,6 +137,8 @@ class WayIndex:
 
     def stretches(self, kerb: Kerb) -> list[Stretch]:
         """The kerb cut where the way beside it changes."""
+        if not self._ways:
+            return [Stretch(0.0, kerb.length_m, None, StreetSide.RIGHT)]
         count = max(1, math.ceil(kerb.length_m / STEP_M))
         borders = np.linspace(0.0, kerb.length_m, count + 1)
         found: list[Stretch] = []
