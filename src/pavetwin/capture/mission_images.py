@@ -9,10 +9,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
 from pavetwin.arrays import UInt8Array
-from pavetwin.capture.daylight import Daylight
 from pavetwin.config import MissionSettings
 from pavetwin.mission.replay import Replay
-from pavetwin.scene.view import nadir
 from pavetwin.seeds import Stream, child
 from pavetwin.sensing import Frame
 from pavetwin.traffic.parked import ParkedVehicles
@@ -29,6 +27,7 @@ def check_frames(settings: MissionSettings, world: World) -> None:
     Raises:
         PaveTwinError: there is no adapter to draw with, or the sun is below the horizon.
     """
+    from pavetwin.capture.daylight import Daylight
     from pavetwin.render.adapter import find_adapter
 
     find_adapter()
@@ -68,6 +67,9 @@ class MissionImages:
         Raises:
             PaveTwinError: as `__call__`.
         """
+        from pavetwin.capture.daylight import Daylight
+        from pavetwin.scene.view import nadir
+
         view = nadir(
             frame.camera,
             (*frame.position, frame.altitude_m),

@@ -24,9 +24,9 @@ def note_difference(presets: Iterable[str], worlds: Iterable["World | Path"], po
     """
     if PAPER not in presets:
         return
-    loaded = [world for each in worlds if (world := _loaded(each))]
-    wider = [world.name for world in loaded if _has_lanes(world)]
-    others = [f"{world.name} ({of})" for world in loaded if (of := population or _population(world)) != PAPER]
+    told = [each for world in worlds if (each := _told(world, population))]
+    wider = [name for name, has_lanes, _ in told if has_lanes]
+    others = [f"{name} ({of})" for name, _, of in told if of != PAPER]
     differences = []
     if wider:
         differences.append(f"{', '.join(wider)} has parking lanes, so streets and segments are wider.")
@@ -40,24 +40,23 @@ def note_difference(presets: Iterable[str], worlds: Iterable["World | Path"], po
         )
 
 
-def _loaded(world: "World | Path") -> "World | None":
-    from pavetwin.world.store import load_world
+def _told(world: "World | Path", population: str | None) -> tuple[str, bool, str] | None:
+    """The name of a world, whether it has parking lanes, and what its defects are placed by."""
+    from pavetwin.world.layers import lane_kinds
+    from pavetwin.world.model import LaneKind
 
+    folder = world if isinstance(world, Path) else world.folder
     try:
-        return load_world(world) if isinstance(world, Path) else world
+        kinds = lane_kinds(world) if isinstance(world, Path) else {lane.kind for lane in world.lanes}
+        name = world.absolute().name if isinstance(world, Path) else world.name
+        return name, LaneKind.PARKING in kinds, population or _population(folder)
     except PaveTwinError:
         return None
 
 
-def _has_lanes(world: "World") -> bool:
-    from pavetwin.world.model import LaneKind
-
-    return any(lane.kind is LaneKind.PARKING for lane in world.lanes)
-
-
-def _population(world: "World") -> str:
+def _population(folder: Path | None) -> str:
     """What the defects of a world were placed by; the paper's where there is no record of it."""
     from pavetwin.defects import DefectOptions
     from pavetwin.world.store import load_record
 
-    return PAPER if world.folder is None else DefectOptions.of_record(load_record(world.folder)).population
+    return PAPER if folder is None else DefectOptions.of_record(load_record(folder)).population

@@ -15,9 +15,10 @@ from pavetwin.arrays import AnyArray, BoolArray, Float64Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.condition import condition_columns
 from pavetwin.world.content import round_to_grid
+from pavetwin.world.folder import GEOPACKAGE, rebuild_hint
 from pavetwin.world.georeference import GeoReference
 from pavetwin.world.layer_tables import LAYERS, Layer, LayerRow, collections_of, conflicts_of
-from pavetwin.world.model import World
+from pavetwin.world.model import LaneKind, World
 
 if TYPE_CHECKING:
     import polars as pl
@@ -131,6 +132,21 @@ def read_layers(path: Path, place: GeoReference, hint: str) -> dict[str, Any]:
     if conflict := next(conflicts_of(world), None):
         raise PaveTwinError(f"'{path}' contradicts itself: {conflict}; {hint}")
     return world
+
+
+def lane_kinds(folder: Path) -> frozenset[LaneKind]:
+    """The kinds of lanes of a world that is in a folder; nothing else of it is read.
+
+    Raises:
+        PaveTwinError: it cannot be read.
+    """
+    pyogrio = geo_files.pyogrio()
+
+    try:
+        columns = pyogrio.raw.read(folder / GEOPACKAGE, layer="lanes", columns=["kind"], read_geometry=False)[3]
+        return frozenset(LaneKind(kind) for kind in columns[0])
+    except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, RuntimeError, ValueError) as error:
+        raise PaveTwinError(f"The world '{folder}' has no readable lanes; {rebuild_hint(folder)}") from error
 
 
 def _read(path: Path, layer: Layer, place: GeoReference, hint: str) -> Sequence[LayerRow]:
