@@ -51,6 +51,39 @@ def test_a_quick_answer_loads_nothing_heavy(words: list[str], code: int, unwante
     assert told == [] if code == 0 else told[0].startswith("Error: ")
 
 
+WHAT_MISSIONS_COMPUTE = """
+import sys
+import numpy as np
+import pavetwin.cli.pictures, pavetwin.cli.report, pavetwin.draw.mission_map, pavetwin.mission
+from pavetwin.defects.distress import Distress
+from pavetwin.mission.found_share import found_share
+from pavetwin.pci.curves import deduct_value
+from pavetwin.traffic.part_file import PackedPart
+from pavetwin.traffic.pose_rows import PoseRows
+from pavetwin.traffic.track_part import TrackPart
+from pavetwin.uav import find_aircraft
+from pavetwin.uav.energy.rotor import rotor_power
+from pavetwin.world.model import Severity
+
+one = np.ones(1, np.float32)
+rows = PoseRows(np.array([0, 1], np.uint32), np.zeros(1, np.uint32), one, one, one, one)
+part = PackedPart.of(TrackPart.of(rows, 0)).load()
+share = found_share([3, 2], [9, 8])
+print(part.is_last.tolist(), 0 < share.low < share.high < 1, rotor_power(find_aircraft("mavic3e")).total_w.min() > 50)
+print(deduct_value(Distress.POTHOLES, Severity.HIGH, 0.1) > 0)
+print(*sorted({name.partition(".")[0] for name in sys.modules}))
+"""
+
+
+def test_what_a_recorded_mission_computes_needs_neither_pandas_nor_scipy() -> None:
+    """A third of a second each, in every process of a study."""
+    ran = subprocess.run([sys.executable, "-c", WHAT_MISSIONS_COMPUTE], capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stderr
+    *told, loaded = ran.stdout.splitlines()
+    assert told == ["[True] True True", "True"]
+    assert {"pandas", "scipy"} & set(loaded.split()) == set()
+
+
 @pytest.mark.parametrize(("word", "meant"), [("flyy", "'fly'"), ("experimnt", "'experiment'")])
 def test_a_misspelt_command_is_told_the_nearest(
     word: str, meant: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
