@@ -11,6 +11,7 @@ import numpy as np
 
 from benchmarks.browser import Tab, browser, chromium, page_server, tab
 from benchmarks.measure import Kind, Line, Size
+from benchmarks.visitor import first_visit
 from pavetwin.capture.scene_renderer import LOOK_SEED
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.web.levels import WEB_LEVELS
@@ -20,6 +21,7 @@ from pavetwin.world.segments import point_at
 from pavetwin.world.store import load_world
 
 RUNS, SEGMENTS, SEED = 3, 3, 1
+ANSWER_S: Final = 120.0
 AGENTS, UPDATES = 1500, 60
 PICTURE_PX: Final = (480, 270)
 FRAMES_S = 4.0
@@ -77,6 +79,10 @@ def lines(town: Path, folder: Path, size: Size) -> Iterator[Line]:
         return
     copy = Path(shutil.copytree(town, folder / "page" / town.name, ignore=shutil.ignore_patterns("missions")))
     with browser() as started:
+        visit = first_visit(started, town, folder)
+        what = "from the command to an answer about one street, first visit"
+        note = f"{visit.own_s:.0f} s of it the visitor's own, and the traffic is recorded on the way; one run"
+        yield Line(what, visit.taken_s, Kind.SECONDS, ANSWER_S, note=note)
         yield from _page(started, copy, min(size.runs, RUNS))
 
 

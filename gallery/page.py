@@ -6,6 +6,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Final
 
+import numpy as np
 from benchmarks.browser import Tab, browser, page_server, tab
 from PIL import Image
 
@@ -16,7 +17,7 @@ IMAGES: Final = Path("docs/images")
 LARGEST_BYTES: Final = 500_000
 
 SHOWN_PX: Final = (600, 337)
-COLOURS: Final = 40
+COLOURS: Final = 80
 HIGH: Final = "traffic=high&seed=1"
 
 
@@ -24,17 +25,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m gallery.page", description=__doc__)
     parser.add_argument("world", type=Path, nargs="?", default=Path("out/demo/town"), help="whose streets are shown")
     parser.add_argument("--street", default="High Street", help="which is flown over")
-    parser.add_argument("--only", choices=("stills", "animation"), help="make these alone")
+    parser.add_argument("--only", choices=tuple(PARTS), help="make these alone")
     options = parser.parse_args()
     segments = _segments(load_world(options.world), options.street)
     with browser() as started, page_server(options.world) as (address, _):
         place = f"{address}#world={options.world.name}&{HIGH}"
-        if options.only != "animation":
+        for part in [options.only] if options.only else PARTS:
             with tab(started) as shown:
-                _stills(shown, place, segments)
-        if options.only != "stills":
-            with tab(started) as shown:
-                _animation(shown, place, segments)
+                PARTS[part](shown, place, segments)
 
 
 def _segments(world: World, street: str) -> list[str]:
@@ -44,7 +42,7 @@ def _segments(world: World, street: str) -> list[str]:
 
 
 def _stills(shown: Tab, place: str, segments: Sequence[str]) -> None:
-    """A mission seen from behind the UAV; two policies compared, in the dark; the town before a flight."""
+    """The town before a flight; a mission seen from behind the UAV."""
     _open(shown, place)
     _settle(shown)
     _save(shown, "app-start.jpg")
@@ -55,13 +53,17 @@ def _stills(shown: Tab, place: str, segments: Sequence[str]) -> None:
     shown.wait("pavetwin.frame")
     _settle(shown)
     _save(shown, "app.jpg")
-    shown.page.click("#compare")
-    _fly(shown)
+
+
+def _comparison(shown: Tab, place: str, segments: Sequence[str]) -> None:
+    """Two policies over the same traffic at an occlusion, in the dark, without the town in 3-D."""
+    _open(shown, f"{place}&against=baseline&segments={','.join(segments)}")
+    shown.page.click("#solid")
     shown.page.click("#theme")
-    shown.page.click("#tab-defects")
-    shown.page.locator("#defects .list button").nth(4).click()
+    _fly(shown)
+    shown.value("(pavetwin.seek(pavetwin.mission.occlusions.at(-1)), null)")
     shown.wait("pavetwin.frame")
-    _settle(shown)
+    shown.page.wait_for_timeout(1500)
     _save(shown, "app-compare.jpg")
 
 
@@ -69,6 +71,7 @@ def _animation(shown: Tab, place: str, segments: Sequence[str]) -> None:
     """Select, fly, scrub, compare; without the town in 3-D, which changes too much from one picture to the next."""
     _open(shown, f"{place}&count=2")
     shown.page.click("#solid")
+    shown.page.wait_for_timeout(1500)
     frames: list[tuple[Image.Image, int]] = []
 
     def take(for_ms: int) -> None:
@@ -101,7 +104,7 @@ def _animation(shown: Tab, place: str, segments: Sequence[str]) -> None:
     shown.value("document.activeElement.blur()")
     shown.page.keyboard.press("v")
     take(1800)
-    palette = _side_by_side([picture for picture, _ in frames]).quantize(COLOURS, Image.Quantize.MAXCOVERAGE)
+    palette = _palette([picture for picture, _ in frames])
     pictures = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture, _ in frames]
     path = IMAGES / "app.gif"
     durations = [for_ms for _, for_ms in frames]
@@ -109,12 +112,12 @@ def _animation(shown: Tab, place: str, segments: Sequence[str]) -> None:
     _check(path)
 
 
-def _side_by_side(pictures: Sequence[Image.Image]) -> Image.Image:
-    wide, tall = SHOWN_PX
-    sheet = Image.new("RGB", (wide * len(pictures), tall))
-    for at, picture in enumerate(pictures):
-        sheet.paste(picture, (wide * at, 0))
-    return sheet
+def _palette(pictures: Sequence[Image.Image]) -> Image.Image:
+    """Of all pictures; a colour counts by the root of its pixels, so that curves and marks keep theirs."""
+    pixels = np.concatenate([np.asarray(picture).reshape(-1, 3) for picture in pictures])
+    colours, counts = np.unique(pixels, axis=0, return_counts=True)
+    weighted = np.repeat(colours, np.ceil(np.sqrt(counts)).astype(int), axis=0)
+    return Image.fromarray(weighted[None]).quantize(COLOURS, Image.Quantize.MEDIANCUT, kmeans=3)
 
 
 def _scrub(shown: Tab, take: Callable[[int], None], count: int) -> None:
@@ -158,6 +161,9 @@ def _check(path: Path) -> None:
     print(f"{path}: {size / 1000:.0f} kB")
     if size > LARGEST_BYTES:
         raise SystemExit(f"{path} has {size / 1000:.0f} kB; pictures of the documentation have at most 500.")
+
+
+PARTS: Final = {"stills": _stills, "comparison": _comparison, "animation": _animation}
 
 
 if __name__ == "__main__":

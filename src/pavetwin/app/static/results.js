@@ -141,14 +141,25 @@ export function why(defect) {
   return [`missed: ${defect.reason}`, ...shares.length ? [shares.join(', ')] : [], captures, ...said].join('; ');
 }
 
+/** A few policies stand side by side, so that their many measures need no scrolling to the side. */
+function turned({ of, columns: [names, ...measures] }) {
+  const heads = [element('th', { scope: 'col', className: 'left' }), ...names.cells.map(name => element('th', { scope: 'col' }, name))];
+  const rows = measures.map(({ heading, cells, best }) => element('tr', {},
+    element('th', { scope: 'row' }, heading.replaceAll('\n', ' ')), ...cells.map((cell, at) => element('td', { className: best.includes(at) ? 'best' : '' }, cell))));
+  const table = element('table', { className: 'turned' }, element('caption', {}, 'By policy'), element('thead', {}, element('tr', {}, ...heads)), element('tbody', {}, ...rows));
+  table.dataset.of = of;
+  return table;
+}
+
 function tableOf({ of, columns }) {
+  if (of === 'policies') return turned({ of, columns });
   const side = column => (column.is_left ? 'left' : '');
   const heads = columns.map(column => element('th', { className: side(column), scope: 'col' }, column.heading));
   const rows = columns[0].cells.map((_, row) => element('tr', {}, ...columns.map(column => {
     const classes = [side(column), column.best.includes(row) ? 'best' : ''].filter(Boolean).join(' ');
     return element('td', { className: classes }, column.cells[row]);
   })));
-  const parts = [element('caption', {}, `By ${{ segments: 'segment', streets: 'street', policies: 'policy' }[of]}`), element('thead', {}, element('tr', {}, ...heads)), element('tbody', {}, ...rows)];
+  const parts = [element('caption', {}, `By ${{ segments: 'segment', streets: 'street' }[of]}`), element('thead', {}, element('tr', {}, ...heads)), element('tbody', {}, ...rows)];
   if (columns.some(column => column.total)) {
     parts.push(element('tfoot', {}, element('tr', {}, ...columns.map(column => element('td', { className: side(column) }, column.total)))));
   }
