@@ -42,7 +42,7 @@ class RunningPage:
     def get(self, path: str, method: str = "GET", body: bytes | None = None, **headers: str) -> Answer:
         """As a browser that has the page open asks, with other or more headers."""
         named = {name.replace("_", "-"): value for name, value in headers.items()}
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=20)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=120)
         try:
             connection.request(method, path, body, {**self.cookie, **named})
             answer = connection.getresponse()

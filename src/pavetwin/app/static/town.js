@@ -1,6 +1,6 @@
 // A town in 3-D on a canvas: tiles by distance, traffic, the UAV, four cameras. Places are metres of the world frame
 // (x east, y north, z up), yaw is counter-clockwise from east in radians; see docs/reference/town-client.md.
-import { NeutralToneMapping, PCFShadowMap, PerspectiveCamera, Raycaster, Scene, Vector2, Vector3,
+import { Frustum, Matrix4, NeutralToneMapping, PCFShadowMap, PerspectiveCamera, Raycaster, Scene, Vector2, Vector3,
   WebGLRenderer } from "./vendor.js";
 import { Agents } from "./town/agents.js";
 import { Cameras } from "./town/cameras.js";
@@ -14,6 +14,9 @@ const FORMAT = 1;
 const MOVED_M = 1.0;
 const CLICK_PX = 4;
 const ARRIVED_MS = 300; // Least time between two pictures for tiles that have arrived alone.
+// Where the processor draws: pixels along a side while pictures follow each other within a time, of those while nothing
+// moves.
+const MOVING_SCALE = 0.6, MOVING_MS = 700;
 const SHADOW_M = 90, MOST_SHADOW_M = 600; // Half the side of the square with shadows.
 const SHADOW_WAIT_MS = 700; // Least time between two drawings of shadows while tiles arrive.
 const NO_WEBGL = "This browser offers no WebGL 2, so the town cannot be drawn in 3-D. Everything else works.";
@@ -43,7 +46,7 @@ function isSoftware() {
 
 export function createTown(canvas, { base, fetch = globalThis.fetch.bind(globalThis), onPick, onMessage, onSettled } = {}) {
   let renderer;
-  const options = { antialias: !isSoftware(), powerPreference: "high-performance" };
+  const isSlow = isSoftware(), options = { antialias: !isSlow, powerPreference: "high-performance" };
   try {
     if (!canvas.getContext("webgl2", options)) throw new Error();
     renderer = new WebGLRenderer({ canvas, ...options });
@@ -51,7 +54,7 @@ export function createTown(canvas, { base, fetch = globalThis.fetch.bind(globalT
     onMessage?.(NO_WEBGL);
     return nothing(NO_WEBGL);
   }
-  return new Town(canvas, renderer, base.endsWith("/") ? base : `${base}/`, fetch, { onPick, onMessage, onSettled });
+  return new Town(canvas, renderer, base.endsWith("/") ? base : `${base}/`, fetch, { isSlow, onPick, onMessage, onSettled });
 }
 
 class Town {
@@ -68,6 +71,7 @@ class Town {
     this.materials = new Materials();
     this.sky = new Sky(this.scene, this.materials);
     this.uav = null;
+    this.scale = 1;
     this.dirty = true;
     this.frames = [];
     this.started = performance.now();
@@ -156,7 +160,7 @@ class Town {
   resize() {
     const { clientWidth: wide, clientHeight: tall } = this.canvas;
     if (!wide || !tall) return;
-    this.renderer.setPixelRatio(Math.min(globalThis.devicePixelRatio ?? 1, 2));
+    this.renderer.setPixelRatio(this.scale * Math.min(globalThis.devicePixelRatio ?? 1, 2));
     this.renderer.setSize(wide, tall, false);
     this.cameras?.resize(wide, tall);
     this.dirty = true;
@@ -180,7 +184,7 @@ class Town {
     const start = performance.now();
     this.#update();
     this.#placeUav();
-    this.renderer.render(this.scene, this.cameras.camera);
+    this.#drawFrom(this.cameras.camera);
     this.frames.push(performance.now() - start);
     if (this.frames.length > 60) this.frames.shift();
     if (this.tiles.failed && !this.message) {
@@ -203,8 +207,20 @@ class Town {
       this.moved = true;
     }
     this.#shade(eye);
-    if (this.moved) this.agents.update(eye, this.cameras.mode === "car" ? this.cameras.options.agent : undefined);
+  }
+
+  // Draw with a camera the models and agents that it may see; where shadows are drawn, all models cast theirs.
+  #drawFrom(camera) {
+    const { mode, options } = this.cameras, { frustum, view } = this.seen ??= { frustum: new Frustum(), view: new Matrix4() };
+    camera.updateMatrixWorld();
+    const now = new Matrix4().multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
+    if (this.moved || !now.equals(view)) {
+      frustum.setFromProjectionMatrix(view.copy(now));
+      this.agents.update(camera.position, mode === "car" ? options.agent : undefined, frustum);
+    }
     this.moved = false;
+    this.tiles.place(this.renderer.shadowMap.needsUpdate ? null : frustum);
+    this.renderer.render(this.scene, camera);
   }
 
   // Draw what a camera sees that looks straight down from {x, y, z}, with the yaw up, into a rectangle [left, top, width,
@@ -227,7 +243,7 @@ class Town {
     this.#update();
     this.craft.begin(); // the UAV does not see itself
     this.craft.finish();
-    renderer.render(this.scene, down);
+    this.#drawFrom(down);
     const [pixels, rows] = [wide, tall].map((each) => each * renderer.getPixelRatio());
     pen.drawImage(canvas, 0, canvas.height - rows, pixels, rows, left, top, width, height);
     renderer.setScissorTest(false);
@@ -248,12 +264,20 @@ class Town {
 
   #frame = () => {
     this.request = requestAnimationFrame(this.#frame);
-    if (this.tiles.arrived && performance.now() - (this.drawnAt ?? -Infinity) > ARRIVED_MS) this.dirty = true;
-    if (!this.dirty) return;
+    const since = performance.now() - (this.drawnAt ?? -Infinity), isRecent = since < MOVING_MS;
+    if (this.tiles.arrived && since > ARRIVED_MS) this.dirty = true;
+    if (!this.dirty && (isRecent || this.scale === 1)) return;
+    this.#setScale(this.isSlow && this.dirty && isRecent ? MOVING_SCALE : 1);
     this.dirty = false;
     this.render();
     this.drawnAt = performance.now();
   };
+
+  #setScale(scale) {
+    if (scale === this.scale) return;
+    this.scale = scale;
+    this.resize();
+  }
 
   #car() {
     return this.cameras.mode === "car" ? this.agents.get(this.cameras.options.agent) ?? null : null;

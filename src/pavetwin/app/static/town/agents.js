@@ -1,8 +1,9 @@
 // Vehicles and people: instances of models, at three levels of detail by their distance.
-import { CanvasTexture, DynamicDrawUsage, Group, InstancedMesh, MeshBasicMaterial, PlaneGeometry } from "../vendor.js";
+import { CanvasTexture, DynamicDrawUsage, Group, InstancedMesh, MeshBasicMaterial, PlaneGeometry, Sphere } from "../vendor.js";
 import { Pools } from "./models.js";
 
 const NEAR_M = 25, MIDDLE_M = 70, FAR_M = 900;
+const MARGIN_M = 2; // Around a person.
 const JUMP_M = 5; // An agent that has moved farther since the last update did not walk there.
 const CARS = ["hatchback", "compact", "saloon", "suv", "van"];
 const KINDS = {
@@ -38,7 +39,7 @@ export class Agents {
     this.walks = new Map();
     this.times = [];
     this.list = [];
-    this.places = new Map();
+    this.around = new Sphere(); // Of the agent that is placed.
     this.#prepareShades();
   }
 
@@ -50,8 +51,9 @@ export class Agents {
     return this.list.find((agent) => agent.id === id);
   }
 
-  // Place all agents as seen from a point in the files' axes; `hidden` is the agent whose eye the camera is.
-  update(eye, hidden) {
+  // Place the agents in a frustum, or all, as seen from a point in the files' axes; `hidden` is the agent whose eye the
+  // camera is.
+  update(eye, hidden, frustum) {
     const start = performance.now();
     const pools = this.pools, shades = this.shades;
     let shade = 0;
@@ -62,6 +64,9 @@ export class Agents {
       const look = this.look(agent);
       const phase = look.stride ? this.#walked(agent, look) : 0;
       if (away > FAR_M || agent.id === hidden) continue;
+      this.around.center.set(agent.y, agent.z ?? 0, agent.x);
+      this.around.radius = Math.max(...look.size, MARGIN_M);
+      if (frustum && !frustum.intersectsSphere(this.around)) continue;
       const level = away < NEAR_M ? 0 : away < MIDDLE_M ? 1 : 2;
       const part = look.stride ? (phase === null ? look.stand : look.steps[phase]) : look.body;
       const pool = pools.of(part[level]);

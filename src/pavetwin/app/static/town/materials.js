@@ -1,5 +1,23 @@
 // Materials of a town: matt surfaces in the light of sun, sky and surroundings, and haze before them.
-import { Color, DoubleSide, FrontSide, MeshLambertMaterial } from "../vendor.js";
+import { BufferAttribute, Color, DoubleSide, FrontSide, MeshLambertMaterial } from "../vendor.js";
+
+const WHITE = [1, 1, 1];
+const EVERY = 7; // Of the pixels of a layer, for its mean.
+
+// The mean of each layer of a texture whose pixels are sRGB with four channels: linear.
+function meansOf({ data, width, height, depth }) {
+  const linear = Float64Array.from({ length: 256 }, (_, value) => {
+    const share = value / 255;
+    return share <= 0.04045 ? share / 12.92 : ((share + 0.055) / 1.055) ** 2.4;
+  });
+  return Array.from({ length: depth }, (_, layer) => {
+    const sum = [0, 0, 0], first = layer * width * height;
+    let count = 0;
+    for (let pixel = 0; pixel < width * height; pixel += EVERY, count++)
+      for (let channel = 0; channel < 3; channel++) sum[channel] += linear[data[4 * (first + pixel) + channel]];
+    return sum.map((value) => value / count);
+  });
+}
 
 export class Materials {
   constructor() {
@@ -23,24 +41,33 @@ export class Materials {
     return material;
   }
 
-  // Of houses: vertex colours times a layer of the façade textures; `mean` takes the mean of the layer, at each vertex.
-  house(mean) {
+  // Of houses: vertex colours times a layer of the façade textures.
+  house() {
     const material = this.#matt({ vertexColors: true }, (shader) => {
       shader.uniforms.facades = this.facades;
-      if (mean) this.#meanFacade(shader);
-      else this.#facade(shader);
+      this.#facade(shader);
     });
-    material.customProgramCacheKey = () => `house ${mean}`;
+    material.customProgramCacheKey = () => "house";
     return material;
   }
 
-  #meanFacade(shader) {
-    shader.vertexShader = shader.vertexShader
-      .replace("#include <common>", `#include <common>
-        uniform sampler2DArray facades;
-        attribute float layer;`)
-      .replace("#include <color_vertex>", `#include <color_vertex>
-        if (layer > 0.5) vColor.rgb *= textureLod(facades, vec3(0.5, 0.5, floor(layer + 0.5) - 1.0), 9.0).rgb;`);
+  // Of houses far away: their vertices have the mean colour of their façade, see `bakeFacades`.
+  coloured() {
+    return this.#matt({ vertexColors: true });
+  }
+
+  // Multiply the colours of vertices by the mean of their layer of the façade textures.
+  bakeFacades(geometry) {
+    const { color, layer } = geometry.attributes, means = (this.means ??= meansOf(this.facades.value.image));
+    const baked = new Float32Array(3 * color.count);
+    for (let vertex = 0; vertex < color.count; vertex++) {
+      const of = Math.round(layer.getX(vertex)), mean = of > 0 ? means[of - 1] : WHITE;
+      for (let channel = 0; channel < 3; channel++)
+        baked[3 * vertex + channel] = color.getComponent(vertex, channel) * mean[channel];
+    }
+    geometry.setAttribute("color", new BufferAttribute(baked, 3));
+    geometry.deleteAttribute("layer");
+    geometry.deleteAttribute("facade");
   }
 
   #facade(shader) {

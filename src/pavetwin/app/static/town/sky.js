@@ -21,12 +21,12 @@ export class Sky {
     this.toSun = new Vector3(0, 1, 0);
     this.glow = new Color();
     this.dome = new Mesh(new SphereGeometry(1, 32, 24), new ShaderMaterial({
-      side: BackSide, depthWrite: false, depthTest: false,
+      side: BackSide, depthWrite: false,
       uniforms: { stops: { value: this.stops }, toSun: { value: this.toSun }, glow: { value: this.glow } },
       vertexShader: `varying vec3 vWay;
         void main() {
           vWay = position;
-          gl_Position = projectionMatrix * vec4(mat3(viewMatrix) * position, 1.0);
+          gl_Position = (projectionMatrix * vec4(mat3(viewMatrix) * position, 1.0)).xyww; // behind all else
         }`,
       fragmentShader: `uniform vec4 stops[${STOPS}];
         uniform vec3 toSun, glow;
@@ -45,7 +45,7 @@ export class Sky {
         }`,
     }));
     this.dome.frustumCulled = false;
-    this.dome.renderOrder = -1;
+    this.dome.renderOrder = 1; // drawn last of what is opaque: only where nothing else is
     this.dome.matrixAutoUpdate = false;
     scene.add(this.dome, this.probe, this.sun, this.sun.target);
   }

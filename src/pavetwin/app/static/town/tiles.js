@@ -1,5 +1,5 @@
 // Tiles by distance: the coarsest everywhere, finer ones near the camera, loaded nearest first.
-import { BufferAttribute, BufferGeometry, Group, LineBasicMaterial, LineSegments, Mesh, PlaneGeometry }
+import { Box3, BufferAttribute, BufferGeometry, Group, LineBasicMaterial, LineSegments, Mesh, PlaneGeometry }
   from "../vendor.js";
 import { Pools } from "./models.js";
 
@@ -7,6 +7,8 @@ const AT_ONCE = 6;
 const KEPT = [48, 260, Infinity]; // Tiles of each level in memory, those that are shown excepted.
 // Meadows around the town, below all of its ground; nothing stands there, so they fade into the haze.
 const LAND = [0.098, 0.118, 0.049], LAND_M = -1.2, LAND_FADED_M = 1400;
+// What stands on a tile reaches this far over its rim, and up to this height at least.
+const OVERHANG_M = 4, TALLEST_M = 25;
 const EASE = 1.15; // A tile is left for a coarser one this much farther away than it was taken.
 
 export class Tiles {
@@ -22,10 +24,12 @@ export class Tiles {
     scene.add(this.land);
     this.land.receiveShadow = true;
     this.pools = new Pools(this.objects, models, true);
-    this.house = materials.house(false);
-    this.far = materials.house(true);
+    this.house = materials.house();
+    this.far = materials.coloured();
     this.line = new LineBasicMaterial({ color: 0xd62728 });
     this.nodes = new Map();
+    this.shown = new Set();
+    this.placed = null; // The shown tiles whose models are placed.
     this.coarse = [];
     this.showsOutlines = false;
     this.working = new Set();
@@ -37,7 +41,9 @@ export class Tiles {
       for (const [column, row, west, south, east, north, top] of tiles)
         this.nodes.set(`${level}/${column}_${row}`, {
           level, column, row, box: [west, south, east, north, top], name: `${level}/${column}_${row}.glb.gz`,
-          state: "none", shown: false, used: 0, away: 0, reliefs: null,
+          state: "none", shown: false, used: 0, away: 0, reliefs: null, bounds: new Box3(
+            { x: south - OVERHANG_M, y: LAND_M, z: west - OVERHANG_M },
+            { x: north + OVERHANG_M, y: Math.max(top, TALLEST_M), z: east + OVERHANG_M }),
         });
     const ratio = Math.round(levels[last].side_m / levels[0].side_m);
     for (const [column, row] of levels[last].tiles) {
@@ -87,7 +93,8 @@ export class Tiles {
     }
     let changed = this.#show(shown);
     for (const node of shown) if (node.level === 0) changed = this.#relieve(node, eye) || changed;
-    if (changed) this.#place(shown);
+    this.shown = shown;
+    if (changed) this.placed = null;
     this.#load();
     this.#forget();
     return changed;
@@ -159,9 +166,14 @@ export class Tiles {
     return true;
   }
 
-  #place(shown) {
+  // Place the models of the shown tiles in a frustum, which are fewer than all; of all of them where there is none, as
+  // for shadows.
+  place(frustum) {
+    const seen = [...this.shown].filter((node) => !frustum || frustum.intersectsBox(node.bounds));
+    if (this.placed?.size === seen.length && seen.every((node) => this.placed.has(node))) return;
+    this.placed = new Set(seen);
     this.pools.begin();
-    for (const node of shown)
+    for (const node of seen)
       for (const [name, rows] of Object.entries(node.extras.instances))
         for (const row of rows) this.pools.add(`${name}:${node.level}`, row);
     this.pools.finish();
@@ -207,7 +219,10 @@ export class Tiles {
       }
     mesh.material.dispose();
     if (name === "houses") mesh.material = this.house;
-    else if (name === "town") mesh.material = this.far;
+    else if (name === "town") {
+      mesh.material = this.far;
+      this.materials.bakeFacades(geometry);
+    }
     else mesh.material = this.materials.pictured(map);
     mesh.castShadow = name === "houses" || name === "town";
     mesh.receiveShadow = true;
