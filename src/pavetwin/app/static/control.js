@@ -78,6 +78,7 @@ export class Pilot {
       element('dl', {}, ...[...this.#cells].map(([name, cell]) => element('div', {}, element('dt', {}, name), cell))),
       this.#streets, element('div', { className: 'row' }, pad, element('div', { className: 'ends' }, land, giveUp)), element('small'),
     );
+    this.#tellWords();
     addEventListener('keydown', event => this.#key(event, true), true);
     addEventListener('keyup', event => this.#key(event, false), true);
     addEventListener('blur', () => this.#letGo());
