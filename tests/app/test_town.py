@@ -79,6 +79,7 @@ class Shown:
     hosts: set[str] = field(default_factory=set)
 
     def settle(self) -> dict[str, Any]:
+        self.page.evaluate("town.render()")  # asks for what the camera needs now
         # `wait_for_function` evaluates texts, which the Content-Security-Policy refuses.
         while self.page.evaluate("town.stats().pending > 0 && !town.stats().failed"):
             self.page.wait_for_timeout(200)
@@ -196,10 +197,10 @@ def test_a_click_tells_the_place_and_what_is_there(shown: Shown) -> None:
     (pick,) = shown.page.evaluate("picks.splice(0)")
     assert (pick["x"], pick["y"]) == pytest.approx((x, y), abs=0.3)
     assert pick["agent"] is None
-    shown.page.evaluate(f"town.setAgents([{{id: 3, x: {x}, y: {y}, yaw: 0, kind: 'van'}}]); town.render()")
+    shown.page.evaluate(f"town.setAgents([{{id: 9003, x: {x}, y: {y}, yaw: 0, kind: 'van'}}]); town.render()")
     shown.page.mouse.click(320, 180)
     (pick,) = shown.page.evaluate("picks.splice(0)")
-    assert pick["agent"] == 3
+    assert pick["agent"] == 9003
     shown.page.evaluate("town.setAgents([])")
     assert shown.complaints == []
 
