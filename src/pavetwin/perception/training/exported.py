@@ -16,7 +16,6 @@ import torch
 from torch import Tensor, nn
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.inference.model_file import ModelFacts
 from pavetwin.perception.training.architecture import Architecture
 from pavetwin.perception.training.batches import Batch
 from pavetwin.perception.training.network import DetectorNetwork
@@ -43,6 +42,9 @@ def exported_network(path: Path) -> DetectorNetwork:
     Raises:
         PaveTwinError: the file is damaged, another model, in int8, or of another version; or `onnx` is not installed.
     """
+    # Inside, so that a training without an exported model needs none of what opens one.
+    from pavetwin.perception.inference.model_file import ModelFacts
+
     model = _read(path)
     facts = ModelFacts.of_properties({each.key: each.value for each in model.metadata_props}, f"'{path}'")
     if any(node.op_type == "DequantizeLinear" for node in model.graph.node):
