@@ -97,7 +97,9 @@ def test_a_map_becomes_a_town_that_is_shown(building: BrowserTab, place: Path) -
     building.value(DROP)
     assert page.input_value("#new-town [name=name]") == "dropped"
     page.keyboard.press("Escape")
+    building.wait("!document.querySelector('#new-town').open")
     page.keyboard.press("m")
+    building.wait("document.querySelector('#new-town').open")
     page.set_input_files("#new-town [name=file]", files=[{"name": "a.txt", "mimeType": "", "buffer": b"x"}])
     assert "none of these" in page.locator("#new-town .bad").inner_text()
     assert page.locator("#new-town .main").is_disabled()
