@@ -18,8 +18,6 @@ from pavetwin.mission.again import read_mission
 from pavetwin.mission.fly import MissionResult, fly
 from pavetwin.mission.timeline import Timeline
 from pavetwin.uav import camera_of
-from pavetwin.world.store import save_world
-from scenes import damaged
 from scenes.browser import NO_WEBGL, SOFTWARE, BrowserTab, Launch, chromium, tab_of
 from scenes.command_line import pavetwin
 from scenes.page import RunningPage, running_page
@@ -50,13 +48,6 @@ def browser(launch: Launch) -> Iterator[Any]:
     started = launch(*NO_WEBGL)
     yield started
     started.close()
-
-
-@pytest.fixture(scope="module")
-def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("browser") / "cross"
-    save_world(damaged("cross", 8), folder)
-    return folder
 
 
 @pytest.fixture(scope="module")

@@ -13,15 +13,7 @@ from pavetwin.config import load_settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.plan import plan_mission
 from pavetwin.mission.spec import MissionSpec
-from pavetwin.world.store import load_world, save_world
-from scenes import damaged
-
-
-@pytest.fixture(scope="module")
-def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("described") / "cross"
-    save_world(damaged("cross", 8), folder)
-    return folder
+from pavetwin.world.store import load_world
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,6 @@
 import csv
 import gzip
 import json
-from collections.abc import Iterator
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -17,27 +16,13 @@ from pavetwin.driving.drive import Drive, drive_again, pedals_of_values
 from pavetwin.mission.inputs import load_inputs
 from pavetwin.mission.plan import plan_mission
 from pavetwin.sensing import load_sensor
-from pavetwin.world.store import load_world, save_world
-from scenes import damaged
-from scenes.page import RunningPage, running_page
+from pavetwin.world.store import load_world
+from scenes.page import RunningPage
 from scenes.processes import is_over
 from scenes.steering import Answer, live_folders, say, steer
 
 STREET = "s0011"
 REQUEST = {"traffic": "low", "seed": 1, "segments": [STREET]}
-
-
-@pytest.fixture(scope="module")
-def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("driving") / "cross"
-    save_world(damaged("cross", 8), folder)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def page(world: Path) -> Iterator[RunningPage]:
-    with running_page([world]) as running:
-        yield running
 
 
 def ahead_until(seconds: float) -> Answer:

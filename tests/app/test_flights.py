@@ -9,7 +9,6 @@ import shutil
 import signal
 import socket
 import time
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -19,8 +18,7 @@ import pytest
 from shapely import Point
 
 from pavetwin.mission.plan import plan_mission
-from pavetwin.world.store import load_world, save_world
-from scenes import damaged
+from pavetwin.world.store import load_world
 from scenes.command_line import pavetwin
 from scenes.folders import digests
 from scenes.page import RunningPage, result_of, running_page
@@ -28,19 +26,6 @@ from scenes.processes import children, command_line, is_gone, is_over, simulatio
 
 USUAL = {"traffic": "low", "seed": 1}
 SHORT = ("--density", "low", "--seed", "1")
-
-
-@pytest.fixture(scope="module")
-def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("page") / "cross"
-    save_world(damaged("cross", 8), folder)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def page(world: Path) -> Iterator[RunningPage]:
-    with running_page([world]) as running:
-        yield running
 
 
 @pytest.fixture(scope="module")

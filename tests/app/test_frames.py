@@ -25,8 +25,6 @@ from pavetwin.mission.again import read_mission
 from pavetwin.mission.fly import fly
 from pavetwin.mission.inputs import load_inputs
 from pavetwin.mission.results import save_mission
-from pavetwin.world.store import save_world
-from scenes import damaged
 from scenes.page import RunningPage, running_page
 from scenes.processes import is_gone, is_over
 
@@ -35,13 +33,6 @@ FIRST = 3
 
 
 KEY = "0123456789abcdef0123"
-
-
-@pytest.fixture(scope="module")
-def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("frames") / "cross"
-    save_world(damaged("cross", 8), folder)
-    return folder
 
 
 @pytest.fixture(scope="module")

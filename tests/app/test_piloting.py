@@ -4,7 +4,6 @@ import asyncio
 import gzip
 import json
 import os
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,28 +18,14 @@ from pavetwin.mission.by_hand import PILOT, ByHand, fly_again, sticks_of_values
 from pavetwin.mission.inputs import load_inputs
 from pavetwin.mission.plan import plan_mission
 from pavetwin.sensing import load_sensor
-from pavetwin.world.store import load_world, save_world
-from scenes import damaged
-from scenes.page import RunningPage, running_page
+from pavetwin.world.store import load_world
+from scenes.page import RunningPage
 from scenes.processes import children, command_line, is_gone, is_over
 from scenes.steering import Answer, live_folders, say, steer
 
 REQUEST = {"traffic": "low", "seed": 1, "count": 1}
 IN_THE_AIR = 3
 """The number of the mode `inspect`."""
-
-
-@pytest.fixture(scope="module")
-def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("piloting") / "cross"
-    save_world(damaged("cross", 8), folder)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def page(world: Path) -> Iterator[RunningPage]:
-    with running_page([world]) as running:
-        yield running
 
 
 def task_processes() -> set[int]:

@@ -4,7 +4,6 @@ import asyncio
 import gzip
 import os
 import signal
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -26,12 +25,6 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("town-files") / "cross"
     save_world(built("cross"), folder)
     return folder
-
-
-@pytest.fixture(scope="module")
-def page(world: Path) -> Iterator[RunningPage]:
-    with running_page([world]) as running:
-        yield running
 
 
 def processes() -> set[int]:

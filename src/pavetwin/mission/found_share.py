@@ -20,7 +20,6 @@ from typing import Final
 import numpy as np
 
 from pavetwin.arrays import Float64Array
-from pavetwin.mission.quantiles import beta_quantile, t_quantile
 
 LEVEL: Final = 0.95
 ALIKE: Final = 0.2
@@ -81,12 +80,14 @@ def limits(share: float, variance: float, usual: float, freedom: int, defects: i
         freedom: degrees of freedom of the observed one.
         defects: that it rests on.
     """
+    from scipy.special import betaincinv, stdtrit  # a fifth of a second that no other part of a mission waits for
+
     spread = share * (1 - share)
     pooled = (freedom * variance + WEIGHT * spread * usual) / (freedom + WEIGHT)
     effective = spread / max(variance, pooled) if spread > 0 else 1 / usual
-    t, normal = t_quantile(freedom + ASSUMED, 1 - _TAIL), t_quantile(max(defects - 1, 1), 1 - _TAIL)
-    effective = min(effective, defects) * min((normal / t) ** 2, 1.0)
+    t, normal = stdtrit(freedom + ASSUMED, 1 - _TAIL), stdtrit(max(defects - 1, 1), 1 - _TAIL)
+    effective = min(effective, defects) * min(float(normal / t) ** 2, 1.0)
     hits, misses = share * effective, (1 - share) * effective
-    low = beta_quantile(hits, misses + 1, _TAIL) if hits > 0 else 0.0
-    high = beta_quantile(hits + 1, misses, 1 - _TAIL) if misses > 0 else 1.0
+    low = float(betaincinv(hits, misses + 1, _TAIL)) if hits > 0 else 0.0
+    high = float(betaincinv(hits + 1, misses, 1 - _TAIL)) if misses > 0 else 1.0
     return low, high

@@ -116,7 +116,8 @@ def made_by() -> str:
     package = Path(model.__file__).parent.parent
     files = [Path(str(module.__file__)) for module in (seeds, arrays)]
     for folder in MADE_BY:
-        files += sorted(path for path in (package / folder).rglob("*") if _is_source(path.relative_to(package)))
+        found = (package / folder).rglob("*")
+        files += sorted(path for path in found if _is_source(path.relative_to(package)) and path.is_file())
     digest = hashlib.sha256()
     for path in files:
         digest.update(f"{path.relative_to(package)} ".encode() + path.read_bytes())
@@ -130,7 +131,7 @@ def made_by() -> str:
 def _is_source(path: Path) -> bool:
     """Whether a path within the package is of its code or data: not of bytecode, which appears and goes while other
     processes start, nor hidden."""
-    return bool(path.suffix) and "__pycache__" not in path.parts and not path.name.startswith(".")
+    return "__pycache__" not in path.parts and not path.name.startswith(".")
 
 
 def _read(path: Path) -> Any:

@@ -5,7 +5,6 @@ ones; sidewalks 2.5 m, in lanes 1.5 m).
 """
 
 import math
-from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -146,27 +145,14 @@ def _one_way_lanes(plan: TownPlan, rng: np.random.Generator) -> set[int]:
 
 def strongly_connected(graph: StreetGraph, one_way: set[int]) -> bool:
     """Whether a car can get from every junction to every other, driving one-way pieces from start to end only."""
-    onward: dict[int, set[int]] = defaultdict(set)
-    for key, piece in graph.pieces.items():
-        onward[piece.start].add(piece.end)
-        if key not in one_way:
-            onward[piece.end].add(piece.start)
-    nodes = {node for piece in graph.pieces.values() for node in (piece.start, piece.end)}
-    back: dict[int, set[int]] = defaultdict(set)
-    for node, ahead in onward.items():
-        for other in ahead:
-            back[other].add(node)
-    return all(_reached(ways, min(nodes)) == nodes for ways in (onward, back))
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
 
-
-def _reached(ways: Mapping[int, set[int]], origin: int) -> set[int]:
-    """The nodes to which ways lead from one, itself included."""
-    reached, front = {origin}, [origin]
-    while front:
-        fresh = ways.get(front.pop(), set()) - reached
-        reached |= fresh
-        front.extend(fresh)
-    return reached
+    ways = [(piece.start, piece.end) for piece in graph.pieces.values()]
+    ways += [(piece.end, piece.start) for key, piece in graph.pieces.items() if key not in one_way]
+    nodes, ends = np.unique(np.array(ways).T, return_inverse=True)
+    matrix = coo_array((np.ones(len(ways)), ends.reshape(2, -1)), shape=(len(nodes), len(nodes)))
+    return bool(connected_components(matrix, connection="strong", return_labels=False) == 1)
 
 
 def _street_names(graph: StreetGraph, one_way: set[int], rng: np.random.Generator) -> dict[int, str]:
