@@ -169,19 +169,22 @@ def _frames(shown: Tab) -> Iterator[Line]:
     away = np.hypot(*(places - places[first]).T)
     far = int(np.argmax(away)) if away.max() < FAR_M else int(np.flatnonzero(away >= FAR_M)[0])
 
-    def rendered_s(capture: int) -> float:
+    def rendered_s(capture: int, also: str = "") -> float:
         begun = shown.wait("true")
         shown.value(f"(pavetwin.seek({captures['t_s'][capture]!r}), null)")
-        return shown.wait(f"pavetwin.frame?.capture === {capture}") - begun
+        return shown.wait(f"pavetwin.frame?.capture === {capture} {also}") - begun
 
     first_s = rendered_s(first)
     note = "the process of the renderer starts and reads the world"
     yield Line("the first rendered frame of a mission in the page", first_s, Kind.SECONDS, note=note)
-    shown.page.wait_for_timeout(1000 * min(60.0, 3.0 + 5 * first_s))  # the next four are made ahead
+    shown.page.wait_for_timeout(1000 * min(60.0, 3.0 + 5 * first_s))  # the next ones are made ahead
     warm = [rendered_s(capture) for capture in range(first - 1, first - 6, -1)]
     note = f"seek to a capture beside one that is there; from the command to the picture; median of {len(warm)}"
     what = "a rendered frame at a moment that is chosen"
     yield Line(f"{what}, place warm", statistics.median(warm), Kind.SECONDS, 0.3, note=note)
+    labelled = [rendered_s(capture, "&& pavetwin.frame.labels") for capture in range(first - 6, first - 9, -1)]
+    note = f"as saved by fly --save-frames, once the moment has stayed for 0.4 s; median of {len(labelled)}"
+    yield Line(f"{what}, with its labels", statistics.median(labelled), Kind.SECONDS, note=note)
     note = f"{away[far]:.0f} m away, where nothing was rendered before; one run"
     yield Line(f"{what}, place cold", rendered_s(far), Kind.SECONDS, 3.0, note=note)
 

@@ -7,20 +7,24 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from pavetwin.app import frames, task_pool
+from pavetwin.app import frame_source, frames, task_pool
 from pavetwin.app.frame_source import FILE, SHOWN_PX, _sources, shown_frame, write_frame_source
 from pavetwin.app.frames import FrameRenderer
+from pavetwin.app.requests import FramePart
 from pavetwin.app.session import Played
-from pavetwin.app.task_pool import KeptProcess
+from pavetwin.app.task_pool import KeptProcess, Said
+from pavetwin.app.tasks import run
 from pavetwin.capture.mission_frames import CAPTURES, FOLDER, save_frames
 from pavetwin.capture.mission_images import MissionImages
 from pavetwin.capture.record import read_records
+from pavetwin.capture.scene_renderer import SceneRenderer
 from pavetwin.mission.again import read_mission
 from pavetwin.mission.fly import fly
 from pavetwin.mission.inputs import load_inputs
@@ -51,7 +55,7 @@ def with_mission(page: RunningPage) -> RunningPage:
 
 
 def ask(page: RunningPage, key: Any = KEY, **frame: Any) -> dict[str, Any]:
-    (answer,) = page.ask({"do": "frame", "key": key, "mission": 0, "capture": 0, **frame})
+    (answer,) = page.ask({"do": "frame", "key": key, "mission": 0, "capture": 0, "part": "labelled", **frame})
     return answer
 
 
@@ -62,6 +66,11 @@ class KeepingImages(MissionImages):
         frame = super().rendered(*asked, **how)
         self.__dict__.setdefault("pixels", []).append(frame.rgb)
         return frame
+
+
+def pixels_of(shown: Mapping[str, Any]) -> Any:
+    with Image.open(BytesIO(base64.b64decode(shown["jpeg"]))) as image:
+        return np.asarray(image, dtype=float)
 
 
 @pytest.mark.slow
@@ -82,14 +91,19 @@ def test_a_frame_has_the_pixels_and_labels_of_the_saved_one(page: RunningPage, t
     assert (tmp_path / "m" / FOLDER / CAPTURES).read_text().startswith("capture,image\n0,")
     for capture, (record, pixels) in enumerate(zip(records, images.__dict__["pixels"], strict=True)):
         assert np.array_equal(source.rendered(capture)[0].rgb, pixels)
-        shown = shown_frame(tmp_path, 0, capture)
+        shown = shown_frame(tmp_path, 0, capture, FramePart.LABELLED)
         assert [each["id"] for each in shown["labels"]] == [each.id for each in record.labelled]
         for label, saved in zip(shown["labels"], record.labelled, strict=True):
             assert np.allclose(np.multiply(label["box"], [*record.size_px, *record.size_px]), saved.box, atol=0.02)
-    with Image.open(BytesIO(base64.b64decode(shown["jpeg"]))) as small:
-        assert max(small.size) == SHOWN_PX
-        whole = Image.fromarray(pixels).resize(small.size, Image.Resampling.LANCZOS)
-        assert np.abs(np.asarray(small, float) - np.asarray(whole, float)).mean() < 4
+    preview = shown_frame(tmp_path, 0, capture, FramePart.PREVIEW)
+    small, first = pixels_of(shown), pixels_of(preview)
+    assert max(small.shape) == SHOWN_PX
+    whole = Image.fromarray(pixels).resize(small.shape[1::-1], Image.Resampling.LANCZOS)
+    assert np.abs(small - np.asarray(whole, float)).mean() < 4
+    assert np.abs(first - small).mean() < 6, "the same picture, but for noise and sharpness"
+    assert np.abs(first - small[::-1]).mean() > 9, "so near would be no other picture"
+    assert preview["labels"] is None
+    assert preview["detections"] == shown["detections"]
     assert any(record.labelled for record in records), "a scene without anything to label shows nothing"
     served = ask(page, flown["done"]["key"], capture=FIRST - 1)
     assert served["done"] == shown
@@ -112,7 +126,9 @@ def test_a_frame_has_the_pixels_and_labels_of_the_saved_one(page: RunningPage, t
         {"key": "../x"},
         {"key": ["x"]},
         {"key": None},
-        {"search": "yes"},
+        {"part": "search"},
+        {"part": ["preview"]},
+        {"part": None},
     ],
 )
 def test_what_is_no_capture_is_refused_in_one_line(page: RunningPage, frame: dict[str, Any]) -> None:
@@ -146,7 +162,9 @@ def test_the_process_is_gone_with_the_page_and_with_the_server(world: Path, how:
 
     async def ask_and_go(page: RunningPage) -> None:
         client = await page.connect()
-        await client.write_message(json.dumps({"id": 1, "do": "frame", "key": KEY, "mission": 0, "capture": 0}))
+        await client.write_message(
+            json.dumps({"id": 1, "do": "frame", "key": KEY, "mission": 0, "capture": 0, "part": "preview"})
+        )
         while not renderers(page):
             await asyncio.sleep(0.02)
         seen.extend(renderers(page))
@@ -169,11 +187,13 @@ class Stand:
     is_alive: bool = True
     dies: bool = False
 
-    async def run(self, task: Mapping[str, Any], told: Any) -> Mapping[str, Any]:  # noqa: ARG002
+    async def run(self, task: Mapping[str, Any], told: Any, said: Said | None = None) -> Mapping[str, Any]:  # noqa: ARG002
         (shown,) = [name for name in ("capture", "name") if name in task]
         self.ran.append(task[shown])
         while not self.is_let:
             await asyncio.sleep(0.005)
+            if said is not None and said.is_new:
+                return {}
         if self.dies:
             raise task_pool.ProcessDiedError
         return {} if "world" in task else {shown: task[shown]}
@@ -205,7 +225,7 @@ def test_of_a_page_only_the_latest_request_waits(processes: StandProcesses) -> N
         renderer = FrameRenderer(KeptProcess())
         asked = []
         for capture in range(6):
-            asked.append(asyncio.create_task(renderer.frame("one", {"capture": capture})))
+            asked.append(asyncio.create_task(renderer.frame("one", {"capture": capture, "part": "preview"})))
             await asyncio.sleep(0.01)
         other = asyncio.create_task(renderer.frame("two", {"capture": 50}))
         await asyncio.sleep(0.01)
@@ -226,7 +246,7 @@ def test_a_burst_of_requests_renders_the_first_and_the_last(processes: StandProc
     async def scrub(page: RunningPage) -> dict[int, dict[str, Any]]:
         client = await page.connect()
         for number in range(30):
-            frame = {"id": number, "do": "frame", "key": KEY, "mission": 0, "capture": number % 5}
+            frame = {"id": number, "do": "frame", "key": KEY, "mission": 0, "capture": number % 5, "part": "preview"}
             await client.write_message(json.dumps(frame))
         answers: dict[int, dict[str, Any]] = {}
         while len(answers) < 30:
@@ -288,7 +308,9 @@ def test_the_frames_and_the_town_are_made_by_one_process(processes: StandProcess
 
     async def look(page: RunningPage) -> None:
         first, other = await page.connect(), await page.connect()
-        await first.write_message(json.dumps({"id": 1, "do": "frame", "key": KEY, "mission": 0, "capture": 3}))
+        await first.write_message(
+            json.dumps({"id": 1, "do": "frame", "key": KEY, "mission": 0, "capture": 3, "part": "preview"})
+        )
         assert await asyncio.to_thread(is_over, lambda: processes.started and processes.started[0].ran == [3])
         tile = asyncio.create_task(asyncio.to_thread(page.get, "/town/w0/manifest.json"))
         await asyncio.sleep(0.05)
@@ -308,10 +330,72 @@ def test_the_frames_and_the_town_are_made_by_one_process(processes: StandProcess
     assert processes.started[0].ran == [3, "manifest.json"]
 
 
+def test_labels_are_given_up_for_another_capture_and_previews_are_not(processes: StandProcesses) -> None:
+    async def look() -> list[Any]:
+        renderer, answers = FrameRenderer(KeptProcess()), []
+        for page, capture, part in (
+            ("one", 0, "labelled"),
+            ("two", 1, "preview"),
+            ("one", 2, "preview"),
+            ("one", 3, "labelled"),
+        ):
+            answers.append(asyncio.create_task(renderer.frame(page, {"capture": capture, "part": part})))
+            await asyncio.sleep(0.03)
+        processes.started[0].is_let = True
+        found = await asyncio.gather(*answers, return_exceptions=True)
+        await renderer.close()
+        return found
+
+    first, other, dropped, last = asyncio.run(look())
+    assert isinstance(first, asyncio.CancelledError), "its page asked for capture 2"
+    assert (other, last) == ({"capture": 1}, {"capture": 3})
+    assert isinstance(dropped, asyncio.CancelledError), "it waited when its page asked for capture 3"
+    assert processes.started[0].ran == [0, 1, 3]
+
+
+def test_a_frame_that_is_not_wanted_is_given_up_between_its_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Renderer:
+        on_step: Any = staticmethod(lambda: None)
+
+    scene = SceneRenderer.__new__(SceneRenderer)
+    scene._renderer = Renderer()
+
+    class Source:
+        sensor, captures, images = "recall", [{"detections": []}], SimpleNamespace(scene_renderer=scene)
+
+        def preview(self, capture: int) -> Any:  # noqa: ARG002
+            scene._renderer.on_step()
+            return np.zeros((3, 4, 3), dtype=np.uint8)
+
+    monkeypatch.setattr(frame_source, "_sources", lambda _: (Source(),))
+    task = {"do": "frame", "folder": "x", "mission": 0, "capture": 0, "part": "preview"}
+    quiet, telling = SimpleNamespace(said=list), SimpleNamespace(said=lambda: [{"stop": True}])
+    assert run(task, quiet)["jpeg"]
+    assert run(task, telling) == {}
+    assert scene._renderer.on_step() is None, "it is asked no more"
+
+
+def test_a_frame_goes_before_the_tiles_that_wait(processes: StandProcesses) -> None:
+    async def load() -> list[Any]:
+        kept = KeptProcess()
+        tiles = [asyncio.create_task(kept.run({"name": f"tile {at}"}, is_patient=True)) for at in range(4)]
+        await asyncio.sleep(0.01)
+        frames = [asyncio.create_task(kept.run({"capture": at})) for at in range(2)]
+        await asyncio.sleep(0.01)
+        frames[0].cancel()  # who waits and goes away holds nobody up
+        await asyncio.sleep(0.01)
+        processes.started[0].is_let = True
+        await asyncio.gather(*tiles, frames[1])
+        await kept.close()
+        return processes.started[0].ran
+
+    assert asyncio.run(load()) == ["tile 0", 1, "tile 1", "tile 2", "tile 3"]
+
+
 def test_a_tile_is_made_again_where_its_process_is_ended_meanwhile(processes: StandProcesses) -> None:
     async def load() -> Mapping[str, Any]:
         kept = KeptProcess()
-        tile = asyncio.create_task(kept.run({"name": "tile"}, again=True))
+        tile = asyncio.create_task(kept.run({"name": "tile"}, is_patient=True, again=True))
         frame = asyncio.create_task(kept.run({"capture": 1}))
         await asyncio.sleep(0.01)
         processes.started[0].dies = True

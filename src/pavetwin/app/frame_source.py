@@ -1,5 +1,7 @@
 """The rendered frame of a capture, with labels and detections: the image that `fly --save-frames` saves of it.
 
+A preview comes first: the same view in as many pixels as are shown, without labels, in a tenth of the time.
+
 Poses and detections of all captures are in a file beside what the browser plays. World, defects and traffic are read
 again from what the missions' specs name, once for all frames of these missions.
 """
@@ -7,7 +9,7 @@ again from what the missions' specs name, once for all frames of these missions.
 import base64
 import json
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from io import BytesIO
@@ -17,6 +19,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 from PIL import Image
 
+from pavetwin.app.kept import kept_world
+from pavetwin.app.requests import FramePart
+from pavetwin.arrays import UInt8Array
 from pavetwin.capture.mission_frames import frame_of, frame_size, labelled_frame
 from pavetwin.capture.mission_images import MissionImages
 from pavetwin.capture.truth import LabelledObject
@@ -79,38 +84,69 @@ def _share(box: Sequence[float], size_px: Sequence[int]) -> list[float]:
     return [round(float(edge) / size_px[at % 2], 5) for at, edge in enumerate(box)]
 
 
-def shown_frame(folder: Path, mission: int, capture: int, *, search: bool = False) -> dict[str, Any]:
+class GivenUpError(Exception):
+    """A frame is not wanted any more."""
+
+
+def shown_frame(
+    folder: Path, mission: int, capture: int, part: FramePart, is_wanted: Callable[[], bool] = lambda: True
+) -> dict[str, Any]:
     """The frame of a capture as the browser shows it.
 
     Args:
         folder: with what `write_frame_source` wrote.
         mission: its index there.
-        search: with what the shipped detector finds in the image.
+        part: what of it.
+        is_wanted: asked between steps whether it still is.
 
     Returns:
-        `jpeg` in base64, of `SHOWN_PX`; `labels`, those of the dataset that `fly --save-frames` saves; `detections` of
-        the mission's `sensor`; `searched` by the shipped detector or None. Boxes are shares of the image's sides.
+        Of a preview and a labelled frame `jpeg` in base64, of `SHOWN_PX`; `labels`, those of the dataset that
+        `fly --save-frames` saves, None of a preview; `detections` of the mission's `sensor`. Of a search `searched`,
+        what the shipped detector finds. Boxes are shares of the image's sides.
 
     Raises:
         PaveTwinError: the mission's inputs are not what they were, there is no adapter to draw with, or the sun is
             below the horizon.
+        GivenUpError: it is not wanted any more.
     """
     source = _sources(folder)[mission]
-    rendered, objects = source.rendered(capture)
-    image, content = Image.fromarray(rendered.rgb), BytesIO()
-    image.thumbnail((SHOWN_PX, SHOWN_PX), Image.Resampling.LANCZOS)
-    image.save(content, "JPEG", quality=_QUALITY)
-    return {
-        "jpeg": base64.b64encode(content.getvalue()).decode(),
-        "labels": [
+
+    def check() -> None:
+        if not is_wanted():
+            raise GivenUpError
+
+    with source.images.scene_renderer.giving_up_by(check):
+        return _shown(source, capture, part)
+
+
+def _shown(source: "MissionFrames", capture: int, part: FramePart) -> dict[str, Any]:
+    if part is FramePart.SEARCHED:
+        return {"searched": source.searched(capture)}
+    labels = None
+    if part is FramePart.PREVIEW:
+        rgb = source.preview(capture)
+    else:
+        rendered, objects = source.rendered(capture)
+        rgb = rendered.rgb
+        labels = [
             {"id": each.id, "class": each.category, "box": _share(each.box, rendered.view.size_px)}
             for each in objects
             if each.ignored is None
-        ],
+        ]
+    return {
+        "jpeg": _jpeg(rgb),
+        "labels": labels,
         "sensor": source.sensor,
         "detections": source.captures[capture]["detections"],
-        "searched": source.searched(capture) if search else None,
     }
+
+
+def _jpeg(rgb: UInt8Array) -> str:
+    """An image of `SHOWN_PX` at most, in base64."""
+    image, content = Image.fromarray(rgb), BytesIO()
+    image.thumbnail((SHOWN_PX, SHOWN_PX), Image.Resampling.LANCZOS)
+    image.save(content, "JPEG", quality=_QUALITY)
+    return base64.b64encode(content.getvalue()).decode()
 
 
 @dataclass(frozen=True)
@@ -142,6 +178,14 @@ class MissionFrames:
         frame = self.frame(capture)
         return labelled_frame(self.images, self.trace, frame, frame_size(frame.camera.image_px))
 
+    def preview(self, capture: int) -> UInt8Array:
+        """(height, width, 3) sRGB, of `SHOWN_PX`: the same view of the same camera in fewer pixels."""
+        frame = self.frame(capture)
+        saved = frame_size(frame.camera.image_px)
+        scale = min(1.0, SHOWN_PX / max(saved))
+        size = round(saved[0] * scale), round(saved[1] * scale)
+        return self.images.rendered(frame, size, truth=False).rgb
+
     def searched(self, capture: int) -> list[dict[str, Any]]:
         """What the shipped detector finds in the image that it takes of a capture."""
         frame = self.frame(capture)
@@ -158,7 +202,7 @@ def _sources(folder: Path) -> tuple[MissionFrames, ...]:
     """Of the missions in a folder, whose name stands for their content."""
     missions = json.loads((folder / FILE).read_text(encoding="utf-8"))
     specs = [MissionSpec.parse(mission["spec"], where=FILE) for mission in missions]
-    inputs = load_inputs(specs[0])
+    inputs = load_inputs(specs[0], world=kept_world(Path(specs[0].world.path)))
     last_s = max((capture["time_s"] for mission in missions for capture in mission["captures"]), default=0.0)
     with inputs.replay:
         inputs.replay.extend(last_s)

@@ -7,7 +7,8 @@ from collections import OrderedDict
 from collections.abc import Mapping
 from typing import Any, Final
 
-from pavetwin.app.task_pool import KeptProcess
+from pavetwin.app.requests import FramePart
+from pavetwin.app.task_pool import KeptProcess, Said
 from pavetwin.errors import PaveTwinError
 
 KEPT: Final = 160
@@ -18,8 +19,9 @@ class FrameRenderer:
     """Renders one frame at a time in a process that is there while a page is open: the one that makes the tiles of the
     town in 3-D, of the same world.
 
-    Of each page only its latest request waits: moving the slider asks for many frames, and all but the last are of no
-    use any more. Pages take turns.
+    Of each page only its latest request counts: moving the slider asks for many frames, and all but the last are of no
+    use any more. One that waits is dropped, one that is rendered is given up unless it is a preview, which takes no
+    longer than giving it up. Pages take turns.
     """
 
     def __init__(self, process: KeptProcess) -> None:
@@ -27,6 +29,8 @@ class FrameRenderer:
         self._pages: set[object] = set()
         self._waiting: dict[object, tuple[Mapping[str, Any], asyncio.Future[Mapping[str, Any]]]] = {}
         self._running: asyncio.Task[None] | None = None
+        self._rendered: tuple[object, Said] | None = None
+        """Whose frame is rendered that can be given up, and what tells it so."""
         self._kept: OrderedDict[str, Mapping[str, Any]] = OrderedDict()
 
     async def frame(self, page: object, task: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -38,6 +42,8 @@ class FrameRenderer:
         if known := self._kept.get(_name(task)):
             self._kept.move_to_end(_name(task))
             return known
+        if self._rendered is not None and self._rendered[0] is page:
+            self._rendered[1].say({"stop": True})
         self._pages.add(page)
         rendered: asyncio.Future[Mapping[str, Any]] = asyncio.get_running_loop().create_future()
         self._waiting[page] = (task, rendered)
@@ -55,11 +61,18 @@ class FrameRenderer:
             task, rendered = self._waiting.pop(page)
             if rendered.done():
                 continue
+            said = Said()
+            self._rendered = None if task.get("part") == FramePart.PREVIEW else (page, said)
             try:
-                result = await self._process.run(task)
+                result = await self._process.run(task, said=said)
             except PaveTwinError as error:
                 if not rendered.done():
                     rendered.set_exception(error)
+                continue
+            finally:
+                self._rendered = None
+            if not result:
+                rendered.cancel()
                 continue
             self._keep(task, result)
             if not rendered.done():

@@ -1,6 +1,7 @@
-"""What a browser may say of maps and of flights by hand. It loads little: the server reads these itself."""
+"""What a browser may say of maps, of frames and of flights by hand. It loads little: the server reads these itself."""
 
 import re
+from enum import StrEnum
 from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Field, StringConstraints
@@ -13,6 +14,18 @@ KINDS: Final = (".osm", ".osm.pbf", ".net.xml")
 
 LARGEST_BYTES: Final = 100_000_000
 """Of a map as it is sent."""
+
+
+class FramePart(StrEnum):
+    """What a browser may ask for of a capture, by what it takes; see `pavetwin.app.frame_source`."""
+
+    PREVIEW = "preview"
+    """The image alone, in as many pixels as are shown."""
+    LABELLED = "labelled"
+    """The image that `fly --save-frames` saves, with its labels."""
+    SEARCHED = "searched"
+    """What the shipped detector finds."""
+
 
 Deflection = Annotated[float, Field(ge=-1.0, le=1.0)]
 

@@ -11,6 +11,7 @@ from typing import Any, Final, Self
 
 from pavetwin.app.exhibits import REPORT, SHEET, Exhibit, exhibit_kind
 from pavetwin.app.frames import FrameRenderer
+from pavetwin.app.requests import FramePart
 from pavetwin.app.task_pool import KeptProcess, OnReport, Said, TaskPool
 from pavetwin.app.uploads import Uploads
 from pavetwin.errors import PaveTwinError, no_such
@@ -160,7 +161,7 @@ class Session:
         """
         world = self.world(key)
         task = {"do": "town", "world": str(world.folder), "name": name, "folder": str(self.folder / "town")}
-        found = await self._renders.run(task, again=True)  # a page that loads again may end it
+        found = await self._renders.run(task, is_patient=True, again=True)  # a page that loads again may end it
         return TownFile(Path(found["path"]), found.get("tag")) if found else None
 
     async def choices(self) -> Mapping[str, Any]:
@@ -267,12 +268,11 @@ class Session:
             PaveTwinError: there is no such mission or capture, or it cannot be rendered.
             asyncio.CancelledError: it was dropped.
         """
-        search = asked.get("search", False)
         played, mission = self._mission(asked)
         capture = _index("capture", asked.get("capture"), played.captures[mission])
-        if not isinstance(search, bool):
-            raise PaveTwinError("`search`: is true or false.")
-        task = {"folder": str(played.folder), "mission": mission, "capture": capture, "search": search}
+        if (part := asked.get("part")) not in tuple(FramePart):
+            raise PaveTwinError(f"`part`: {str(part)[:40]!r} is none of {', '.join(FramePart)}.")
+        task = {"folder": str(played.folder), "mission": mission, "capture": capture, "part": part}
         return await self.frames.frame(page, {"do": "frame", **task})
 
     def _mission(self, asked: Mapping[str, Any]) -> tuple[Played, int]:

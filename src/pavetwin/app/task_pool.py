@@ -42,6 +42,11 @@ class Said:
         self._values: Mapping[str, Any] = {}
         self._is_new = asyncio.Event()
 
+    @property
+    def is_new(self) -> bool:
+        """Whether anything was said that nobody has taken."""
+        return self._is_new.is_set()
+
     def say(self, values: Mapping[str, Any]) -> None:
         self._values = values
         self._is_new.set()
@@ -211,33 +216,58 @@ class KeptProcess:
     first task, and another takes its place where it died or was ended."""
 
     def __init__(self) -> None:
-        self._turn, self._starting = asyncio.Lock(), asyncio.Lock()
+        self._turn, self._patience, self._starting = asyncio.Lock(), asyncio.Lock(), asyncio.Lock()
+        self._waiting = 0
+        """Tasks that wait and are not patient."""
         self._process: TaskProcess | None = None
         self._is_closed = False
 
-    async def run(self, task: Mapping[str, Any], *, again: bool = False) -> Mapping[str, Any]:
+    async def run(
+        self, task: Mapping[str, Any], *, is_patient: bool = False, again: bool = False, said: Said | None = None
+    ) -> Mapping[str, Any]:
         """Run a task in its turn.
 
         Args:
+            is_patient: after all that wait and are not.
             again: run it in the next process where this one is ended meanwhile.
+            said: what is said to the task while it runs.
 
         Raises:
             PaveTwinError: as `TaskProcess.run`, or the server ends.
         """
-        async with self._turn:
+        async with self._in_turn(is_patient=is_patient):
             known = self._process
             process = await self._ready()
             try:
-                return await self._run_in(process, task)
+                return await self._run_in(process, task, said)
             except ProcessDiedError:
                 was_ended = process is not self._process
                 if (was_ended and not again) or (not was_ended and process is not known):
                     raise
-                return await self._run_in(await self._ready(), task)  # or it had died before, while nobody looked
+                return await self._run_in(await self._ready(), task, said)  # or it had died before, while nobody looked
 
-    async def _run_in(self, process: TaskProcess, task: Mapping[str, Any]) -> Mapping[str, Any]:
+    @asynccontextmanager
+    async def _in_turn(self, *, is_patient: bool) -> AsyncIterator[None]:
+        if is_patient:
+            async with self._patience:
+                await self._turn.acquire()
+                while self._waiting:  # those get the turn that is given up here
+                    self._turn.release()
+                    await self._turn.acquire()
+        else:
+            self._waiting += 1
+            try:
+                await self._turn.acquire()
+            finally:
+                self._waiting -= 1
         try:
-            return await process.run(task, lambda _: None)
+            yield
+        finally:
+            self._turn.release()
+
+    async def _run_in(self, process: TaskProcess, task: Mapping[str, Any], said: Said | None) -> Mapping[str, Any]:
+        try:
+            return await process.run(task, lambda _: None, said)
         except asyncio.CancelledError:
             await asyncio.shield(self.end())  # its answer would be taken for that of the next task
             raise

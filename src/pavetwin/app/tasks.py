@@ -13,7 +13,7 @@ from pavetwin.app.flight_request import PRESET, FlightRequest
 from pavetwin.app.flights import fly_missed, fly_request, listed_missions, planned, play_mission
 from pavetwin.app.kept import kept_environment, kept_world
 from pavetwin.app.map_limits import LARGEST_KM2
-from pavetwin.app.requests import KINDS, LARGEST_BYTES
+from pavetwin.app.requests import KINDS, LARGEST_BYTES, FramePart
 from pavetwin.app.task_report import TaskReport
 from pavetwin.config import load_settings
 from pavetwin.config.altitude import CEILING_M, LOWEST_M
@@ -179,8 +179,12 @@ def _estimate(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
     return {**known, "targets": [world.segments[index].id for index in targets]}
 
 
-def _frame(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:  # noqa: ARG001 - as every task
-    """The rendered frame of a capture."""
-    from pavetwin.app.frame_source import shown_frame
+def _frame(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
+    """The rendered frame of a capture; empty where anything is said meanwhile, as another one is wanted then."""
+    from pavetwin.app.frame_source import GivenUpError, shown_frame
 
-    return shown_frame(Path(task["folder"]), task["mission"], task["capture"], search=task["search"])
+    part = FramePart(task["part"])
+    try:
+        return shown_frame(Path(task["folder"]), task["mission"], task["capture"], part, lambda: not tell.said())
+    except GivenUpError:
+        return {}

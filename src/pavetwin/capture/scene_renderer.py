@@ -1,6 +1,7 @@
 """The frame source of datasets and missions: the world's scene, drawn by the renderer."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import ClassVar, Final
 
 import numpy as np
@@ -49,6 +50,15 @@ class SceneRenderer:
         self._scene = Scene(world, seed=LOOK_SEED, look=look)
         self._renderer = Renderer(self._scene)
         self._trace: tuple[Recording, Trace] | None = None
+
+    @contextmanager
+    def giving_up_by(self, check: Callable[[], None]) -> Iterator[None]:
+        """While it lasts, frames are given up where the check, made between their steps, raises."""
+        before, self._renderer.on_step = self._renderer.on_step, check
+        try:
+            yield
+        finally:
+            self._renderer.on_step = before
 
     def picture(
         self,

@@ -1,6 +1,6 @@
 """Frames of a scene: rendered by the device, and imaged by a camera model."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
@@ -66,6 +66,8 @@ class Renderer:
         self._sky: tuple[Light, Any, dict[int, Any]] | None = None
         self._materials = self._upload_materials(details)
         self._atlas = AmodalAtlas(self.gpu, self._pipelines)
+        self.on_step: Callable[[], None] = lambda: None
+        """Called between the steps of a frame, and may raise to give it up."""
 
     def frame(
         self,
@@ -112,6 +114,7 @@ class Renderer:
             truth=labels or depth or drifts,
             amodal=labels,
         )
+        self.on_step()
         settings = exposure or programme(camera, meter(seen.radiance) * 2.0**compensation_ev)
         blurred = seen.depth_m is not None and _moves(view, settings, moving, seen.depth_m)
         take = partial(
@@ -128,7 +131,9 @@ class Renderer:
             white=white_balance(light, seen.radiance, style.adaptation),
         )
         taken = take(seen.radiance)
+        self.on_step()
         repaired = take(_without_defects(seen.radiance)) if defect_free else None
+        self.on_step()
         return RenderedFrame(
             view,
             taken,

@@ -87,7 +87,7 @@ export class Camera {
     pen.fillRect(0, 0, width, height);
     const frame = this.#frames?.at(this.#time) ?? null, isLabelled = this.#checked('labels');
     const box = [(width - across * k) / 2, (height - along * k) / 2, across * k, along * k];
-    const is3d = !frame && (this.#town?.drawDown(pen, box, now, this.#rate > 0) ?? false);
+    const is3d = !frame && (this.#town?.drawDown(pen, box, now, this.#rate > 0 || Boolean(this.#frames?.isSoon)) ?? false);
     this.#shown.textContent = frameLine(this.#frames, frame, isLabelled, is3d);
     if (frame) return this.#drawFrame(pen, frame, width, height, isLabelled);
     if (is3d) return this.#drawWindow(pen, box, now);

@@ -82,8 +82,8 @@ export class DefectFrames {
     pen.clearRect(0, 0, canvas.width, canvas.height);
     pen.fillRect(0, 0, canvas.width, canvas.height);
     pen.drawImage(image, -left * scale, -top * scale, image.naturalWidth * scale, image.naturalHeight * scale);
-    const label = labels.find(({ id }) => id === `defect ${this.#defect.id}`);
-    if (!label) return true;
+    const label = labels?.find(({ id }) => id === `defect ${this.#defect.id}`);
+    if (!label) return Boolean(labels);
     const [x0, y0, x1, y1] = label.box.map((share, at) => (share * (at % 2 ? image.naturalHeight : image.naturalWidth) - (at % 2 ? top : left)) * scale);
     for (const [style, thick] of [['#000000a0', 5], ['#ffd84d', 2.5]]) {
       pen.strokeStyle = style;

@@ -1,4 +1,4 @@
-// The rendered frames of captures: asked for by the moment that is shown, the next ones ahead, and drawn with boxes.
+// The rendered frames of captures: asked for by the moment that is shown, previews first, the next ones ahead; drawn with boxes.
 
 import { clock, lastUpTo } from './playback.js';
 import { CancelledError } from './server.js';
@@ -6,15 +6,22 @@ import { CancelledError } from './server.js';
 /** Seconds: a capture farther from a moment does not show it. */
 const NEAR_S = 2;
 
-/** Frames that are made ahead, and those that stay in memory. */
-const AHEAD = 4, KEPT = 48;
+/** Previews that are made ahead, and frames that stay in memory. */
+const AHEAD = 8, KEPT = 96;
+
+/** A moment is chosen when no other one has been for so long: then labels are made, which take ten times as long as a preview. */
+const REST_MS = 400;
+
+/** A preview that took longer than this last time is not waited for. */
+const SOON_S = 1;
 
 /** Of boxes, on any pavement: labels of the ground truth, what the mission's sensor reported, what a search found. */
 const COLOURS = { label: '#ffd84d', confirmed: '#4be08a', duplicate: '#4be08a', false_alarm: '#ff6b57', ignored: '#c9c9c9', search: '#5cc8ff' };
 
 export class Frames {
   #listeners = []; #also = [];
-  #tasks; #flight = null; #mission = null; #ready = new Map(); #wanted = null; #asked = null; #took = 1; #search = false;
+  #tasks; #flight = null; #mission = null; #ready = new Map(); #wanted = null; #asked = null; #took = 2 * SOON_S; #search = false;
+  #rate = 0; #ahead = 0; #restsAt = 0; #rest = 0;
   /** Why no frame can be rendered of this mission, if so. */
   failure = '';
 
@@ -59,38 +66,60 @@ export class Frames {
     return null;
   }
 
+  /** Whether a preview of the moment is on its way and will be there before a slow browser has drawn the town. */
+  get isSoon() { return this.#asked?.part === 'preview' && this.#asked.capture === this.#wanted && this.#took < SOON_S; }
+
   /** Ask for the frame of a moment; while time passes, for that of the moment at which it will be ready. */
   want(t, rate, search) {
     if (!this.#mission || this.failure) return;
-    this.#search = search;
-    const lead = rate * this.#took, last = this.#mission.captures.t_s.length - 1;
-    const capture = this.nearest(Math.min(t + lead, this.#mission.captures.t_s[last] ?? 0));
-    this.#wanted = capture < 0 ? this.nearest(t) : capture;
-    if (this.#asked?.capture !== this.#wanted) this.#next(rate > 0);
+    const times = this.#mission.captures.t_s, capture = this.nearest(Math.min(t + rate * this.#took, times.at(-1) ?? 0)), wanted = capture < 0 ? this.nearest(t) : capture;
+    if (wanted !== this.#wanted || rate) this.#wait();
+    [this.#search, this.#rate, this.#wanted, this.#ahead] = [search, rate, wanted, Math.max(wanted, lastUpTo(times, t) + 1)];
+    this.#next();
   }
 
-  /** Ask for what is wanted, or else for the first of the others and of the next captures that is not there yet.
-   * Before it asks for another one while time passes it waits for the one before: dropping each would leave none. */
-  #next(isPlaying = false) {
-    if (!this.#mission || this.failure || (isPlaying && this.#asked !== null)) return;
-    const count = this.#mission.captures.t_s.length, now = this.#wanted ?? -1;
-    const isMissing = capture => capture < count && !this.#known(capture, this.#search);
-    const ahead = now < 0 ? [] : [...Array(AHEAD + 1).keys()].map(i => now + i);
-    const capture = [...ahead.slice(0, 1), ...this.#also, ...ahead].find(isMissing);
-    if (capture !== undefined && capture !== this.#asked?.capture && (capture === this.#wanted || this.#asked === null)) this.#ask(capture);
+  /** No labels until the moment has been the same for a while. */
+  #wait() {
+    this.#restsAt = performance.now() + REST_MS;
+    clearTimeout(this.#rest);
+    this.#rest = setTimeout(() => this.#next(), REST_MS + 1);
   }
 
-  async #ask(capture) {
-    const mission = this.#mission, flight = this.#flight, search = this.#search, begun = performance.now();
-    const asked = this.#asked = { capture };
+  /** What is to be made, the first first: [capture, part]. */
+  *#wishes() {
+    const wanted = this.#wanted ?? -1, count = this.#mission.captures.t_s.length;
+    if (wanted >= 0) yield [wanted, 'preview'];
+    if (performance.now() >= this.#restsAt) {
+      if (wanted >= 0) yield [wanted, 'labelled'];
+      if (wanted >= 0 && this.#search) yield [wanted, 'searched'];
+      for (const part of ['preview', 'labelled']) for (const capture of this.#also) yield [capture, part];
+    }
+    for (let capture = this.#ahead; capture < Math.min(this.#ahead + AHEAD, count); capture++) yield [capture, 'preview'];
+  }
+
+  /** Ask for the first that is not there. What is being made is waited for, but for the preview of a moment; while time
+   * passes for that as well, as dropping each would leave none. */
+  #next() {
+    if (!this.#mission || this.failure) return;
+    const [capture, part] = [...this.#wishes()].find(wish => !this.#has(...wish)) ?? [];
+    if (part === undefined || (capture === this.#asked?.capture && part === this.#asked.part)) return;
+    const isUrgent = part === 'preview' && capture === this.#wanted && !this.#rate;
+    if (this.#asked === null || isUrgent) this.#ask(capture, part);
+  }
+
+  async #ask(capture, part) {
+    const mission = this.#mission, flight = this.#flight, begun = performance.now();
+    const asked = this.#asked = { capture, part };
     try {
-      const frame = { do: 'frame', key: flight.key, mission: flight.missions.indexOf(mission), capture, search };
+      const frame = { do: 'frame', key: flight.key, mission: flight.missions.indexOf(mission), capture, part };
       const { jpeg, ...values } = await this.#tasks.ask(frame).promise;
-      const image = new Image();
-      image.src = `data:image/jpeg;base64,${jpeg}`;
-      await image.decode();
-      if (flight === this.#flight) this.#keep(this.#name(mission, capture), { ...values, image, capture, time: mission.captures.t_s[capture] });
-      this.#took += 0.3 * ((performance.now() - begun) / 1000 - this.#took);
+      if (jpeg) {
+        values.image = new Image();
+        values.image.src = `data:image/jpeg;base64,${jpeg}`;
+        await values.image.decode();
+      }
+      if (flight === this.#flight) this.#keep(this.#name(mission, capture), { ...values, capture, time: mission.captures.t_s[capture] });
+      if (part === 'preview') this.#took = (this.#took + (performance.now() - begun) / 1000) / 2;
     } catch (error) {
       if (!(error instanceof CancelledError) && mission === this.#mission) this.failure = error.message;
     }
@@ -102,15 +131,20 @@ export class Frames {
 
   #name(mission, capture) { return `${this.#flight.missions.indexOf(mission)}/${capture}`; }
 
-  #keep(name, frame) {
+  /** Keep what is new of a frame; a preview that comes after the labels is not. */
+  #keep(name, values) {
+    const before = this.#ready.get(name);
+    if (values.image ? before?.labels && !values.labels : !before) return;
     this.#ready.delete(name);
-    this.#ready.set(name, frame);
+    this.#ready.set(name, { ...before, ...values });
     if (this.#ready.size > KEPT) this.#ready.delete(this.#ready.keys().next().value);
   }
 
-  #known(capture, isSearched = false) {
-    const frame = this.#ready.get(this.#name(this.#mission, capture));
-    return isSearched && !frame?.searched ? undefined : frame;
+  #known(capture) { return this.#ready.get(this.#name(this.#mission, capture)); }
+
+  #has(capture, part) {
+    const frame = this.#known(capture);
+    return Boolean({ preview: frame, labelled: frame?.labels, searched: frame?.searched }[part]);
   }
 }
 
@@ -118,7 +152,7 @@ export class Frames {
 export function frameLine(frames, frame, isLabelled, is3d = false) {
   if (!frame) return `Drawn ${is3d ? 'in 3-D' : 'from the map'}.${frames?.failure ? ` ${frames.failure}` : ''}`;
   const count = (number, what) => `${number} ${what}${number === 1 ? '' : 's'}`, told = [`Rendered: capture ${frame.capture}, ${clock(frame.time)}`];
-  if (isLabelled) told.push(count(frame.labels.length, 'label'));
+  if (isLabelled) told.push(frame.labels ? count(frame.labels.length, 'label') : 'labels follow');
   if (frame.detections.length) told.push(`${count(frame.detections.length, 'detection')} of the sensor '${frame.sensor}'`);
   if (frame.searched) told.push(`${count(frame.searched.length, 'box').replace('boxs', 'boxes')} of the shipped detector`);
   return `${told.join(' · ')}.`;
@@ -126,7 +160,7 @@ export function frameLine(frames, frame, isLabelled, is3d = false) {
 
 /** Boxes over a frame that is drawn at [left, top, width, height]. */
 export function drawBoxes(pen, frame, [left, top, width, height], isLabelled) {
-  const boxes = isLabelled ? frame.labels.map(label => ({ ...label, colour: COLOURS.label, words: label.class })) : [];
+  const boxes = isLabelled ? (frame.labels ?? []).map(label => ({ ...label, colour: COLOURS.label, words: label.class })) : [];
   const told = ({ class: kind, confidence }) => `${kind} ${Math.round(100 * confidence)} %`;
   boxes.push(...frame.detections.map(each => ({ ...each, colour: COLOURS[each.outcome], words: told(each), isDashed: true })));
   boxes.push(...(frame.searched ?? []).map(each => ({ ...each, colour: COLOURS.search, words: told(each), isDashed: true })));

@@ -26,7 +26,7 @@ function nothing(message) {
   const idle = () => {};
   return {
     available: false, message, ready: Promise.resolve(false), setAgents: idle, setUav: idle, setCamera: idle,
-    setLayers: idle, setLight: idle, lookAt: idle, resize: idle, render: idle, dispose: idle, drawDown: () => false,
+    setLayers: idle, setLight: idle, lookAt: idle, hold: idle, resize: idle, render: idle, dispose: idle, drawDown: () => false,
     stats: () => ({ available: false, message }),
   };
 }
@@ -99,6 +99,7 @@ class Town {
     this.cameras = new Cameras(this.canvas, manifest, () => (this.dirty = true));
     if (this.asked) this.cameras.set(...this.asked);
     this.tiles = new Tiles(this.scene, manifest, this.files, this.materials, this.models);
+    this.tiles.held = this.held;
     this.tiles.setOutlines(Boolean(this.layers?.defects));
     this.agents = new Agents(this.scene, this.models);
     this.agents.set(this.list ?? []);
@@ -154,6 +155,13 @@ class Town {
   setLight(light) {
     this.sky.set(light);
     this.shaded = false;
+    this.dirty = true;
+  }
+
+  // Load and draw nothing while nobody sees it.
+  hold(on) {
+    this.held = on;
+    if (this.tiles) this.tiles.held = on;
     this.dirty = true;
   }
 
@@ -264,6 +272,7 @@ class Town {
 
   #frame = () => {
     this.request = requestAnimationFrame(this.#frame);
+    if (this.held) return;
     const since = performance.now() - (this.drawnAt ?? -Infinity), isRecent = since < MOVING_MS;
     if (this.tiles.arrived && since > ARRIVED_MS) this.dirty = true;
     if (!this.dirty && (isRecent || this.scale === 1)) return;

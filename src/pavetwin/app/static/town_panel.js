@@ -15,7 +15,7 @@ const LAYERS = { agents: 'traffic', parked: 'parked vehicles', uav: 'UAV', objec
 const OWN = 'own car', PAINT = [0.75, 0.36, 0.02];
 const AT_FIRST = ['agents', 'parked', 'uav', 'objects'];
 const KINDS = { van: 'van', truck: 'truck', bus: 'bus', motorcycle: 'motorcycle' };
-/** Above this time of a frame the camera's view is not drawn in 3-D while the mission plays: it takes a second frame. */
+/** Above this time of a frame the camera's view is not drawn in 3-D where another follows soon: it takes a second frame. */
 const QUICK_MS = 12;
 const AWAY_M = 90, BEHIND = { back_m: 9, up_m: 4 };
 
@@ -52,6 +52,7 @@ export class TownPanel {
   /** Show or hide the panel. A hidden one loads and draws nothing. */
   show(on) {
     this.#root.hidden = !on;
+    this.#town?.hold(!on);
     this.#open();
   }
 
@@ -93,12 +94,12 @@ export class TownPanel {
 
   /**
    * Draw what the UAV's camera sees at the moment into a rectangle of a 2D context, [left, top, width, height].
-   * Returns whether it could.
+   * Returns whether it could; what is seen only briefly is not drawn where that takes long.
    */
-  drawDown(pen, box, now, isPlaying) {
+  drawDown(pen, box, now, isBrief) {
     if (!this.#town?.available || !this.isShown || !this.#mission || now.altitude < 1) return false;
     const { pending, frame_ms: took } = this.#town.stats();
-    if (pending || (isPlaying && took > QUICK_MS)) return false;
+    if (pending || (isBrief && took > QUICK_MS)) return false;
     const { footprint_m: [, along], altitude_m: altitude } = this.#mission;
     return this.#town.drawDown(pen, box, { x: now.x, y: now.y, z: now.altitude, yaw: now.yaw }, 2 * Math.atan(along / 2 / altitude) * 180 / Math.PI);
   }

@@ -35,6 +35,7 @@ export class Tiles {
     this.working = new Set();
     this.arrived = false; // Whether something has come since tiles were chosen last.
     this.failed = null;
+    this.held = false; // While it is, no more tiles are asked for.
     this.time = 0;
     const levels = manifest.levels, last = levels.length - 1;
     for (const { level, tiles } of levels)
@@ -181,7 +182,7 @@ export class Tiles {
 
   #load() {
     this.wanted.sort((one, other) => one.rank - other.rank);
-    while (this.working.size < AT_ONCE && this.wanted.length) {
+    while (this.working.size < AT_ONCE && this.wanted.length && !this.held) {
       const { node } = this.wanted.shift();
       node.state = "loading";
       const work = this.#fetch(node).finally(() => {
