@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from pavetwin.scene.ground import plan as plans
 from pavetwin.scene.model import GroundMaps, Mesh, Model
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.scene_cache import SceneCache, kept_of_all
+from pavetwin.world import kept
 from pavetwin.world.cache import tile_folder
 from pavetwin.world.folder import CACHE_VARIABLE
 from pavetwin.world.model import World
@@ -103,28 +105,9 @@ def test_other_inputs_are_other_files(world: World, folder: Path, monkeypatch: p
         place_of(replace(world, defects=world.defects[1:])),
         place_of(replace(world, streets=tuple(replace(each, bridges=((1.0, 2.0),)) for each in world.streets))),
     ]
-    monkeypatch.setattr(scene_cache, "made_by", lambda: "by other code")
+    monkeypatch.setattr(scene_cache, "made_by", lambda *_: "by other code")
     names.append(place_of(world))
     assert len({*names}) == len(names) == len(list(folder.iterdir()))
-
-
-def test_bytecode_and_hidden_files_are_no_part_of_the_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """They appear and go while other processes start."""
-    package = tmp_path / "pavetwin"
-    for folder in scene_cache.MADE_BY:
-        (package / folder / "__pycache__").mkdir(parents=True)
-    code = package / "scene" / "model.py"
-    code.write_text("a = 1\n")
-    monkeypatch.setattr(scene_cache.model, "__file__", str(code))
-    for module in (scene_cache.seeds, scene_cache.arrays):
-        monkeypatch.setattr(module, "__file__", str(code))
-    made_by = scene_cache.made_by.__wrapped__
-    before = made_by()
-    for name in ("__pycache__/model.cpython-311.pyc", "__pycache__/model.cpython-311.pyc.140234", ".model.py.swp"):
-        (package / "scene" / name).write_bytes(b"x")
-    assert made_by() == before
-    (package / "world" / "levels.yaml").write_text("b: 2\n")
-    assert made_by() != before
 
 
 def test_a_world_that_was_never_built_leaves_nothing(world: World, folder: Path) -> None:
@@ -206,7 +189,7 @@ def test_a_file_can_run_no_code(world: World, folder: Path, tmp_path: Path) -> N
     cache, maker = SceneCache(world, seed=4, look="varied"), Maker()
     cache.kept("one", maker)
     (path,) = (file for file in folder.rglob("*") if file.is_file())
-    scene_cache._write(path, Harm())
+    kept.write(path, Harm())
     with pytest.warns(CacheWarning, match="damaged"):
         cache.kept("one", maker)
     assert maker.made == 2
@@ -216,7 +199,7 @@ def test_a_file_can_run_no_code(world: World, folder: Path, tmp_path: Path) -> N
 @pytest.mark.usefixtures("folder")
 def test_models_are_kept_with_their_parts() -> None:
     mesh = Mesh(np.zeros((3, 3), np.float32), np.zeros((3, 3), np.float32), np.zeros((1, 3), np.uint32))
-    made = {"box": Model("box", scene_cache._fixed({"body": mesh}), {"radius_m": 1.5}, "child")}
+    made = {"box": Model("box", MappingProxyType({"body": mesh}), {"radius_m": 1.5}, "child")}
     assert kept_of_all("models", lambda: made) is made
     found = kept_of_all("models", dict)["box"]
     assert list(parts(found.parts["body"])) == list(parts(mesh))

@@ -5,6 +5,7 @@ from pavetwin.defects.maps import albedo_factor, lost_surface, normal_map, occlu
 from pavetwin.defects.marking import Marking
 from pavetwin.defects.measures import Measures, measure
 from pavetwin.defects.mesh import DefectMesh, mesh_of
+from pavetwin.defects.placed import placed_on
 from pavetwin.defects.placement import DefectOptions, add_defects, place
 from pavetwin.defects.registry import DEFECT_CLASSES, DefectKind, LabelRule, defect_class, heightfield_of, kinds
 from pavetwin.defects.sampling import sample_points
@@ -30,5 +31,6 @@ __all__ = [
     "normal_map",
     "occlusion_map",
     "place",
+    "placed_on",
     "sample_points",
 ]

@@ -12,10 +12,10 @@ from typing import Any, Final, get_args, get_type_hints
 import polars as pl
 import pyarrow.parquet
 
+from pavetwin.arrays import Float64Array
 from pavetwin.config import MissionSettings, load_settings
 from pavetwin.config.mission import UavSettings
-from pavetwin.defects import DefectOptions
-from pavetwin.defects import place as place_defects
+from pavetwin.defects import DefectOptions, placed_on, sample_points
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import OWN_ROUTES, Design, WorldEntry
 from pavetwin.experiments.metrics import (
@@ -311,7 +311,14 @@ def _defects(place: _Place) -> tuple[Defect, ...]:
     if place.defects == "world":
         return world.defects
     options = _defect_options(place.path, place.defects)
-    return place_defects([world.segments[target] for target in place.targets], place.seed, options, threads=1)
+    return placed_on(world, [world.segments[target] for target in place.targets], place.seed, options, threads=1)
+
+
+@lru_cache(maxsize=2)
+def _sampled(place: _Place) -> Callable[[int], Float64Array]:
+    """The sample points of a defect by its number: the same at all altitudes."""
+    defects = _defects(place)
+    return cache(lambda number: sample_points(defects[number]))
 
 
 @lru_cache(maxsize=2)
@@ -350,7 +357,15 @@ def _environment(
         conditions={"date": parking.date, "time": parking.time},
     )
     around = _surroundings(place.path, place.content_hash, altitude_m, uav)
-    return prepare(place.world, settings, _defects(place), around, parking_seed=parking.seed, parking_mix=parking.mix)
+    return prepare(
+        place.world,
+        settings,
+        _defects(place),
+        around,
+        points_of=_sampled(place),
+        parking_seed=parking.seed,
+        parking_mix=parking.mix,
+    )
 
 
 @lru_cache(maxsize=16)

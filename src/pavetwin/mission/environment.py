@@ -1,7 +1,7 @@
 """From a world and settings to what the kernel flies over."""
 
 import datetime as dt
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import ceil, radians
@@ -171,6 +171,7 @@ def prepare(
     surroundings: Surroundings | None = None,
     *,
     base: Point | None = None,
+    points_of: Callable[[int], Float64Array] | None = None,
     parking_seed: int = 0,
     parking_mix: str = DEFAULT_MIX,
 ) -> MissionEnvironment:
@@ -182,6 +183,7 @@ def prepare(
         defects: the defects to look for, ids 0 … n−1 in order; those of the world when not given.
         surroundings: of this world at this altitude, where they are known.
         base: where the UAV takes off; as the settings say when not given.
+        points_of: `sample_points` of a defect by its id, where several environments share them.
         parking_seed: of the parked vehicles.
         parking_mix: name of their mix, as a rule that of traffic.
 
@@ -208,7 +210,7 @@ def prepare(
         solid_is_parked=standing.kind == SolidKind.PARKED_VEHICLE,
         defect_centres=np.array([(d.centre.x, d.centre.y) for d in chosen], dtype=np.float64).reshape(-1, 2),
         defect_segments=np.array([index[defect.segment] for defect in chosen], dtype=np.uint32),
-        defect_points=lambda number: sample_points(chosen[number]),
+        defect_points=points_of or (lambda number: sample_points(chosen[number])),
     )
     flown = replace(world, base=around.base)
     return MissionEnvironment(

@@ -8,7 +8,7 @@ from typing import Any
 
 from shapely import Point
 
-from pavetwin.defects import place
+from pavetwin.defects import placed_on
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.airspace import Aircraft, load_airspace
 from pavetwin.mission.environment import MissionEnvironment, prepare
@@ -192,7 +192,7 @@ def defects_of(world: World, source: DefectInput, targets: Sequence[str] = ()) -
         return world.defects
     chosen = set(targets)
     segments = [segment for segment in world.segments if source.on == "world" or segment.id in chosen]
-    return place(segments, source.seed, source.options)
+    return placed_on(world, segments, source.seed, source.options)
 
 
 def aircraft_of(spec: MissionSpec) -> tuple[Aircraft, ...]:

@@ -1,4 +1,4 @@
-"""What can be computed again, in the user's cache: recordings and NavMeshes of worlds, textures and tiles.
+"""What can be computed again, in the user's cache: recordings and NavMeshes of worlds, textures, tiles, defects.
 
 A world's folder may be read-only, and is left as it was built. The folder in the cache is named by the world's content
 hash: a world that has changed never reads what was made from another. The cache has a bound: what was not used for
@@ -72,6 +72,11 @@ def tile_folder() -> Path:
     return cache_folder() / "tiles"
 
 
+def placed_folder() -> Path:
+    """Where defects are that were placed on segments of worlds."""
+    return cache_folder() / "defects"
+
+
 def most_bytes() -> int:
     """How much the cache may hold.
 
@@ -89,7 +94,7 @@ def most_bytes() -> int:
 
 
 def cache_size() -> tuple[int, int]:
-    """How many worlds are in the cache, and bytes of all files, those of textures and tiles included."""
+    """How many worlds are in the cache, and the bytes of all its files."""
     folder = cache_folder() / "worlds"
     worlds = sum(path.is_dir() for path in folder.iterdir()) if folder.is_dir() else 0
     return worlds, sum(status.st_size for _, status in _files())
@@ -131,11 +136,11 @@ def _files() -> Iterator[tuple[Path, os.stat_result]]:
 
 
 def _folders() -> tuple[Path, ...]:
-    return cache_folder() / "worlds", texture_folder(), tile_folder()
+    return cache_folder() / "worlds", texture_folder(), tile_folder(), placed_folder()
 
 
 def clear_cache() -> None:
-    """Remove all worlds' files, textures and tiles from the cache; they are made again when they are needed.
+    """Remove all files from the cache that are ours; they are made again when they are needed.
 
     Raises:
         PaveTwinError: something cannot be removed.

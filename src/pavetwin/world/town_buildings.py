@@ -107,7 +107,7 @@ def _church(site: _Site, central: Sequence[Polygon]) -> Polygon:
         ring = block.exterior
         for along in np.arange(0, ring.length, 6.0):
             middle, ahead = _on_ring(ring, along)
-            bend = max(1 - float(ahead @ _on_ring(ring, along + d)[1]) for d in (-20.0, 20.0))
+            bend = 1 - float((_tangents_on(ring, along + np.array([-20.0, 20.0])) @ ahead).min())
             inward = turned(ahead, 90)
             plot = _rectangle(middle, ahead, inward, FORECOURT_WIDTH_M, -1.0, FORECOURT_DEPTH_M)
             outside = 1 - float(plot.intersection(block).area) / float(plot.area)
@@ -158,14 +158,12 @@ def _closed_rows(site: _Site, block: Polygon, square: Polygon, reach_m: float) -
 
 def _stations(ring: LineString, rng: np.random.Generator) -> Iterator[float]:
     """Where party walls stand along a front: every 9 to 16 m, none within 9 m of a corner."""
-    corners = [
-        along
-        for along in np.arange(0, ring.length, 1.0)
-        if float(_on_ring(ring, along - 3)[1] @ _on_ring(ring, along + 3)[1]) < 0.8
-    ]
-    along = 0.0
+    every_metre = np.arange(0, ring.length, 1.0)
+    before, after = _tangents_on(ring, every_metre - 3), _tangents_on(ring, every_metre + 3)
+    corners = every_metre[(before * after).sum(axis=1) < 0.8]
+    along, half = 0.0, ring.length / 2
     while along < ring.length - 7:
-        if all(abs((along - corner + ring.length / 2) % ring.length - ring.length / 2) > 9 for corner in corners):
+        if (np.abs((along - corners + half) % ring.length - half) > 9).all():
             yield along
             along += float(rng.uniform(9, 16))
         else:
@@ -208,7 +206,7 @@ def _terrace(site: _Site, ring: LineString, along: float, setback: float, *, tal
     height = float(rng.uniform(9.3, 13.0) if tall else rng.uniform(7.0, 9.0))
     middle, ahead = _on_ring(ring, along + count * width / 2)
     away = turned(ahead, -90)
-    bend = min(float(ahead @ _on_ring(ring, along + d)[1]) for d in (2, count * width - 2))
+    bend = float((_tangents_on(ring, along + np.array([2, count * width - 2])) @ ahead).min())
     if bend < (0.965 if tall else 0.985):
         return _house(site, ring, along, setback)
     built = 0
@@ -225,7 +223,7 @@ def _house(site: _Site, ring: LineString, along: float, setback: float) -> float
     width, depth = float(rng.uniform(8.5, 13.0)), float(rng.uniform(8.0, 11.5))
     middle, ahead = _on_ring(ring, along + width / 2)
     away = turned(ahead, -90)
-    if min(float(ahead @ _on_ring(ring, along + d)[1]) for d in (0.0, width)) < 0.94:
+    if (_tangents_on(ring, along + np.array([0.0, width])) @ ahead).min() < 0.94:
         return 3.0
     body = _rectangle(middle, ahead, away, width, setback, setback + depth)
     side = 1 if rng.random() < 0.5 else -1
@@ -284,9 +282,19 @@ def largest(land: BaseGeometry) -> Polygon:
 
 def _on_ring(ring: LineString, along: float) -> tuple[Float64Array, Float64Array]:
     """Position and unit tangent at a distance along a closed line."""
-    length = float(ring.length)
-    at, before, after = (ring.interpolate((along + d) % length) for d in (0.0, -2.0, 2.0))
-    return np.array([at.x, at.y]), unit(np.array([after.x - before.x, after.y - before.y]))
+    at, before, after = _points_on(ring, along + np.array([0.0, -2.0, 2.0]))
+    return at, unit(after - before)
+
+
+def _tangents_on(ring: LineString, along: Float64Array) -> Float64Array:
+    """Unit tangents (n, 2) at distances (n,) along a closed line."""
+    ahead = _points_on(ring, along + 2.0) - _points_on(ring, along - 2.0)
+    return np.asarray(ahead / np.hypot(ahead[:, 0], ahead[:, 1])[:, None])
+
+
+def _points_on(ring: LineString, along: Float64Array) -> Float64Array:
+    """Points (n, 2) at distances (n,) along a closed line."""
+    return np.asarray(shapely.get_coordinates(shapely.line_interpolate_point(ring, along % ring.length)))
 
 
 def _rectangle(
