@@ -11,6 +11,9 @@ from pavetwin.traffic.speed_limits import SpeedLimits
 STEP_S: Final = 0.5
 """SUMO's step and the recording's."""
 
+OUTPUT: Final = "output.txt"
+"""In a job's folder: what SUMO prints."""
+
 
 @dataclass(frozen=True)
 class SimulationJob:

@@ -1,5 +1,6 @@
 """Runs the simulation in a separate process that ends with the caller, however the caller ends."""
 
+import atexit
 import os
 import signal
 import subprocess
@@ -10,13 +11,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from multiprocessing import Pipe
+from multiprocessing.connection import Connection
 from pathlib import Path
 from types import FrameType
 from typing import Final
 from xml.etree import ElementTree
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.traffic.job import Part, SimulationJob
+from pavetwin.traffic.job import OUTPUT, Part, SimulationJob
 from pavetwin.world.sumo import environment, first_error
 
 GRACE_S: Final = 5.0
@@ -56,9 +58,21 @@ class SimulationProcess:
     """SUMO in a separate process. It is paused between two calls of `record`, and ends with its owner."""
 
     def __init__(self, job: SimulationJob) -> None:
-        self._job, self._output = job, Path(job.folder) / "output.txt"
-        self._owner, its_end = Pipe()
+        self._job, self._output = job, Path(job.folder) / OUTPUT
         self._owner_process = os.getpid()
+        self._asked = 0
+        """Requests that are not answered yet."""
+        kept = _Kept.take()
+        if kept is None:
+            self._start()
+        else:
+            self._owner, self._process = kept
+            self._output.touch()
+        with suppress(ConnectionError):  # `finish` reports the failure
+            self._owner.send(job)
+
+    def _start(self) -> None:
+        self._owner, its_end = Pipe()
         with its_end, self._output.open("wb") as sink:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "pavetwin.traffic.sumo_run"],
@@ -68,8 +82,6 @@ class SimulationProcess:
                 env=_environment(),
                 start_new_session=True,  # Ctrl-C reaches the owner, which then ends this process
             )
-        with suppress(ConnectionError):  # `finish` reports the failure
-            self._owner.send(job)
 
     def record(self, frames: int, on_progress: OnRecorded | None = None) -> Part:
         """The next `frames` frames; the first time the warm-up comes before them.
@@ -82,6 +94,7 @@ class SimulationProcess:
 
     def begin(self, frames: int) -> None:
         """Record the next `frames` frames, without waiting for them."""
+        self._asked += 1
         with suppress(ConnectionError):  # `finish` reports the failure
             self._owner.send(frames)
 
@@ -98,6 +111,7 @@ class SimulationProcess:
         except (EOFError, ConnectionError):
             code = self._process.wait()
             raise PaveTwinError(_failure(self._job, code, self._printed())) from None
+        self._asked -= 1
         if self._job.routes and UNSORTED in self._printed():
             raise PaveTwinError(
                 f"The routes {_names(self._job)} are not sorted by departure time, and SUMO would skip late ones; "
@@ -106,10 +120,14 @@ class SimulationProcess:
         return answer
 
     def close(self) -> None:
-        """End the process; in a fork of its owner, only close the connection."""
-        self._owner.close()
+        """End the process, or keep it for the next simulation (`keep_process`); in a fork of its owner, only close the
+        connection."""
         if os.getpid() != self._owner_process:
+            self._owner.close()
             return
+        if not self._asked and _Kept.leave(self._owner, self._process):
+            return
+        self._owner.close()
         self._process.terminate()
         try:
             self._process.wait(GRACE_S)
@@ -119,6 +137,56 @@ class SimulationProcess:
 
     def _printed(self) -> str:
         return self._output.read_text(errors="replace")
+
+
+def keep_process() -> None:
+    """From now on a simulation of this process leaves its own process, once it has ended, to the next one.
+
+    For those who simulate many times: a process that has SUMO loaded takes 0.4 s of processor time to start. One is
+    kept at a time, and ends with this process.
+    """
+    _Kept.owner = os.getpid()
+    atexit.register(_Kept.end)
+
+
+class _Kept:
+    """The process that waits for its next simulation."""
+
+    owner: int | None = None
+    """The process that keeps one; a fork of it keeps none."""
+    waiting: tuple[Connection, subprocess.Popen[bytes]] | None = None
+
+    @classmethod
+    def leave(cls, connection: Connection, process: subprocess.Popen[bytes]) -> bool:
+        """Whether a process is kept, which is told that its simulation has ended."""
+        if cls.owner != os.getpid() or cls.waiting is not None:
+            return False
+        try:
+            connection.send(None)
+        except OSError:  # it has ended, or was closed before
+            return False
+        cls.waiting = connection, process
+        return True
+
+    @classmethod
+    def end(cls) -> None:
+        """End the one that waits."""
+        if (kept := cls.take()) is not None:
+            connection, process = kept
+            connection.close()
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(GRACE_S)
+
+    @classmethod
+    def take(cls) -> tuple[Connection, subprocess.Popen[bytes]] | None:
+        """The one that waits, if it has not died meanwhile."""
+        if cls.owner != os.getpid() or cls.waiting is None:
+            return None
+        kept, cls.waiting = cls.waiting, None
+        if kept[1].poll() is None:
+            return kept
+        kept[0].close()
+        return None
 
 
 def _failure(job: SimulationJob, code: int, printed: str) -> str:

@@ -2,15 +2,17 @@
 
 SUMO runs only here, so that a crash of SUMO ends this process and not the caller's. Standard input is one end of a
 connection. The owner sends a `SimulationJob` and then, any number of times, a count of frames; the answers are shares
-done and finally a `Part`. SUMO is paused between requests. When the other end is closed, the job's folder is removed
-and the process ends.
+done and finally a `Part`. SUMO is paused between requests. After None the next job may come, which is simulated as in
+a new process. When the other end is closed, the job's folder is removed and the process ends.
 """
 
+import os
 import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stdout
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -18,7 +20,7 @@ import numpy as np
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic.area_loop import AreaLoop
 from pavetwin.traffic.closed_loop import ClosedLoop
-from pavetwin.traffic.job import STEP_S, Part, SimulationJob
+from pavetwin.traffic.job import OUTPUT, STEP_S, Part, SimulationJob
 from pavetwin.traffic.level_control import EVERY_S, LevelControl
 from pavetwin.traffic.network import close_others, islands, read_roads, read_sidewalks, signals_in
 from pavetwin.traffic.readout import Readout
@@ -190,24 +192,30 @@ def shares(count: int, weights: Sequence[float]) -> list[int]:
 
 
 def serve(owner: Connection) -> int:
-    """Simulate what the owner asks for. Returns the exit code: 0 the owner is done or gone, 1 SUMO refused."""
+    """Simulate what the owner asks for, one job after the other. Returns the exit code: 0 the owner is done or gone, 1
+    SUMO refused."""
     sys.modules.setdefault("pyproj", None)  # type: ignore[arg-type] # libsumo's tools would load it, and need it not
     with redirect_stdout(None):  # what the module prints when it is imported is not SUMO's
         import libsumo
-    try:
-        job: SimulationJob = owner.recv()
-    except (EOFError, ConnectionError):
-        return 0
-    try:
-        simulation = Simulation(libsumo, job, owner.send)
-        while True:
-            owner.send(simulation.record(owner.recv()))
-    except (EOFError, ConnectionError):
-        shutil.rmtree(job.folder, ignore_errors=True)
-        return 0
-    except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
-        print("Error:", " ".join(str(error).split()) or type(error).__name__, file=sys.stderr)
-        return 1
+    while True:
+        try:
+            job: SimulationJob = owner.recv()
+        except (EOFError, ConnectionError):
+            return 0
+        try:
+            with Path(job.folder, OUTPUT).open("wb") as sink:
+                os.dup2(sink.fileno(), sys.stdout.fileno())
+                os.dup2(sink.fileno(), sys.stderr.fileno())
+            simulation = Simulation(libsumo, job, owner.send)
+            while (frames := owner.recv()) is not None:
+                owner.send(simulation.record(frames))
+            libsumo.close()
+        except (EOFError, ConnectionError):
+            shutil.rmtree(job.folder, ignore_errors=True)
+            return 0
+        except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
+            print("Error:", " ".join(str(error).split()) or type(error).__name__, file=sys.stderr)
+            return 1
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from functools import partial
 from pavetwin.experiments.engines.base import DIED, Engine, Listener, in_batches
 from pavetwin.experiments.fly_unit import failed_unit, fly_unit
 from pavetwin.experiments.plan import Plan, Unit
+from pavetwin.traffic.runner import keep_process
 from pavetwin.workers import OnTick, WaitingProcess, WorkerPool, started
 
 
@@ -53,4 +54,5 @@ class Pool(Engine):
 
 
 def _start(plan: Plan, on_tick: OnTick) -> Callable[[list[Unit]], list[bytes]]:
+    keep_process()
     return lambda batch: [fly_unit(plan, unit, on_tick) for unit in batch]
