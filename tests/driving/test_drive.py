@@ -9,6 +9,7 @@ import pytest
 import shapely
 from shapely import Point
 
+from pavetwin.app.driving import BLOCKED, _played
 from pavetwin.capture.platforms.car import REAR
 from pavetwin.config import load_settings
 from pavetwin.driving.car import CarState, Pedals
@@ -86,6 +87,8 @@ def test_at_the_end_of_the_map_it_stops_and_can_come_back(environment: MissionEn
         drive.step(AHEAD)
         blocked = blocked or drive.is_blocked
     assert blocked
+    modes = _played(drive, drive.rows(), [])["missions"][0]["track"]["mode"]
+    assert [mode == BLOCKED for mode in modes] == drive.stops, "played as it was driven"
     assert drive.state.speed_mps == 0.0
     at_end = drive.state
     for _ in range(30):

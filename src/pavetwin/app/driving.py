@@ -203,7 +203,7 @@ def _played(drive: Drive, rows: Sequence[DrivenSegment], defects: Sequence[Mappi
             "yaw_rad": rounded(np.unwrap([each.yaw_rad for each in states]), 4),
             "battery": [None] * len(states),
             "visibility": [None if each is None else round(each, 4) for each in looks],
-            "mode": [_mode(each.speed_mps, is_blocked=False) for each in states],
+            "mode": [_mode(state.speed_mps, is_blocked=stop) for state, stop in zip(states, drive.stops, strict=True)],
             "segment": [-1] * len(states),
         },
         "captures": {

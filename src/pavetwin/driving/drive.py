@@ -106,6 +106,8 @@ class Drive:
         self.changes: list[PedalChange] = []
         self.states: list[CarState] = [self.state]
         """At each step, the start first."""
+        self.stops: list[bool] = [False]
+        """Whether it was blocked, at each step."""
         self.looks: list[float | None] = [None]
         """o at each step."""
         self.captures: list[Capture] = []
@@ -113,7 +115,7 @@ class Drive:
         """When each defect was found [s], by its id."""
         self.looks_at: dict[int, DefectLooks] = {}
         """The captures of each defect that was in one, by its id."""
-        self.distance_m, self.is_over, self.is_blocked, self.is_met = 0.0, False, False, False
+        self.distance_m, self.is_over, self.is_met = 0.0, False, False
         self.meetings = 0
         """How many recorded road users have been where the car was."""
         self.camera = NadirCamera(
@@ -134,6 +136,11 @@ class Drive:
     def time_s(self) -> float:
         """Since the drive began."""
         return (len(self.states) - 1) * STEP_S
+
+    @property
+    def is_blocked(self) -> bool:
+        """Whether something or the end of the road stopped the car in the last step."""
+        return self.stops[-1]
 
     @property
     def camera_place(self) -> tuple[float, float]:
@@ -192,7 +199,7 @@ class Drive:
     def _next(self, pedals: Pedals) -> CarState:
         """The state a step later. A kerb turns the wheels along it; where that is not enough, the car stops."""
         state, limits = self.state, self.limits
-        self.is_blocked = False
+        self.stops.append(False)
         speed_mps = speed_after(state.speed_mps, pedals, limits, STEP_S)
         wanted_rad = pedals.left * limits.steering_rad
         turned = steering_after(replace(state, speed_mps=speed_mps), wanted_rad, limits, STEP_S)
@@ -204,7 +211,7 @@ class Drive:
             next_state = moved(state, speed_mps, steering, limits, STEP_S)
             if self.road.holds(next_state):
                 return next_state
-        self.is_blocked = True
+        self.stops[-1] = True
         return replace(state, speed_mps=0.0, steering_rad=turned)
 
     def _meet(self) -> None:

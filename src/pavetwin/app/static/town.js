@@ -94,7 +94,7 @@ class Town {
     this.materials.facades.value = facades;
     this.materials.facadeSteps = manifest.facades.steps;
     leaves.flipY = false;
-    this.models = new Models(models, leaves, manifest.leaves.cut, this.materials);
+    this.models = new Models(models, leaves, manifest.leaves.cut, this.materials, this.isSlow);
     this.sky.set(manifest.light);
     this.cameras = new Cameras(this.canvas, manifest, () => (this.dirty = true));
     if (this.asked) this.cameras.set(...this.asked);

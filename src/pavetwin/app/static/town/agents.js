@@ -69,7 +69,7 @@ export class Agents {
       if (frustum && !frustum.intersectsSphere(this.around)) continue;
       const level = away < NEAR_M ? 0 : away < MIDDLE_M ? 1 : 2;
       const part = look.stride ? (phase === null ? look.stand : look.steps[phase]) : look.body;
-      const pool = pools.of(part[level]);
+      const pool = pools.of(part[this.models.level(level)]);
       if (!pool) continue;
       const index = pool.next(), to = pool.matrices, at = 16 * index, step = pool.part.step;
       const cos = Math.cos(agent.yaw), sin = Math.sin(agent.yaw);

@@ -1,8 +1,15 @@
 // Instanced models: one draw call for all instances of a model's part at a level of detail.
 import { DynamicDrawUsage, InstancedBufferAttribute, InstancedMesh } from "../vendor.js";
+import { bodyOf, coneOf } from "./far_trees.js";
+
+const COARSEST = 2;
+// What stands for parts of trees at the coarsest level where the processor draws.
+const FAR_TREES = { crown: bodyOf, trunk: coneOf };
 
 export class Models {
-  constructor(file, leaves, cut, materials) {
+  // `isSlow`: everything is drawn a level coarser than its distance asks for, and far trees have no leaves.
+  constructor(file, leaves, cut, materials, isSlow) {
+    this.coarser = isSlow ? 1 : 0;
     this.people = file.extras.people;
     this.plain = materials.model(null, 0);
     this.leafy = materials.model(leaves, cut);
@@ -11,7 +18,10 @@ export class Models {
       const geometry = node.geometry;
       geometry.setAttribute("layer", geometry.getAttribute("_layer"));
       geometry.deleteAttribute("_layer");
-      this.parts.set(name, { geometry, step: node.scale.x, leafy: geometry.hasAttribute("uv") });
+      const part = { geometry, step: node.scale.x, leafy: geometry.hasAttribute("uv") };
+      const far = isSlow && FAR_TREES[name.split(":")[1]], isFar = far && name.endsWith(`:${COARSEST}`);
+      if (isFar) Object.assign(part, { geometry: far(geometry, leaves.image), leafy: false });
+      this.parts.set(name, part);
     }
     this.steps = new Map();
     for (const name of this.parts.keys()) {
@@ -19,6 +29,11 @@ export class Models {
       if (!part.startsWith("walk_")) continue;
       this.steps.set(model, Math.max(this.steps.get(model) ?? 0, Number(part.slice(5)) + 1));
     }
+  }
+
+  // The level at which models are drawn where those of another one are due.
+  level(due) {
+    return Math.min(COARSEST, due + this.coarser);
   }
 
   has(name) {
