@@ -1,5 +1,6 @@
 """What every test shares: Hypothesis profiles, and where real input may lie."""
 
+import gc
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -50,6 +51,12 @@ def shared_file(request: pytest.FixtureRequest) -> Callable[[str], Path]:
         return path
 
     return find
+
+
+def pytest_collection_finish() -> None:
+    """What is there before the first test stays: the garbage collector need not look at it again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

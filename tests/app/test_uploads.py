@@ -110,6 +110,7 @@ def test_a_map_becomes_the_town_that_the_command_line_builds(page: RunningPage, 
     assert nothing_is_left(page, place)
 
 
+@pytest.mark.slow
 def test_the_other_forms_of_maps_are_built(page: RunningPage, place: Path, tmp_path: Path) -> None:
     packed, plain = tmp_path / "cross.osm.pbf", tmp_path / "cross.osm"
     plain.write_bytes(CROSS)

@@ -176,6 +176,7 @@ def test_more_processes_take_the_same_images(world: Path, few: dict[str, bytes],
     assert contents(tmp_path / "two") == few
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_is_replaced_and_costs_no_image(world: Path, few: dict[str, bytes], tmp_path: Path) -> None:
     killed: list[int] = []
 
@@ -414,6 +415,7 @@ def test_a_dataset_of_two_platforms_is_that_of_the_one_and_that_of_the_other(
     assert len(set(ids)) == 16
 
 
+@pytest.mark.slow
 def test_datasets_of_one_world_and_seed_can_be_joined(world: Path, records: list[Record], tmp_path: Path) -> None:
     """Whatever the platform, the traffic, the number and the size of the images: no street and no defect is in two
     splits, and no two images have one name."""

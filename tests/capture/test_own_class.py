@@ -134,6 +134,7 @@ def test_a_class_whose_plugin_is_missing_is_named_before_anything_is_baked(
     assert said == ["Loading the world"]
 
 
+@pytest.mark.slow
 def test_a_study_flies_over_it_in_two_processes(world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     forget(monkeypatch)
     values = {

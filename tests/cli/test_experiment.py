@@ -78,6 +78,7 @@ def test_a_recommendation_names_the_best_that_keeps_the_limits(place: Path) -> N
     assert done.stdout.count(" m  ") >= 4
 
 
+@pytest.mark.slow
 def test_wind_is_no_option_and_an_unfinished_study_says_so(place: Path) -> None:
     values = yaml.safe_load((place / "study.yaml").read_text())
     values |= {
@@ -187,6 +188,7 @@ sys.stdin.read()
 """
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_dies_is_said_in_a_line_and_the_same_command_goes_on(place: Path) -> None:
     piped = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen([sys.executable, "-c", SCHEDULER], **piped) as scheduler:

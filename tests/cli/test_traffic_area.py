@@ -66,6 +66,7 @@ def test_an_area_excludes_traffic_of_ones_own(grid: Path, tmp_path: Path) -> Non
     assert "--traffic-area and --routes exclude each other" in plain_refusal(mine)
 
 
+@pytest.mark.slow
 def test_a_recording_without_traffic_on_a_target_is_refused(grid: Path) -> None:
     world = load_world(grid)
     settings = load_settings(traffic_area_m=100.0)

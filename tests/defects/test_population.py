@@ -176,6 +176,7 @@ def test_a_size_can_follow_another() -> None:
     assert np.median(widths / lengths) == pytest.approx(0.67, abs=0.06)
 
 
+@pytest.mark.slow
 def test_a_placed_shape_has_the_size_that_was_drawn_and_comes_back_from_a_file(tmp_path: Path) -> None:
     whole = add_defects(built("cross"), DefectOptions(population="survey", per_100_m2=4))
     save_world(whole, tmp_path / "w")

@@ -570,6 +570,7 @@ def test_gathered_statistics_fit_the_report() -> None:
     assert "PaveTwin\n0.0.0, SUMO 1.2.3, world tiny 0123abcd" in text
 
 
+@pytest.mark.slow
 def test_figures_are_files_too_when_they_are_asked_for(tmp_path: Path) -> None:
     study = small_study()
     plain = write_report(study, tmp_path / "plain")

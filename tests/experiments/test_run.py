@@ -227,7 +227,7 @@ class Disturbed(Engine):
     "engine",
     [
         pytest.param(Pool(2), id="pool"),
-        pytest.param(Cluster(jobs=2), id="dask"),
+        pytest.param(Cluster(jobs=2), id="dask", marks=pytest.mark.slow),
         pytest.param(Disturbed(Pool(2)), id="pool, a process killed"),
         pytest.param(Disturbed(Cluster(jobs=2)), id="dask, a worker killed", marks=pytest.mark.slow),
         pytest.param(Disturbed(Cluster(jobs=1)), id="dask, its only worker killed"),

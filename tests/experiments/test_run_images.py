@@ -156,6 +156,7 @@ def test_a_sensor_reads_the_pixels_of_its_images_in_two_processes(world: Path, t
     assert ran.table["duplicates"].sum() > 0, "each defect is in several captures"
 
 
+@pytest.mark.slow
 def test_without_images_its_missions_fail_and_are_flown_again_with_them(world: Path, tmp_path: Path) -> None:
     folder = tmp_path / "study"
     ran = run(design(world, "Dark", altitudes_m=[6]), folder, Single())

@@ -198,7 +198,7 @@ def test_swept_columns_of_any_type(swept: tuple[object, ...]) -> None:
     assert differences(table, ("policy",), MAIN)["pairs"].unique().to_list() == [3]
 
 
-@settings(max_examples=15)
+@settings(max_examples=5)
 @given(st.randoms(use_true_random=False))
 def test_the_order_of_rows_does_not_matter(seeds: object) -> None:
     table = study(replicates=4)

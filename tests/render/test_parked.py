@@ -74,6 +74,7 @@ def shares(renderer: Renderer, altitude_m: float) -> list[tuple[float, float, fl
     return found
 
 
+@pytest.mark.slow
 def test_the_kernels_share_is_that_of_the_masks(renderer: Renderer) -> None:
     by_kernel, by_boxes, by_models = np.array(shares(renderer, 6.0)).T
     partly = (by_boxes > 0.02) & (by_boxes < 0.98)
