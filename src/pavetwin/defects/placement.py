@@ -15,6 +15,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import cache
 from typing import Annotated, Any, Final, Self
 
 import numpy as np
@@ -180,6 +181,7 @@ class SegmentPlacement:
         self._outline_at: list[int] = []
         """Of each defect found, the place of its outline in `_taken`."""
         self._poses: dict[str, list[tuple[float, float]]] = {}
+        self._worn = cache(lambda name: population.worn(name, segment, seed))
 
     def defects(self) -> list[Defect]:
         """In the order of their placement, as many as find a place."""
@@ -194,7 +196,7 @@ class SegmentPlacement:
     def _placed(self, kind: DefectKind) -> Defect | None:
         """A defect of a class, or None where no shape finds a place."""
         of_class = self.population.of_class(kind.name)
-        worn = self.population.worn(kind.name, self.segment, self.seed)
+        worn = self._worn(kind.name)
         for shape_seed in self._rng.integers(2**32, size=SHAPES).tolist():
             parameters = of_class.parameters(self._rng, worn)
             poses = self._near_others(of_class, of_class.poses(self._rng, kind, self._road, PLACES))
