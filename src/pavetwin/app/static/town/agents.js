@@ -2,7 +2,8 @@
 import { CanvasTexture, DynamicDrawUsage, Group, InstancedMesh, MeshBasicMaterial, PlaneGeometry, Sphere } from "../vendor.js";
 import { Pools } from "./models.js";
 
-const NEAR_M = 25, MIDDLE_M = 70, FAR_M = 900;
+// Distances to which levels reach; the finest one less far where the processor draws.
+const NEAR_M = 60, SLOW_NEAR_M = 25, MIDDLE_M = 70, FAR_M = 900;
 const MARGIN_M = 2; // Around a person.
 const JUMP_M = 5; // An agent that has moved farther since the last update did not walk there.
 const CARS = ["hatchback", "compact", "saloon", "suv", "van"];
@@ -55,7 +56,7 @@ export class Agents {
   // camera is.
   update(eye, hidden, frustum) {
     const start = performance.now();
-    const pools = this.pools, shades = this.shades;
+    const pools = this.pools, shades = this.shades, near = this.models.coarser ? SLOW_NEAR_M : NEAR_M;
     let shade = 0;
     pools.begin();
     this.#reserve(this.list.length);
@@ -67,9 +68,9 @@ export class Agents {
       this.around.center.set(agent.y, agent.z ?? 0, agent.x);
       this.around.radius = Math.max(...look.size, MARGIN_M);
       if (frustum && !frustum.intersectsSphere(this.around)) continue;
-      const level = away < NEAR_M ? 0 : away < MIDDLE_M ? 1 : 2;
+      const level = away < near ? 0 : away < MIDDLE_M ? 1 : 2;
       const part = look.stride ? (phase === null ? look.stand : look.steps[phase]) : look.body;
-      const pool = pools.of(part[this.models.level(level)]);
+      const pool = pools.of(part[level]);
       if (!pool) continue;
       const index = pool.next(), to = pool.matrices, at = 16 * index, step = pool.part.step;
       const cos = Math.cos(agent.yaw), sin = Math.sin(agent.yaw);

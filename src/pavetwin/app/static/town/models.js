@@ -3,11 +3,11 @@ import { DynamicDrawUsage, InstancedBufferAttribute, InstancedMesh } from "../ve
 import { bodyOf, coneOf } from "./far_trees.js";
 
 const COARSEST = 2;
-// What stands for parts of trees at the coarsest level where the processor draws.
+// What stands for parts of trees beyond the coarsest level where the processor draws.
 const FAR_TREES = { crown: bodyOf, trunk: coneOf };
 
 export class Models {
-  // `isSlow`: everything is drawn a level coarser than its distance asks for, and far trees have no leaves.
+  // `isSlow`: what stands is drawn a level coarser than its distance asks for; far trees have no leaves.
   constructor(file, leaves, cut, materials, isSlow) {
     this.coarser = isSlow ? 1 : 0;
     this.people = file.extras.people;
@@ -19,9 +19,11 @@ export class Models {
       geometry.setAttribute("layer", geometry.getAttribute("_layer"));
       geometry.deleteAttribute("_layer");
       const part = { geometry, step: node.scale.x, leafy: geometry.hasAttribute("uv") };
-      const far = isSlow && FAR_TREES[name.split(":")[1]], isFar = far && name.endsWith(`:${COARSEST}`);
-      if (isFar) Object.assign(part, { geometry: far(geometry, leaves.image), leafy: false });
+      const [model, kind, level] = name.split(":"), far = isSlow && Number(level) === COARSEST && FAR_TREES[kind];
       this.parts.set(name, part);
+      if (!far) continue;
+      const body = { ...part, geometry: far(geometry, leaves.image), leafy: false };
+      this.parts.set(`${model}:${kind}:${COARSEST + 1}`, body);
     }
     this.steps = new Map();
     for (const name of this.parts.keys()) {
@@ -31,9 +33,10 @@ export class Models {
     }
   }
 
-  // The level at which models are drawn where those of another one are due.
-  level(due) {
-    return Math.min(COARSEST, due + this.coarser);
+  // The name of the part that is drawn of what stands on a tile of a level.
+  standing(name, level) {
+    const drawn = `${name}:${level + this.coarser}`;
+    return this.parts.has(drawn) ? drawn : `${name}:${Math.min(COARSEST, level + this.coarser)}`;
   }
 
   has(name) {

@@ -176,7 +176,7 @@ export class Tiles {
     this.pools.begin();
     for (const node of seen)
       for (const [name, rows] of Object.entries(node.extras.instances))
-        for (const row of rows) this.pools.add(`${name}:${this.models.level(node.level)}`, row);
+        for (const row of rows) this.pools.add(this.models.standing(name, node.level), row);
     this.pools.finish();
   }
 
