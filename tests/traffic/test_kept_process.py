@@ -2,7 +2,9 @@
 
 import os
 import signal
+import subprocess
 from collections.abc import Iterator
+from multiprocessing import Pipe
 from pathlib import Path
 
 import pytest
@@ -62,6 +64,22 @@ def test_one_that_died_while_it_waited_is_replaced(cross: World) -> None:
 
 
 @pytest.mark.usefixtures("keeping")
+@pytest.mark.parametrize("stays_s", [0.3, 600.0])
+def test_one_that_crashes_or_hangs_while_it_closes_its_simulation_is_replaced(
+    cross: World, monkeypatch: pytest.MonkeyPatch, stays_s: float
+) -> None:
+    """`sleep` stands for it: it is alive when it is asked for, and never says that its simulation is closed."""
+    monkeypatch.setattr(runner, "GRACE_S", 0.6)
+    owner, its_end = Pipe()
+    with its_end:
+        closing = subprocess.Popen(["sleep", str(stays_s)], stdin=its_end.fileno())
+    assert runner._Kept.leave(owner, closing)
+    recorded(cross, "low", 1)
+    assert closing.returncode is not None
+    assert runner._Kept.waiting is not None
+
+
+@pytest.mark.usefixtures("keeping")
 def test_what_sumo_prints_of_a_later_simulation_is_told(cross: World, tmp_path: Path) -> None:
     recorded(cross, "low", 1)
     routes = tmp_path / "mine.rou.xml"
@@ -72,6 +90,19 @@ def test_what_sumo_prints_of_a_later_simulation_is_told(cross: World, tmp_path: 
     ):
         recorder.until(5.0)
     assert is_over(lambda: not simulations(os.getpid())), "one that failed is not kept"
+
+
+@pytest.mark.usefixtures("keeping")
+def test_warnings_that_closed_loops_have_not_are_read_after_one(cross: World, tmp_path: Path) -> None:
+    recorded(cross, "low", 1)
+    routes = tmp_path / "mine.rou.xml"
+    vehicle = '<vehicle id="{0}" depart="{0}"><route edges="wc ce"/></vehicle>'
+    routes.write_text(f"<routes>{''.join(vehicle.format(depart) for depart in (20, 2))}</routes>")
+    with (
+        pytest.raises(PaveTwinError, match="not sorted by departure time"),
+        Recorder(Inputs.of(cross, None, 1, [routes])) as recorder,
+    ):
+        recorder.until(25.0)
 
 
 @pytest.mark.usefixtures("keeping")

@@ -127,13 +127,7 @@ class SimulationProcess:
             return
         if not self._asked and _Kept.leave(self._owner, self._process):
             return
-        self._owner.close()
-        self._process.terminate()
-        try:
-            self._process.wait(GRACE_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        _end(self._owner, self._process)
 
     def _printed(self) -> str:
         return self._output.read_text(errors="replace")
@@ -171,22 +165,33 @@ class _Kept:
     @classmethod
     def end(cls) -> None:
         """End the one that waits."""
-        if (kept := cls.take()) is not None:
-            connection, process = kept
-            connection.close()
-            with suppress(subprocess.TimeoutExpired):
-                process.wait(GRACE_S)
+        if cls.owner == os.getpid() and cls.waiting is not None:
+            kept, cls.waiting = cls.waiting, None
+            _end(*kept)
 
     @classmethod
     def take(cls) -> tuple[Connection, subprocess.Popen[bytes]] | None:
-        """The one that waits, if it has not died meanwhile."""
+        """The one that waits, if its last simulation is closed, and neither crashed nor hung while that was done."""
         if cls.owner != os.getpid() or cls.waiting is None:
             return None
         kept, cls.waiting = cls.waiting, None
-        if kept[1].poll() is None:
-            return kept
-        kept[0].close()
+        connection, process = kept
+        with suppress(EOFError, OSError):
+            if connection.poll(GRACE_S) and connection.recv() is None and process.poll() is None:
+                return kept
+        _end(*kept)
         return None
+
+
+def _end(connection: Connection, process: subprocess.Popen[bytes]) -> None:
+    """End a process, by force where it takes longer than `GRACE_S`."""
+    connection.close()
+    process.terminate()
+    try:
+        process.wait(GRACE_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
 
 
 def _failure(job: SimulationJob, code: int, printed: str) -> str:

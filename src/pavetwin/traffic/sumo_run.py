@@ -2,8 +2,9 @@
 
 SUMO runs only here, so that a crash of SUMO ends this process and not the caller's. Standard input is one end of a
 connection. The owner sends a `SimulationJob` and then, any number of times, a count of frames; the answers are shares
-done and finally a `Part`. SUMO is paused between requests. After None the next job may come, which is simulated as in
-a new process. When the other end is closed, the job's folder is removed and the process ends.
+done and finally a `Part`. SUMO is paused between requests. After None the simulation is closed, which None answers;
+then the next job may come, which is simulated as in a new process. When the other end is closed, the job's folder is
+removed and the process ends.
 """
 
 import os
@@ -210,6 +211,7 @@ def serve(owner: Connection) -> int:
             while (frames := owner.recv()) is not None:
                 owner.send(simulation.record(frames))
             libsumo.close()
+            owner.send(None)
         except (EOFError, ConnectionError):
             shutil.rmtree(job.folder, ignore_errors=True)
             return 0
