@@ -153,6 +153,9 @@ def test_levels_come_with_the_distance(shown: Shown) -> None:
     assert far["tiles"][:2] == [0, 0]
     assert far["tiles"][2] > 0
     assert far["triangles"] < near["triangles"]
+    drawn = shown.page.evaluate("[...town.tiles.pools.pools].filter(([, pool]) => pool.count).map(([name]) => name)")
+    crowns = {name.rpartition(":")[2] for name in drawn if ":crown:" in name}
+    assert crowns == {"3"}, "far trees are bodies where the processor draws"
 
 
 def test_agents_are_instances(shown: Shown) -> None:
