@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -293,7 +293,7 @@ def test_a_page_that_stays_keeps_the_process_that_another_one_leaves(processes: 
         assert await asked[1] == {"capture": 1}
         await renderer.leave("two")
         assert not processes.started[0].is_alive
-        again = asyncio.create_task(renderer.frame("three", {"capture": 7}))
+        again = asyncio.create_task(renderer.frame("three", {"capture": 7, "part": "preview"}))
         await asyncio.sleep(0.01)
         assert len(processes.started) == 2
         await renderer.leave("three")
@@ -353,6 +353,32 @@ def test_labels_are_given_up_for_another_capture_and_previews_are_not(processes:
     assert processes.started[0].ran == [0, 1, 3]
 
 
+def test_labels_are_given_up_for_a_frame_that_is_known_and_with_their_page(processes: StandProcesses) -> None:
+    async def look() -> list[Any]:
+        renderer, answers = FrameRenderer(KeptProcess()), []
+        known = {"capture": 0, "part": "preview"}
+        first = asyncio.create_task(renderer.frame("one", known))
+        await asyncio.sleep(0.03)
+        processes.started[0].is_let = True
+        await first
+        processes.started[0].is_let = False
+        renderer.enter("two")
+        for capture, leaves in ((1, False), (2, True)):
+            answers.append(asyncio.create_task(renderer.frame("one", {"capture": capture, "part": "labelled"})))
+            await asyncio.sleep(0.03)
+            if leaves:
+                await renderer.leave("one")
+            else:
+                assert await renderer.frame("one", known) == {"capture": 0}
+        found = await asyncio.wait_for(asyncio.gather(*answers, return_exceptions=True), 5)
+        await renderer.close()
+        return found
+
+    found = asyncio.run(look())
+    assert [type(each) for each in found] == 2 * [asyncio.CancelledError]
+    assert processes.started[0].ran == [0, 1, 2]
+
+
 def test_a_frame_that_is_not_wanted_is_given_up_between_its_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     class Renderer:
         on_step: Any = staticmethod(lambda: None)
@@ -390,6 +416,41 @@ def test_a_frame_goes_before_the_tiles_that_wait(processes: StandProcesses) -> N
         return processes.started[0].ran
 
     assert asyncio.run(load()) == ["tile 0", 1, "tile 1", "tile 2", "tile 3"]
+
+
+@pytest.mark.usefixtures("processes")
+def test_a_frame_that_goes_away_as_a_tile_gets_its_turn_leaves_the_server_running() -> None:
+    class Lock(asyncio.Lock):
+        asked = 0
+
+        async def acquire(self) -> Literal[True]:
+            self.asked += 1
+            assert self.asked < 50, "it asks for its turn without an end, and nothing else runs"
+            return await super().acquire()
+
+    async def load() -> list[str]:
+        kept, taken, over = KeptProcess(), [], asyncio.Event()
+        kept._turn = Lock()
+
+        async def take(what: str, *, is_patient: bool = False) -> None:
+            async with kept._in_turn(is_patient=is_patient):
+                taken.append(what)
+                if what == "first":
+                    await over.wait()
+
+        first = asyncio.create_task(take("first"))
+        await asyncio.sleep(0)
+        tile = asyncio.create_task(take("tile", is_patient=True))
+        await asyncio.sleep(0)
+        frame = asyncio.create_task(take("frame"))
+        await asyncio.sleep(0)
+        over.set()
+        await asyncio.sleep(0)  # the first ends, and the turn is the tile's, which has not run yet
+        frame.cancel()
+        await asyncio.gather(first, tile)
+        return taken
+
+    assert asyncio.run(load()) == ["first", "tile"]
 
 
 def test_a_tile_is_made_again_where_its_process_is_ended_meanwhile(processes: StandProcesses) -> None:

@@ -42,8 +42,6 @@ class FrameRenderer:
         if known := self._kept.get(_name(task)):
             self._kept.move_to_end(_name(task))
             return known
-        if self._rendered is not None and self._rendered[0] is page:
-            self._rendered[1].say({"stop": True})
         self._pages.add(page)
         rendered: asyncio.Future[Mapping[str, Any]] = asyncio.get_running_loop().create_future()
         self._waiting[page] = (task, rendered)
@@ -52,8 +50,11 @@ class FrameRenderer:
         return await rendered
 
     def _drop(self, page: object) -> None:
+        """What a page has asked for is not wanted any more."""
         if waiting := self._waiting.pop(page, None):
             waiting[1].cancel()
+        if self._rendered is not None and self._rendered[0] is page:
+            self._rendered[1].say({"stop": True})
 
     async def _render(self) -> None:
         while self._waiting:

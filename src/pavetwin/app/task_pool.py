@@ -253,6 +253,7 @@ class KeptProcess:
                 await self._turn.acquire()
                 while self._waiting:  # those get the turn that is given up here
                     self._turn.release()
+                    await asyncio.sleep(0)  # a lock whose waiters have all gone is had at once, before they are counted
                     await self._turn.acquire()
         else:
             self._waiting += 1
