@@ -7,6 +7,9 @@ from pathlib import Path
 import pytest
 
 from pavetwin.defects import DefectKind, DefectOptions, place, placed, placed_on
+from pavetwin.experiments import fly_unit
+from pavetwin.mission.inputs import defects_of
+from pavetwin.mission.spec import DefectInput
 from pavetwin.world.cache import placed_folder
 from pavetwin.world.folder import CACHE_VARIABLE
 from pavetwin.world.model import Defect, World
@@ -70,3 +73,14 @@ def test_nothing_is_kept_of_a_world_without_a_hash_or_of_classes_of_a_users_own(
     monkeypatch.setattr(placed, "place", lambda *_, **__: ())
     placed_on(world, world.segments[:1], 7, OPTIONS)
     assert not files()
+
+
+def test_missions_and_studies_find_theirs_there(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    place_of_unit = fly_unit._Place("a.yaml", world.content_hash, (0,), 7, OPTIONS.model_dump_json())
+    monkeypatch.setattr(fly_unit, "world_of_study", lambda *_: world)
+    source = DefectInput(seed=7, options=OPTIONS)
+    first = [defects_of(world, source), fly_unit._defects.__wrapped__(place_of_unit)]
+    assert len(files()) == 2
+    monkeypatch.setattr(placed, "place", lambda *_, **__: pytest.fail("placed, and not read from the cache"))
+    again = [defects_of(world, source), fly_unit._defects.__wrapped__(place_of_unit)]
+    assert [*map(values, again)] == [*map(values, first)]

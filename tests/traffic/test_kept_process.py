@@ -6,10 +6,12 @@ import subprocess
 from collections.abc import Iterator
 from multiprocessing import Pipe
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.experiments.engines import local
 from pavetwin.traffic import runner
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder
@@ -51,6 +53,25 @@ def test_it_repeats_the_bytes_of_processes_of_their_own(cross: World, request: p
     found = [recorded(cross, *traffic) for traffic in TRAFFIC]
     assert [content for content, _ in found] == [apart[traffic] for traffic in TRAFFIC]
     assert len({process for _, processes in found for process in processes}) == 1
+
+
+def test_a_process_of_a_study_keeps_it(cross: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    used: list[int] = []
+
+    def fly_unit(_plan: Any, seed: Any, _on_tick: Any) -> bytes:
+        content, processes = recorded(cross, "low", seed)
+        used.extend(processes)
+        return content
+
+    monkeypatch.setattr(local, "fly_unit", fly_unit)
+    monkeypatch.setattr(runner._Kept, "owner", None)
+    nothing: Any = None
+    batch: Any = [1, 2]
+    first, second = local._start(nothing, lambda: None)(batch)
+    runner._Kept.end()
+    assert first != second
+    assert len(used) == 2
+    assert len({*used}) == 1
 
 
 @pytest.mark.usefixtures("keeping")
