@@ -53,7 +53,10 @@ def test_the_cache_is_shown_and_cleared(
     kept.write_bytes(bytes(2_000_000))
     tile = tmp_path / "tiles" / "abc" / "0_0" / "maps"
     tile.parent.mkdir(parents=True)
-    tile.write_bytes(bytes(500_000))
+    tile.write_bytes(bytes(300_000))
+    placed = tmp_path / "defects" / "abc"
+    placed.parent.mkdir()
+    placed.write_bytes(bytes(200_000))
     (tmp_path / "thesis.txt").write_text("precious")
     monkeypatch.setenv("PAVETWIN_CACHE_GB", "2.5")
     doctor.doctor()

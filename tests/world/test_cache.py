@@ -32,7 +32,9 @@ def put(path: Path, *, used_before_s: float, size: int = 3_000) -> Path:
 
 def test_what_was_not_used_for_longest_goes_first(cache: Path) -> None:
     tiles = [put(cache / "tiles" / "a" / f"{n}_0" / "maps", used_before_s=1000.0 - n) for n in range(4)]
+    placed = put(cache / "defects" / "a", used_before_s=2000.0)
     make_room()
+    assert not placed.exists()
     assert [path.exists() for path in tiles] == [False, True, True, True]
     assert not tiles[0].parent.exists(), "an empty folder is not left behind"
     put(cache / "textures" / "grain.npz", used_before_s=0.0)

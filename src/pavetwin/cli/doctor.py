@@ -24,7 +24,8 @@ class Check:
 
 def doctor(
     clear_cache: Annotated[
-        bool, typer.Option("--clear-cache", help="Remove recorded traffic, baked NavMeshes and tiles from the cache.")
+        bool,
+        typer.Option("--clear-cache", help="Empty the cache: recordings, NavMeshes, textures, tiles, placed defects."),
     ] = False,
 ) -> None:
     """Check what is missing on this machine, and print the command that fixes it. Exit code 1 when something is.
