@@ -675,3 +675,43 @@ def test_the_camera_shows_the_town_in_3d_until_a_frame_is_ready(drawn: BrowserTa
     assert down.std() > 10, "a blank canvas"
     assert np.abs(down - own).mean() < 6
     assert np.abs(down - own[::-1]).mean() > 12, "so near would be no other picture"
+
+
+FRAMES = """(async () => {
+  const { Frames } = await import('/static/frames.js'), { CancelledError } = await import('/static/server.js');
+  const canvas = document.createElement('canvas'), asked = [], answers = [];
+  const jpeg = canvas.toDataURL('image/jpeg').split(',')[1], wait = time => new Promise(over => setTimeout(over, time));
+  const ask = ({ capture, part }) => {
+    asked.push(`${part} ${capture}`);
+    return { promise: new Promise((done, failed) => answers.push({ done, failed })) };
+  };
+  const answer = async (at, labels) => {
+    answers[at].done({ jpeg, labels, sensor: 'recall', detections: [] });
+    await wait(50);
+  };
+  const mission = { captures: { t_s: [0, 1, 2] } }, frames = new Frames({ ask }), known = [];
+  frames.setMission({ key: 'k', missions: [mission] }, mission);
+  for (const moment of [0, 1, 0]) frames.want(moment, 0, false);  // each in place of the last
+  answers[1].failed(new CancelledError());
+  await answer(2, null);
+  known.push([frames.at(0).capture, frames.at(0).labels]);
+  await answer(3, null);  // what is ahead, until the moment has stayed
+  await answer(4, null);
+  for (let tries = 0; tries < 100 && asked.length < 6; tries++) await wait(50);
+  await answer(5, [{ id: 'a' }]);
+  await answer(0, null);  // the first one comes late
+  known.push([frames.at(0).capture, frames.at(0).labels?.length]);
+  frames.want(2, 0, false);
+  known.push([frames.at(2).capture, frames.at(2).labels]);
+  return { asked, known, failure: frames.failure };
+})()"""
+"""Answers to requests of the page's frames, in an order that a server may have."""
+
+
+def test_a_preview_comes_first_and_labels_of_its_own_capture_stay(tab: BrowserTab) -> None:
+    tab.open("")
+    found = tab.value(FRAMES)
+    previews = ["preview 0", "preview 1", "preview 0", "preview 1", "preview 2"]
+    assert found["asked"] == [*previews, "labelled 0"]
+    assert found["known"] == [[0, None], [0, 1], [2, None]], "no labels of a moment over the frame of another one"
+    assert found["failure"] == ""
