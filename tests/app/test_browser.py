@@ -1,16 +1,19 @@
 """The page in Chromium: streets are clicked, a mission is started, and what is shown is what the command line says."""
 
 import json
+import re
 from base64 import b64decode
 from collections.abc import Iterator
 from dataclasses import dataclass
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from PIL import Image
 
 from pavetwin.capture.platforms.car import REAR
@@ -18,7 +21,7 @@ from pavetwin.mission.again import read_mission
 from pavetwin.mission.fly import MissionResult, fly
 from pavetwin.mission.timeline import Timeline
 from pavetwin.uav import camera_of
-from scenes.browser import NO_WEBGL, SOFTWARE, BrowserTab, Launch, chromium, tab_of
+from scenes.browser import NO_WEBGL, PATIENCE_S, SOFTWARE, BrowserTab, Launch, chromium, tab_of
 from scenes.command_line import pavetwin
 from scenes.page import RunningPage, running_page
 from scenes.photographs import picture, voc
@@ -196,6 +199,34 @@ def test_a_contact_sheet_is_looked_at_and_a_damaged_study_told(browser: Any, tmp
         assert tab.errors == []
 
 
+def test_the_report_of_a_study_is_looked_at(browser: Any, world: Path, tmp_path: Path) -> None:
+    design = tmp_path / "study.yaml"
+    assert pavetwin("experiment", "init", design, "--world", world).returncode == 0
+    few = {"densities": ["low"], "replicates": 2, "policies": ["baseline"], "altitudes_m": [10.0]}
+    design.write_text(yaml.safe_dump(yaml.safe_load(design.read_text()) | few))
+    done = pavetwin("experiment", "run", design, "-o", tmp_path / "study", "--jobs", "1")
+    assert done.returncode == 0, done.stderr
+    with running_page([world, tmp_path / "study"]) as running:
+        tab = tab_of(browser, running)
+        tab.open()
+        tab.ready()
+        tab.page.click("#compare")
+        assert tab.page.locator("#exhibits").is_visible()
+        boxes = [
+            tab.page.locator(part).bounding_box() for part in ("[name=world]", "[name=against]", "#start", "#help")
+        ]
+        assert len({box["y"] for box in boxes}) == 1, "the header stays on one line"
+        tab.page.click("#exhibits summary")
+        tab.page.click("text=study (study)")
+        report = tab.page.frame_locator("#exhibit iframe")
+        report.locator("h1").wait_for(timeout=1000 * PATIENCE_S)
+        assert report.locator("svg, img").count() > 3
+        tab.page.goto(tab.page.locator("#exhibit a").evaluate("link => link.href"))
+        assert tab.page.locator("h1").inner_text()
+        tab.page.close()
+        assert tab.errors == []
+
+
 @dataclass(frozen=True)
 class Flown:
     tab: BrowserTab
@@ -229,9 +260,11 @@ def test_two_clicked_streets_are_the_command_lines_mission(flown: Flown, world: 
     assert (flown.folder / "mission.yaml").read_bytes() == (tmp_path / "m" / "mission.yaml").read_bytes()
     printed = [" ".join(line.split()) for line in done.stdout.splitlines()]
     cells = "row => [...row.cells].map(cell => cell.textContent)"
-    rows = flown.tab.value(f"[...document.querySelectorAll('#table tbody tr, #table tfoot tr')].map({cells})")
-    assert len(rows) == len(SEGMENTS) + 1
-    assert all(" ".join(" ".join(row).split()) in printed for row in rows)
+    _, *shown = zip(*flown.tab.value(f"[...document.querySelectorAll('#table tr')].map({cells})"), strict=True)
+    assert len(shown) == len(SEGMENTS) + 1
+    assert all(" ".join(" ".join(each).split()).removeprefix("all ") in printed for each in shown)
+    too_wide = "(({ scrollWidth, clientWidth }) => scrollWidth > clientWidth)(document.querySelector('#table'))"
+    assert not flown.tab.value(too_wide)
     for selector in (".sentence", ".remark"):
         assert all(text in done.stdout for text in flown.tab.page.locator(f"#table {selector}").all_inner_texts())
 
@@ -458,8 +491,7 @@ def test_the_offline_page_plays_the_mission_without_a_server(launch: Launch, flo
     assert np.hypot(uav["x"] - state.uav.position[0], uav["y"] - state.uav.position[1]) < 0.01
     for place in ("#map", "#camera canvas", "#plots"):
         assert tab.picture(place).std() > 5, f"{place} is blank"
-    rows = tab.page.locator("#table tbody tr")
-    assert rows.count() == len(SEGMENTS)
+    assert tab.page.locator("#table thead th").count() == len(SEGMENTS) + 2
     tab.page.keyboard.press("Space")
     tab.wait(f"pavetwin.time > {moment + 2}")
     tab.page.click("#tab-defects")
@@ -595,6 +627,30 @@ def test_the_town_is_drawn_in_3d_within_its_limits(drawn: BrowserTab) -> None:
     assert not drawn.page.locator("#town .empty").is_visible()
     drawn.page.keyboard.press("2")
     assert drawn.value(CAMERA)["mode"] == "orbit", "there is no UAV to follow yet"
+
+
+TILES = re.compile(r"/town/.*/\d+/[\d_-]+\.glb\.gz$")
+
+
+@pytest.mark.timeout(900)
+def test_it_is_told_how_many_tiles_still_load(drawn: BrowserTab, server: RunningPage) -> None:
+    tab = tab_of(drawn.page.context.browser, server)
+    held: list[Any] = []
+    released = Event()
+    tab.page.route(TILES, lambda route: route.continue_() if released.is_set() else held.append(route))
+    tab.open("#world=cross")
+    tab.wait("!document.querySelector('#town .loading').hidden")
+    line = tab.page.locator("#town .loading")
+    count = int(line.inner_text().removesuffix(" tiles still loading"))
+    assert len(held) <= count == tab.value("pavetwin.town.stats().pending")
+    assert not tab.page.locator("#town .empty").is_visible()
+    released.set()
+    for route in held:
+        route.continue_()
+    settled(tab)
+    assert not line.is_visible()
+    assert tab.errors == []
+    tab.page.close()
 
 
 CAMERA = """(({ camera, mode }) => ({ mode, x: camera.position.z, y: camera.position.x, z: camera.position.y }))

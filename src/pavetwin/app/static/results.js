@@ -141,29 +141,38 @@ export function why(defect) {
   return [`missed: ${defect.reason}`, ...shares.length ? [shares.join(', ')] : [], captures, ...said].join('; ');
 }
 
-/** A few policies stand side by side, so that their many measures need no scrolling to the side. */
+const CAPTIONS = { policies: 'By policy', segments: 'By segment', streets: 'By street' };
+/** So many fit side by side in the panel; policies are never more. */
+const SIDE_BY_SIDE = 3;
+
+/** A few policies, segments or streets stand side by side, so that their many measures need no scrolling to the side. */
 function turned({ of, columns: [names, ...measures] }) {
-  const heads = [element('th', { scope: 'col', className: 'left' }), ...names.cells.map(name => element('th', { scope: 'col' }, name))];
-  const rows = measures.map(({ heading, cells, best }) => element('tr', {},
-    element('th', { scope: 'row' }, heading.replaceAll('\n', ' ')), ...cells.map((cell, at) => element('td', { className: best.includes(at) ? 'best' : '' }, cell))));
-  const table = element('table', { className: 'turned' }, element('caption', {}, 'By policy'), element('thead', {}, element('tr', {}, ...heads)), element('tbody', {}, ...rows));
+  const hasTotal = measures.some(({ total }) => total), heads = [...names.cells, ...hasTotal ? [`all ${names.total}`] : []];
+  const rows = measures.map(({ heading, cells, best, total }) => element('tr', {},
+    element('th', { scope: 'row' }, heading.replaceAll('\n', ' ')),
+    ...cells.map((cell, at) => element('td', { className: best.includes(at) ? 'best' : '' }, cell)),
+    ...hasTotal ? [element('td', { className: 'total' }, total)] : []));
+  const head = element('tr', {}, element('th', { scope: 'col', className: 'left' }), ...heads.map(name => element('th', { scope: 'col' }, name)));
+  return tableWith(of, 'turned', element('thead', {}, head), element('tbody', {}, ...rows));
+}
+
+function tableWith(of, className, ...parts) {
+  const table = element('table', { className }, element('caption', {}, CAPTIONS[of]), ...parts);
   table.dataset.of = of;
   return table;
 }
 
 function tableOf({ of, columns }) {
-  if (of === 'policies') return turned({ of, columns });
+  if (of === 'policies' || columns[0].cells.length <= SIDE_BY_SIDE) return turned({ of, columns });
   const side = column => (column.is_left ? 'left' : '');
   const heads = columns.map(column => element('th', { className: side(column), scope: 'col' }, column.heading));
   const rows = columns[0].cells.map((_, row) => element('tr', {}, ...columns.map(column => {
     const classes = [side(column), column.best.includes(row) ? 'best' : ''].filter(Boolean).join(' ');
     return element('td', { className: classes }, column.cells[row]);
   })));
-  const parts = [element('caption', {}, `By ${{ segments: 'segment', streets: 'street' }[of]}`), element('thead', {}, element('tr', {}, ...heads)), element('tbody', {}, ...rows)];
+  const parts = [element('thead', {}, element('tr', {}, ...heads)), element('tbody', {}, ...rows)];
   if (columns.some(column => column.total)) {
     parts.push(element('tfoot', {}, element('tr', {}, ...columns.map(column => element('td', { className: side(column) }, column.total)))));
   }
-  const table = element('table', {}, ...parts);
-  table.dataset.of = of;
-  return table;
+  return tableWith(of, '', ...parts);
 }

@@ -44,7 +44,7 @@ function isSoftware() {
   return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(named);
 }
 
-export function createTown(canvas, { base, fetch = globalThis.fetch.bind(globalThis), onPick, onMessage, onSettled } = {}) {
+export function createTown(canvas, { base, fetch = globalThis.fetch.bind(globalThis), onPick, onMessage, onSettled, onMissing } = {}) {
   let renderer;
   const isSlow = isSoftware(), options = { antialias: !isSlow, powerPreference: "high-performance" };
   try {
@@ -54,7 +54,8 @@ export function createTown(canvas, { base, fetch = globalThis.fetch.bind(globalT
     onMessage?.(NO_WEBGL);
     return nothing(NO_WEBGL);
   }
-  return new Town(canvas, renderer, base.endsWith("/") ? base : `${base}/`, fetch, { isSlow, onPick, onMessage, onSettled });
+  const told = { isSlow, onPick, onMessage, onSettled, onMissing };
+  return new Town(canvas, renderer, base.endsWith("/") ? base : `${base}/`, fetch, told);
 }
 
 class Town {
@@ -199,7 +200,9 @@ class Town {
       this.message = `Parts of the town cannot be loaded: ${this.tiles.failed.message}`;
       this.onMessage?.(this.message);
     }
-    const isSettled = !this.tiles.pending;
+    const isSettled = !this.tiles.pending, { missing } = this.tiles;
+    if (missing !== (this.missing ?? 0)) this.onMissing?.(missing);
+    this.missing = missing;
     if (isSettled) this.settled ??= performance.now() - this.started;
     if (isSettled && !this.isSettled) queueMicrotask(() => this.onSettled?.());
     this.isSettled = isSettled;

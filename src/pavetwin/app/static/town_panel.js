@@ -20,7 +20,7 @@ const QUICK_MS = 12;
 const AWAY_M = 90, BEHIND = { back_m: 9, up_m: 4 };
 
 export class TownPanel {
-  #root; #empty; #onDefect; #buttons = new Map(); #layers = new Set(AT_FIRST); #town = null; #mode = 'orbit'; #car = null;
+  #root; #empty; #loading; #onDefect; #buttons = new Map(); #layers = new Set(AT_FIRST); #town = null; #mode = 'orbit'; #car = null;
   #flight = null; #mission = null; #parked = []; #time = 0; #world = null;
   /** Told that all tiles in view are there. */
   onSettled = () => {};
@@ -28,6 +28,7 @@ export class TownPanel {
   constructor(root, onDefect) {
     this.#root = root;
     this.#empty = root.querySelector('.empty');
+    this.#loading = root.querySelector('.loading');
     this.#onDefect = onDefect;
     const modes = root.querySelector('[role="radiogroup"]');
     for (const [mode, [words, title]] of Object.entries(MODES)) {
@@ -116,6 +117,7 @@ export class TownPanel {
     this.#say('The town is being drawn …');
     const town = this.#town = createTown(this.#root.querySelector('canvas'), {
       base: `town/${this.#world}/`, onMessage: text => this.#say(text), onPick: pick => this.#picked(pick), onSettled: () => this.onSettled(),
+      onMissing: count => this.#tellLoading(count),
     });
     town.world = this.#world;
     if (!town.available) return this.#say(town.message);
@@ -132,6 +134,7 @@ export class TownPanel {
     if (!this.#town) return;
     this.#town.dispose();
     this.#town = null;
+    this.#tellLoading(0);
     const canvas = this.#root.querySelector('canvas');
     canvas.getContext('webgl2')?.getExtension('WEBGL_lose_context')?.loseContext();
     canvas.replaceWith(canvas.cloneNode());
@@ -142,6 +145,11 @@ export class TownPanel {
     this.#empty.hidden = !words;
     const isDrawn = this.#town?.available !== false;
     for (const part of this.#root.querySelectorAll('canvas, .tools')) part.hidden = !isDrawn;
+  }
+
+  #tellLoading(count) {
+    this.#loading.hidden = !count;
+    this.#loading.textContent = `${count} tile${count === 1 ? '' : 's'} still loading`;
   }
 
   #tellMode() {

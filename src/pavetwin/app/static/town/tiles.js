@@ -102,7 +102,12 @@ export class Tiles {
   }
 
   get pending() {
-    return this.working.size + (this.wanted?.length ?? 0) + (this.arrived ? 1 : 0);
+    return this.missing + (this.arrived ? 1 : 0);
+  }
+
+  // Files that are loading or waited for.
+  get missing() {
+    return this.working.size + (this.wanted?.length ?? 0);
   }
 
   counts() {
