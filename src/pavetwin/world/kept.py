@@ -20,7 +20,6 @@ from types import MappingProxyType
 from typing import Any, Final, TypeVar
 
 import numpy as np
-import pyarrow as pa
 import shapely
 
 from pavetwin import _core, arrays, seeds
@@ -83,6 +82,8 @@ class ValueStore:
         return value
 
     def _read(self, path: Path) -> Any:
+        import pyarrow as pa
+
         data = path.read_bytes()
         kind, crc, size = _HEADER.unpack_from(data)
         packed = memoryview(data)[_HEADER.size :]
@@ -134,6 +135,8 @@ def write(path: Path, value: object) -> None:
         PaveTwinError: it cannot be written.
     """
     global _written_bytes
+    import pyarrow as pa
+
     file = io.BytesIO()
     _Pickler(file, protocol=5).dump(value)
     whole = file.getvalue()
