@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parent.parent
 # find what these do not show (`--hypothesis-profile explore`).
 settings.register_profile("explore", deadline=None, print_blob=True)
 settings.register_profile(
-    "repeatable", parent=settings.get_profile("explore"), derandomize=True, database=None, max_examples=30
+    "repeatable", parent=settings.get_profile("explore"), derandomize=True, database=None, max_examples=20
 )
 settings.load_profile("repeatable")
 

@@ -570,6 +570,7 @@ def test_what_can_not_be_planned_leaves_nothing(world: Path, tmp_path: Path, mon
     assert not (tmp_path / "d").exists()
 
 
+@pytest.mark.slow
 def test_a_run_that_came_to_no_image_is_no_obstacle(
     world: Path, few: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

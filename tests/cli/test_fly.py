@@ -127,6 +127,7 @@ def test_the_same_command_twice_gives_the_same_bytes(world: Path, tmp_path: Path
     assert digests(tmp_path / "a") == digests(tmp_path / "b")
 
 
+@pytest.mark.slow
 def test_the_policy_changes_neither_traffic_nor_defects_nor_order(world: Path, cache: Path, tmp_path: Path) -> None:
     before = digests(cache) | {"world": hashlib.sha256((world / "world.gpkg").read_bytes()).hexdigest()}
     done = pavetwin("fly", world, *SHORT, "--policy", "all", "-o", tmp_path / "all")
@@ -199,6 +200,7 @@ def test_ones_own_policy_from_a_file(world: Path, tmp_path: Path, monkeypatch: p
     assert sorted(path.name for path in tmp_path.iterdir()) == ["b", "m", "restless.py"]  # no __pycache__
 
 
+@pytest.mark.slow
 def test_another_mission_gets_another_folder_and_the_same_one_the_same(
     world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -631,7 +633,7 @@ INTERRUPTED, TERMINATED = (signal.SIGINT, 130, "Interrupted"), (signal.SIGTERM, 
     ("moment", "number", "code", "said"),
     [
         ("recording", *INTERRUPTED),
-        ("writing", *TERMINATED),
+        pytest.param("writing", *TERMINATED, marks=pytest.mark.slow),
         pytest.param("recording", *TERMINATED, marks=pytest.mark.slow),
         pytest.param("flying", *INTERRUPTED, marks=pytest.mark.slow),
         pytest.param("flying", *TERMINATED, marks=pytest.mark.slow),

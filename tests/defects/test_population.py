@@ -211,6 +211,7 @@ def test_defects_without_parameters_keep_their_hash() -> None:
     assert defects_hash([hole]) == "9e4da111d370c22f5637862f3cbe31c92013d54039c80f7bb947b9dfe1379893"
 
 
+@pytest.mark.slow
 def test_potholes_lie_beside_networks_where_the_population_says_so() -> None:
     survey = population("survey")
     segments = [strip(number, "one street", 60.0) for number in range(12)]

@@ -453,7 +453,7 @@ def test_what_failed_alone_is_not_on_the_front() -> None:
     assert "leave them out" not in page_of(study_of(without(table, high, failed=True)))
 
 
-@pytest.mark.parametrize("policies", [4, 14])
+@pytest.mark.parametrize("policies", [4, pytest.param(14, marks=pytest.mark.slow)])
 def test_words_of_logarithmic_axes_stand_clear_of_each_other(policies: int) -> None:
     """Of time and energy with heavy tails in three narrow panels."""
     own = tuple(f"own {number}" for number in range(policies - 4))

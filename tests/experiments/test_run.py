@@ -178,6 +178,7 @@ def test_a_mission_of_a_study_is_the_one_that_fly_flies(reference: Path, world: 
         assert row[name] == getattr(expected, name), name
 
 
+@pytest.mark.slow
 def test_a_study_flies_over_recordings_that_were_made_before(world: Path, tmp_path: Path) -> None:
     """Each is a level of traffic, from the drawn take-off on; a mission that outlasts one extends it."""
     town = load_world(world)

@@ -187,6 +187,7 @@ def test_every_radiance_of_a_town_is_a_number(town_renderer: Renderer, views: in
         assert np.median(seen[..., 1]) > 0.005 * float(light.sky_klux) / pi
 
 
+@pytest.mark.slow
 def test_visible_pixels_are_at_most_amodal_pixels(town_renderer: Renderer) -> None:
     """Whatever is far away is drawn coarser: both ways alike."""
     rng = np.random.default_rng(2)

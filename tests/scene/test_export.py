@@ -383,6 +383,7 @@ def test_the_command_refuses_what_makes_no_sense(tmp_path: Path, arguments: list
     assert not (tmp_path / "out.glb").exists()
 
 
+@pytest.mark.slow
 def test_the_command_writes_and_says_what(tmp_path: Path) -> None:
     from pavetwin.world.store import save_world
 

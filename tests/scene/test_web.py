@@ -108,6 +108,7 @@ def points_on(triangles: Triangles) -> npt.NDArray[np.float64]:
     return np.concatenate([a + u[:, None] * (b - a) + v[:, None] * (c - a), triangles.reshape(-1, 3)])
 
 
+@pytest.mark.slow
 def test_the_finest_level_comes_back() -> None:
     key = (1, 0)
     tile, glb = town().scene.tile(key), read(0, *key)
@@ -314,6 +315,7 @@ def test_the_command_refuses_what_makes_no_sense(tmp_path: Path, arguments: list
     assert not (tmp_path / "web").exists()
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_folder(tmp_path: Path) -> None:
     from pavetwin.world.store import save_world
 

@@ -221,6 +221,7 @@ def test_the_kernel_sees_the_cells_that_shapely_sees(
     assert_agree(view, surface, standing, agents)
 
 
+@pytest.mark.slow
 @examples(max_examples=40)
 @given(views, st.lists(movers(), min_size=1, max_size=3), st.sampled_from([0.1, 0.5, 1.0]))
 def test_they_agree_at_other_cell_sizes(view: View, agents: list[Mover], cell_m: float) -> None:

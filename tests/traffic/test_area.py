@@ -122,6 +122,7 @@ def per_km(recording: Recording, world: World, area: TrafficArea, *, walks: bool
     return np.count_nonzero(np.isin(edges[nearest], area.edges)) / recording.frames / area.length_km(world, kind)
 
 
+@pytest.mark.slow
 def test_an_area_has_the_vehicles_that_its_town_has_there(grid: World) -> None:
     town = record(grid, "medium", 1, 90.0)
     found = []
