@@ -244,9 +244,12 @@ def journeys(draw: st.DrawFn) -> tuple[Recording, PoseRows]:
     return replace(made, tracks=tracks), rows
 
 
-@given(journeys(), st.floats(0, 1))
+@given(journeys(), st.floats(0, 0.999))
 def test_every_pose_lies_within_the_stated_error(journey: tuple[Recording, PoseRows], share: float) -> None:
-    """2 cm, 1° and 0.1 m/s of SUMO's own rows, also between two steps, where the kernel interpolates."""
+    """2 cm, 1° and 0.1 m/s of SUMO's own rows, also between two steps, where the kernel interpolates.
+
+    All of a step later is the next step, where other agents may be, and those that jumped are elsewhere.
+    """
     made, rows = journey
     kept = made.tracks.rows
     assert np.array_equal(kept.agent, rows.agent)
