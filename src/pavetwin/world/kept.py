@@ -39,7 +39,7 @@ ROOM_AFTER_BYTES: Final = 200_000_000
 _HEADER: Final = struct.Struct("<8sIQ")
 """What the file is, the CRC-32 of what follows, and the length of that when it is decompressed."""
 
-_KIND: Final = b"pavetile"
+_KIND: Final = b"pavekept"
 
 Value = TypeVar("Value")
 

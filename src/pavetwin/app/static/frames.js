@@ -86,7 +86,7 @@ export class Frames {
   }
 
   /** What is to be made, the first first: [capture, part]. */
-  *#wishes() {
+  *#pending() {
     const wanted = this.#wanted ?? -1, count = this.#mission.captures.t_s.length;
     if (wanted >= 0) yield [wanted, 'preview'];
     if (performance.now() >= this.#restsAt) {
@@ -101,7 +101,7 @@ export class Frames {
    * passes for that as well, as dropping each would leave none. */
   #next() {
     if (!this.#mission || this.failure) return;
-    const [capture, part] = [...this.#wishes()].find(wish => !this.#has(...wish)) ?? [];
+    const [capture, part] = [...this.#pending()].find(each => !this.#has(...each)) ?? [];
     if (part === undefined || (capture === this.#asked?.capture && part === this.#asked.part)) return;
     const isUrgent = part === 'preview' && capture === this.#wanted && !this.#rate;
     if (this.#asked === null || isUrgent) this.#ask(capture, part);
