@@ -50,7 +50,7 @@ def _stills(shown: Tab, place: str, segments: Sequence[str]) -> None:
     _open(shown, f"{place}&segments={','.join(segments)}")
     _fly(shown)
     shown.value("(pavetwin.seek(pavetwin.mission.occlusions[0] ?? 60), null)")
-    shown.wait("pavetwin.frame")
+    shown.wait("pavetwin.frame?.labels")
     _settle(shown)
     _save(shown, "app.jpg")
 
@@ -62,7 +62,7 @@ def _comparison(shown: Tab, place: str, segments: Sequence[str]) -> None:
     shown.page.click("#theme")
     _fly(shown)
     shown.value("(pavetwin.seek(pavetwin.mission.occlusions.at(-1)), null)")
-    shown.wait("pavetwin.frame")
+    shown.wait("pavetwin.frame?.labels")
     shown.page.wait_for_timeout(1500)
     _save(shown, "app-compare.jpg")
 
@@ -95,7 +95,7 @@ def _animation(shown: Tab, place: str, segments: Sequence[str]) -> None:
     _scrub(shown, take, 5)
     shown.value("(document.activeElement.blur(), pavetwin.seek(0), null)")
     shown.page.keyboard.press("n")
-    shown.wait("pavetwin.frame")
+    shown.wait("pavetwin.frame?.labels")
     take(1600)
     shown.page.click("#compare")
     take(900)
