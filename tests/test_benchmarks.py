@@ -163,6 +163,7 @@ def checked(cache: Path, words: Sequence[str]) -> process.Used:
     return process.Used(float(not pavetwin(*words, *end).returncode), 1.0, 1.0)
 
 
+@pytest.mark.slow
 def test_every_part_measures_something(measured: tuple[list[str], list[Line], Path]) -> None:
     begun, lines, _ = measured
     assert begun == list(GROUPS)
@@ -297,6 +298,7 @@ def test_pairs_say_that_a_checkout_cannot_measure(tmp_path: Path) -> None:
         pairs.main([str(tmp_path), str(tmp_path / "no-world")])
 
 
+@pytest.mark.slow
 def test_what_waits_correlate_with_is_counted(
     measured: tuple[list[str], list[Line], Path], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -52,6 +52,7 @@ def test_points_are_drawn_from_all_of_the_road_that_is_clear_and_from_nothing_el
     assert Clearings.of(road.segments, shapely.STRtree(outlines), 60.0).draw(rng) is None
 
 
+@pytest.mark.slow
 def test_no_defect_is_shown_wherever_none_is_asked_for(context: CaptureContext) -> None:
     """24 defects a street leave little room for pictures from 19 m, and in some splits none: they are taken lower."""
     platform = Uav(context)

@@ -171,6 +171,7 @@ def test_a_smaller_dataset_is_the_beginning_of_a_larger_one(world: Path, dataset
     assert contents(tmp_path / "grown") == contents(dataset)
 
 
+@pytest.mark.slow
 def test_more_processes_take_the_same_images(world: Path, few: dict[str, bytes], tmp_path: Path) -> None:
     capture(world, FEW, tmp_path / "two", frame_source_factory=Painter, jobs=2)
     assert contents(tmp_path / "two") == few

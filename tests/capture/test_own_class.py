@@ -78,6 +78,7 @@ def test_the_usual_mix_of_a_world_with_plugins_is_written_down(tmp_path: Path, m
         add_defects(built("cross"), DefectOptions(mix={"rutting": 1.0}))
 
 
+@pytest.mark.slow
 def test_two_processes_capture_label_and_count_it(world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     alone, together = tmp_path / "alone", tmp_path / "together"
     capture(world, UAV, alone, frame_source_factory=Painter)

@@ -53,6 +53,7 @@ def forgotten(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     DEFECT_CLASSES.restore("rutting", None)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("forgotten")
 def test_a_class_of_ones_own_from_the_command_line(tmp_path: Path) -> None:
     plugins.load_plugins([RUTTING])

@@ -153,6 +153,7 @@ def test_navmesh_is_drawn_counted_and_saved(
     assert target.read_bytes() == first
 
 
+@pytest.mark.slow
 def test_everything_lies_below_what_is_drawn_on_top(town: World) -> None:
     with style.styled():
         axes = style.new_figure(5, 5).add_subplot()

@@ -120,6 +120,7 @@ def test_vector_figures_are_well_formed(small: str) -> None:
         assert set(re.findall(r"(?:href='|url\()#([\w-]+)", text)) <= set(names)
 
 
+@pytest.mark.slow
 def test_the_same_study_gives_the_same_bytes(tmp_path: Path) -> None:
     first = write_report(small_study(), tmp_path / "a")
     second = write_report(small_study(), tmp_path / "b")

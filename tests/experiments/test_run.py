@@ -231,7 +231,7 @@ class Disturbed(Engine):
         pytest.param(Cluster(jobs=2), id="dask", marks=pytest.mark.slow),
         pytest.param(Disturbed(Pool(2)), id="pool, a process killed"),
         pytest.param(Disturbed(Cluster(jobs=2)), id="dask, a worker killed", marks=pytest.mark.slow),
-        pytest.param(Disturbed(Cluster(jobs=1)), id="dask, its only worker killed"),
+        pytest.param(Disturbed(Cluster(jobs=1)), id="dask, its only worker killed", marks=pytest.mark.slow),
     ],
 )
 def test_the_same_bytes_whoever_flies(reference: Path, world: Path, tmp_path: Path, engine: Engine) -> None:
@@ -241,6 +241,7 @@ def test_the_same_bytes_whoever_flies(reference: Path, world: Path, tmp_path: Pa
     assert digests(tmp_path / "study") == digests(reference)
 
 
+@pytest.mark.slow
 def test_a_unit_that_kills_whoever_flies_it_is_given_up(world: Path, tmp_path: Path) -> None:
     """Killed by a policy of the user's own, which does no harm where the design is read."""
     (tmp_path / "deadly.py").write_text(DEADLY)
@@ -574,6 +575,7 @@ def test_killed_at_many_moments_and_resumed_it_is_the_same_study(
     assert [each.name for each in tmp_path.iterdir() if each.name.startswith(".")] == []
 
 
+@pytest.mark.slow
 def test_what_is_kept_of_the_traffic_does_not_depend_on_kills(
     world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

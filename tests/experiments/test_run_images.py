@@ -145,6 +145,7 @@ def check_alone(table: pl.DataFrame, world: Path, images: ImageSourceFactory) ->
             assert row[name] == getattr(alone, name), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "engine",
     [pytest.param(Pool(2), id="pool"), pytest.param(Cluster(jobs=2), id="dask", marks=pytest.mark.slow)],

@@ -163,6 +163,7 @@ def test_p_is_a_probability_and_knows_no_direction(values: np.ndarray) -> None:
     assert sign_flip_p(-values).tolist() == p.tolist()
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(hnp.arrays(np.float64, st.integers(1, 30), elements=st.floats(0, 1)))
 def test_holm_agrees_with_statsmodels(p: np.ndarray) -> None:

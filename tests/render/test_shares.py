@@ -73,6 +73,7 @@ def shares(renderer: Renderer, altitude_m: float, seed: int) -> Iterator[Share]:
                 yield Share(share, float((seen.labels == label).sum()) / seen.amodal_px[label])
 
 
+@pytest.mark.slow
 def test_the_kernels_share_is_that_of_the_masks(renderer: Renderer) -> None:
     found = [share for seed, height in enumerate((6.0, 10.0, 15.0)) for share in shares(renderer, height, seed)]
     by_kernel, by_masks = np.array(found).T

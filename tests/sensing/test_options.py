@@ -122,6 +122,7 @@ def test_a_mission_is_flown_again_with_its_options(choosy: str, world: Path, tmp
     assert former.differences(fly(former.spec)) == []
 
 
+@pytest.mark.slow
 def test_a_study_sweeps_an_option_and_gives_each_sensor_its_own(choosy: str, world: Path, tmp_path: Path) -> None:
     values = {
         "worlds": [str(world)],

@@ -20,6 +20,7 @@ from pavetwin.world.streets import streets_of
 from pavetwin.world.town_plan import faults, plan_town
 
 TOWNS = range(10)
+FEW_TOWNS = [pytest.param(seed, marks=pytest.mark.slow) if seed > 2 else seed for seed in TOWNS]
 
 _FOLDER = TemporaryDirectory(prefix="pavetwin-test-")  # gone when the interpreter ends
 
@@ -55,7 +56,7 @@ def reach(onward: dict[str, set[str]], origin: str) -> set[str]:
     return seen
 
 
-@pytest.mark.parametrize("seed", TOWNS)
+@pytest.mark.parametrize("seed", FEW_TOWNS)
 def test_a_car_gets_from_every_street_of_the_town_to_every_other(seed: int) -> None:
     onward, cars = drivable(generated(NetworkKind.TOWN, seed)[0].net_file)
     backward: dict[str, set[str]] = {edge: set() for edge in cars}

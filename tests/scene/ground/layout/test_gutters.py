@@ -57,6 +57,7 @@ def test_gutters_narrow_to_nothing_where_they_end(name: str) -> None:
     assert np.median(before) > 0.8 * GUTTER_M
 
 
+@pytest.mark.slow
 def test_no_defect_reaches_into_a_gutter() -> None:
     """Not even the ring about it that is drawn again; on streets without gutters some come nearer to the edge."""
     where = plan("berlin_neukoelln")
