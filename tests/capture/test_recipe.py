@@ -107,11 +107,23 @@ def test_all_splits_that_are_asked_for_are_packed(output: Path, tmp_path: Path) 
         ("{map: cross.osm, split: test,", "{split: test,", r"worlds\.east: give either generate or map"),
         ("densities: [medium]", "split: [1, 0, 0]", r"captures\.air\.split: the recipe says it"),
         ("split: test", "split: all", r"worlds\.east\.split"),
+        ("images: 3,", "images: 3, images_of: {all: 2},", r"captures\.air\.images_of\.all"),
+        ("images: 3,", "images: 3, images_of: {test: 0},", r"captures\.air\.images_of\.test"),
     ],
 )
 def test_what_a_recipe_cannot_say_is_refused(tmp_path: Path, before: str, after: str, message: str) -> None:
     with pytest.raises(PaveTwinError, match=message):
         recipe(tmp_path, RECIPE.replace(before, after))
+
+
+def test_worlds_of_a_split_may_have_more_images(tmp_path: Path) -> None:
+    """Nothing else of the capture changes, so that what is there is added to."""
+    (same,) = recipe(tmp_path).captures.values()
+    (more,) = recipe(tmp_path, RECIPE.replace("images: 3,", "images: 3, images_of: {train: 7},")).captures.values()
+    assert more.of_world("test", 4) == same.of_world("test", 4)
+    assert more.of_world("train", 4) == same.of_world("train", 4).model_copy(update={"images": 7})
+    assert same.of_world("val", 4).split == (0.0, 1.0, 0.0)
+    assert same.of_world("val", 4).formats == ("coco",)
 
 
 def test_a_missing_map_is_refused_before_anything_is_built(tmp_path: Path) -> None:

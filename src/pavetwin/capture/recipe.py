@@ -4,10 +4,9 @@ Each world belongs to one split as a whole, so that no street of a test image is
 resumable by itself: the same recipe continues where it stopped.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
@@ -34,6 +33,8 @@ JOINED: Final = "synthetic"
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
 """Of a folder."""
 
+Split = Literal["train", "val", "test"]
+
 _OF_WORLD: Final = ("split", "seed")
 """Settings of captures that the recipe or the world decides."""
 
@@ -43,7 +44,7 @@ class RecipeWorld(Settings):
 
     generate: str | None = Field(default=None, description="Kind of generated streets: town, grid, spider or random.")
     map: Path | None = Field(default=None, description="Instead: a map or a SUMO network, beside the recipe.")
-    split: Literal["train", "val", "test"] = Field(default="train", description="Split of all images of the world.")
+    split: Split = Field(default="train", description="Split of all images of the world.")
     streets: BuildOptions = Field(default=BuildOptions(), description="How the world is built, with its seed.")
     defects: DefectOptions = Field(default=DefectOptions(), description="Which defects it has.")
 
@@ -56,11 +57,30 @@ class RecipeWorld(Settings):
         return self
 
 
+class RecipeCapture(CaptureSettings):
+    """One capture of every world."""
+
+    images_of: dict[Split, Annotated[int, Field(ge=1, le=10_000_000)]] = Field(
+        default={}, description="Images of each world of a split, in place of `images`: more of what is rare to train."
+    )
+
+    def of_world(self, split: Split, seed: int) -> CaptureSettings:
+        """The settings for a world of that split, which has no other split, with the recipe's seed."""
+        given = {name: getattr(self, name) for name in self.model_fields_set if name != "images_of"}
+        decided = {
+            "images": self.images_of.get(split, self.images),
+            "split": tuple(float(each == split) for each in SPLITS),
+            "seed": seed,
+            "formats": tuple(dict.fromkeys((*given.get("formats", ()), "coco"))),
+        }
+        return CaptureSettings(**{**given, **decided})
+
+
 class SyntheticRecipe(Settings):
     """What synthetic images are made of."""
 
     worlds: dict[Name, RecipeWorld] = Field(min_length=1, description="Worlds by name.")
-    captures: dict[Name, CaptureSettings] = Field(min_length=1, description="Captures of every world, by name.")
+    captures: dict[Name, RecipeCapture] = Field(min_length=1, description="Captures of every world, by name.")
     seed: int = Field(default=0, ge=0, description="Random seed of places, light, traffic and parked vehicles.")
 
     @model_validator(mode="after")
@@ -105,8 +125,12 @@ def build_synthetic(
     Raises:
         PaveTwinError: a world cannot be built, a capture does not fit, or the output holds the work of another recipe.
     """
-    every = [(name, world, of) for name, world in recipe.worlds.items() for of in _captures(recipe, world)]
-    for _, _, (_, settings) in every:
+    every = [
+        (name, what, given.of_world(world.split, recipe.seed))
+        for name, world in recipe.worlds.items()
+        for what, given in recipe.captures.items()
+    ]
+    for _, _, settings in every:
         load_plugins(tuple(map(Path, settings.plugins)))
         check(settings)
     for name, world in recipe.worlds.items():
@@ -115,7 +139,7 @@ def build_synthetic(
     with working_in(output):
         for name, world in recipe.worlds.items():
             _built(output / WORLDS / name, world, beside, on_stage)
-        for number, (name, _, (what, settings)) in enumerate(every, start=1):
+        for number, (name, what, settings) in enumerate(every, start=1):
             stage = f"{name}, {what} ({number}/{len(every)})"
 
             def on_progress(share: float, doing: str, stage: str = stage) -> None:
@@ -136,14 +160,6 @@ def build_synthetic(
         on_stage(0.0, "Joining")
         joined = join(folders, output / JOINED)
     return SyntheticSummary(output / JOINED, taken, joined)
-
-
-def _captures(recipe: SyntheticRecipe, world: RecipeWorld) -> Iterator[tuple[str, CaptureSettings]]:
-    shares = tuple(float(split == world.split) for split in SPLITS)
-    for name, given in recipe.captures.items():
-        formats = given.formats if "formats" in given.model_fields_set else ()
-        update: dict[str, Any] = {"split": shares, "seed": recipe.seed}
-        yield name, given.model_copy(update={**update, "formats": tuple(dict.fromkeys((*formats, "coco")))})
 
 
 def _check_source(folder: Path, world: RecipeWorld, beside: Path) -> None:
