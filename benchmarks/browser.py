@@ -81,10 +81,10 @@ def browser() -> Iterator[Any]:
 
 
 @contextmanager
-def tab(started: Any) -> Iterator[Tab]:
-    """A tab that shares neither cookies nor cache with another."""
-    wide, tall = SIZE_PX
-    context = started.new_context(viewport={"width": wide, "height": tall})
+def tab(started: Any, size_px: tuple[int, int] = SIZE_PX, **options: Any) -> Iterator[Tab]:
+    """A tab that shares neither cookies nor cache with another; `options` are those of the browser's context."""
+    wide, tall = size_px
+    context = started.new_context(viewport={"width": wide, "height": tall}, **options)
     try:
         context.set_default_timeout(1000 * PATIENCE_S)
         yield Tab(context.new_page())

@@ -535,6 +535,11 @@ def test_streets_are_chosen_by_a_box_and_by_name_and_let_go(tab: BrowserTab) -> 
     tab.page.fill("#find", names[0])
     tab.page.keyboard.press("Enter")
     assert "chosen by the seed" not in tab.page.locator("#selection").inner_text()
+    tab.page.keyboard.press("Escape")
+    for text, told in (("haupts", "Hauptstra"), ("BOGEN", "Bogen"), ("nowhere", "No street"), ("stra", "Several")):
+        tab.page.fill("#find", text)
+        tab.page.keyboard.press("Enter")
+        assert told in tab.page.locator("#selection" if text.lower() in told.lower() else "#notice").inner_text()
     tab.wait("document.querySelectorAll('#selection .numbers span').length == 6")
     assert "empty streets" in tab.page.locator("#selection small").inner_text()
 
@@ -734,7 +739,8 @@ def test_the_camera_shows_the_town_in_3d_until_a_frame_is_ready(drawn: BrowserTa
 
 
 FRAMES = """(async () => {
-  const { Frames } = await import('/static/frames.js'), { CancelledError } = await import('/static/server.js');
+  const { Frames, frameLine } = await import('/static/frames.js');
+  const { CancelledError } = await import('/static/server.js');
   const canvas = document.createElement('canvas'), asked = [], answers = [];
   const jpeg = canvas.toDataURL('image/jpeg').split(',')[1], wait = time => new Promise(over => setTimeout(over, time));
   const ask = ({ capture, part }) => {
@@ -759,7 +765,20 @@ FRAMES = """(async () => {
   known.push([frames.at(0).capture, frames.at(0).labels?.length]);
   frames.want(2, 0, false);
   known.push([frames.at(2).capture, frames.at(2).labels]);
-  return { asked, known, failure: frames.failure };
+  frames.want(2, 0, true);
+  for (let tries = 0; tries < 100 && !asked.at(-1).startsWith('searched'); tries++) {
+    await wait(50);
+    if (asked.at(-1).startsWith('labelled 2')) await answer(asked.length - 1, [{ id: 'b' }]);
+  }
+  answers.at(-1).failed(new Error('There is no detector.'));
+  await wait(50);
+  const search = [asked.at(-1), frameLine(frames, frames.at(2), true)];
+  frames.want(1, 0, true);
+  await wait(500);
+  const later = asked.slice(asked.lastIndexOf('searched 2') + 1);
+  frames.want(1, 0, false);
+  search.push(frameLine(frames, frames.at(2), true));
+  return { asked: asked.slice(0, 6), known, failure: frames.failure, search, later };
 })()"""
 """Answers to requests of the page's frames, in an order that a server may have."""
 
@@ -771,3 +790,8 @@ def test_a_preview_comes_first_and_labels_of_its_own_capture_stay(tab: BrowserTa
     assert found["asked"] == [*previews, "labelled 0"]
     assert found["known"] == [[0, None], [0, 1], [2, None]], "no labels of a moment over the frame of another one"
     assert found["failure"] == ""
+    assert found["search"][0] == "searched 2"
+    assert "There is no detector." in found["search"][1]
+    assert "1 label" in found["search"][1]
+    assert found["later"] == ["labelled 1"], "a search that fails stops neither previews nor labels"
+    assert "no detector" not in found["search"][2], "who lets it be is not told of it"

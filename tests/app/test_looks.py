@@ -126,6 +126,42 @@ def test_nothing_jumps_while_it_loads_and_flies(browser: Any, server: RunningPag
     tab.page.close()
 
 
+WIDE = (1201, 1240, 1280, 1341, 1366, 1440, 1481, 1536, 1681, 1920)
+"""Of windows: common ones, and those beside which the header changes its form."""
+
+HEADER = """(() => {
+  const boxes = [...document.querySelectorAll('header :is(label, button, summary, h1)')]
+    .filter(each => each.checkVisibility() && !each.closest('.menu ul')).map(each => each.getBoundingClientRect());
+  const outside = boxes.filter(({ left, right }) => left < 0 || right > innerWidth).length;
+  const isOver = (one, other) => one.left < other.right - 1 && one.top < other.bottom - 1;
+  const overlapping = boxes.flatMap((one, at) =>
+    boxes.slice(at + 1).filter(other => isOver(one, other) && isOver(other, one)));
+  return [outside, overlapping.length, document.querySelector('header').offsetHeight];
+})()"""
+"""Of the header: what lies outside of the window, what lies over each other, and its height in pixels."""
+
+ROW_PX = 66
+"""Height of a header of one row, at most; another one has 50 more."""
+
+
+def test_the_header_keeps_its_form_at_every_width(browser: Any, server: RunningPage) -> None:
+    tab = opened(browser, server, "laptop")
+    found = {}
+    for shown in ("plain", "studies", "studies and two policies", "two policies"):
+        tab.value(f"(document.querySelector('#exhibits').hidden = {str('studies' not in shown).lower()}, null)")
+        pressed = tab.page.get_attribute("#compare", "aria-pressed") == "true"
+        if pressed != ("two" in shown):
+            tab.page.click("#compare")
+        for wide in WIDE:
+            tab.page.set_viewport_size({"width": wide, "height": 768})
+            has_two = shown != "plain" and wide <= 1365
+            outside, overlapping, tall = tab.value(HEADER)
+            if outside or overlapping or tall > ROW_PX + 50 * has_two:
+                found[f"{shown}, {wide} px"] = (outside, overlapping, tall)
+    tab.page.close()
+    assert found == {}
+
+
 def test_the_focus_goes_through_the_page_in_its_order_and_is_seen(browser: Any, server: RunningPage) -> None:
     tab = opened(browser, server, "laptop")
     places = []

@@ -57,24 +57,55 @@ def thinned(mesh: Mesh, level: int, sparser: int = 1) -> Mesh:
     return _with(mesh, kept.reshape(-1), grown, np.arange(kept.size, dtype=np.uint32).reshape(-1, 3))
 
 
+def closed(mesh: Mesh, cell_m: float) -> Mesh:
+    """A solid mesh with all vertices of a cell at the place of the outermost: it keeps its size, and no gaps open between
+    its surfaces. Those that face elsewhere or have another slot keep their own normals and colours. Triangles within
+    fewer than three cells are dropped, and of several with the same corners the others.
+
+    Args:
+        cell_m: side of a cell.
+    """
+    _, place = np.unique(np.floor(mesh.positions / cell_m).astype(np.int64), axis=0, return_inverse=True)
+    place = place.reshape(-1)
+    corners = np.sort(place[mesh.indices], axis=1)
+    whole = np.flatnonzero((corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2]))
+    kept = whole[np.sort(np.unique(corners[whole], axis=0, return_index=True)[1])]
+    group = _groups(mesh, place[:, None])
+    first = np.unique(group, return_index=True)[1]
+    used, triangles = np.unique(group[mesh.indices[kept]], return_inverse=True)
+    vertices = first[used]
+    low, high = mesh.positions.min(axis=0), mesh.positions.max(axis=0)
+    inwards = -np.linalg.norm((2 * mesh.positions - low - high) / np.maximum(high - low, cell_m), axis=1)
+    positions = mesh.positions[_least(inwards, place)[place[vertices]]]
+    return _with(mesh, vertices, positions, triangles.reshape(-1, 3).astype(np.uint32))
+
+
 def _clustered(mesh: Mesh, cell_m: float) -> Mesh:
     """Merge vertices of one cell, one slot and similar normals into the one nearest to their mean."""
     cells = np.floor(mesh.positions / cell_m).astype(np.int64)
-    facing = (mesh.normals > 0.5).astype(np.int64) - (mesh.normals < -0.5)
-    slot = np.zeros((len(cells), 1), dtype=np.int64) if mesh.surface is None else mesh.surface[:, 2:].astype(np.int64)
-    _, group = np.unique(np.concatenate([cells, facing, slot], axis=1), axis=0, return_inverse=True)
-    group = group.reshape(-1)
+    group = _groups(mesh, cells)
     count = np.bincount(group).astype(np.float64)
     middle = np.stack([np.bincount(group, mesh.positions[:, axis]) for axis in range(3)], axis=1) / count[:, None]
-    away = np.linalg.norm(mesh.positions - middle[group], axis=1)
-    order = np.lexsort((away, group))
-    chosen = order[np.searchsorted(group[order], np.arange(len(count)))]
+    chosen = _least(np.linalg.norm(mesh.positions - middle[group], axis=1), group)
     triangles = group[mesh.indices]
     # A triangle whose corners fall into fewer than three cells is dropped, whatever their normals.
     place = np.unique(cells, axis=0, return_inverse=True)[1].reshape(-1)[mesh.indices]
     whole = (place[:, 0] != place[:, 1]) & (place[:, 1] != place[:, 2]) & (place[:, 2] != place[:, 0])
     triangles = np.unique(triangles[whole], axis=0) if whole.any() else triangles[:1]
     return _with(mesh, chosen, mesh.positions[chosen], triangles.astype(np.uint32))
+
+
+def _groups(mesh: Mesh, cells: npt.NDArray[np.integer]) -> npt.NDArray[np.integer]:
+    """(n,) the group of each vertex: those of one cell, one slot and similar normals."""
+    facing = (mesh.normals > 0.5).astype(np.int64) - (mesh.normals < -0.5)
+    slot = np.zeros((len(cells), 1), dtype=np.int64) if mesh.surface is None else mesh.surface[:, 2:].astype(np.int64)
+    return np.unique(np.concatenate([cells, facing, slot], axis=1), axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def _least(values: Float64Array, group: npt.NDArray[np.integer]) -> npt.NDArray[np.integer]:
+    """(groups,) the vertex of each group whose value is the least."""
+    order = np.lexsort((values, group))
+    return np.asarray(order[np.searchsorted(group[order], np.arange(group.max() + 1))])
 
 
 def _with(mesh: Mesh, vertices: npt.NDArray[np.integer], positions: Float32Array, indices: UInt32Array) -> Mesh:

@@ -68,7 +68,7 @@ export class DefectFrames {
 
   #draw() {
     const ready = this.#shown.map(shown => this.#drawOne(shown)).filter(Boolean).length, told = this.#root.querySelector('.told');
-    if (told) told.textContent = this.#frames.failure || (ready < this.#shown.length ? 'Frames are being rendered …' : '');
+    if (told) told.textContent = this.#frames.failure || this.#frames.failureOf('labelled') || (ready < this.#shown.length ? 'Frames are being rendered …' : '');
   }
 
   #drawOne({ capture, right, down, canvas }) {

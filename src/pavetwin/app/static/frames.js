@@ -21,14 +21,18 @@ const COLOURS = { label: '#ffd84d', confirmed: '#4be08a', duplicate: '#4be08a', 
 export class Frames {
   #listeners = []; #also = [];
   #tasks; #flight = null; #mission = null; #ready = new Map(); #wanted = null; #asked = null; #took = 2 * SOON_S; #search = false;
-  #rate = 0; #ahead = 0; #restsAt = 0; #rest = 0;
-  /** Why no frame can be rendered of this mission, if so. */
-  failure = '';
+  #rate = 0; #ahead = 0; #restsAt = 0; #rest = 0; #failures = new Map();
 
   constructor(tasks) { this.#tasks = tasks; }
 
   /** @param told that a frame is ready, or that none can be */
   listen(told) { this.#listeners.push(told); }
+
+  /** Why no frame can be rendered of this mission, if so. */
+  get failure() { return this.failureOf('preview'); }
+
+  /** Why a part of frames cannot be made of this mission, if so: it is not asked for any more, others are. */
+  failureOf(part) { return this.#failures.get(part) ?? ''; }
 
   /** Captures whose frames are asked for beside that of the moment, such as those of a defect. */
   wantAlso(captures) {
@@ -45,7 +49,7 @@ export class Frames {
     this.#mission = mission;
     this.#wanted = this.#asked = null;
     this.#also = [];
-    this.failure = '';
+    this.#failures.clear();
   }
 
   /** The capture nearest to a moment; -1 where none is near. */
@@ -71,6 +75,7 @@ export class Frames {
 
   /** Ask for the frame of a moment; while time passes, for that of the moment at which it will be ready. */
   want(t, rate, search) {
+    if (!search) this.#failures.delete('searched'); // whoever asks again may have mended it
     if (!this.#mission || this.failure) return;
     const times = this.#mission.captures.t_s, capture = this.nearest(Math.min(t + rate * this.#took, times.at(-1) ?? 0)), wanted = capture < 0 ? this.nearest(t) : capture;
     if (wanted !== this.#wanted || rate) this.#wait();
@@ -101,7 +106,7 @@ export class Frames {
    * passes for that as well, as dropping each would leave none. */
   #next() {
     if (!this.#mission || this.failure) return;
-    const [capture, part] = [...this.#pending()].find(each => !this.#has(...each)) ?? [];
+    const [capture, part] = [...this.#pending()].find(([capture, part]) => !this.#failures.has(part) && !this.#has(capture, part)) ?? [];
     if (part === undefined || (capture === this.#asked?.capture && part === this.#asked.part)) return;
     const isUrgent = part === 'preview' && capture === this.#wanted && !this.#rate;
     if (this.#asked === null || isUrgent) this.#ask(capture, part);
@@ -121,7 +126,7 @@ export class Frames {
       if (flight === this.#flight) this.#keep(this.#name(mission, capture), { ...values, capture, time: mission.captures.t_s[capture] });
       if (part === 'preview') this.#took = (this.#took + (performance.now() - begun) / 1000) / 2;
     } catch (error) {
-      if (!(error instanceof CancelledError) && mission === this.#mission) this.failure = error.message;
+      if (!(error instanceof CancelledError) && mission === this.#mission) this.#failures.set(part, error.message);
     }
     const isLatest = this.#asked === asked;
     if (isLatest) this.#asked = null;
@@ -152,10 +157,11 @@ export class Frames {
 export function frameLine(frames, frame, isLabelled, is3d = false) {
   if (!frame) return `Drawn ${is3d ? 'in 3-D' : 'from the map'}.${frames?.failure ? ` ${frames.failure}` : ''}`;
   const count = (number, what) => `${number} ${what}${number === 1 ? '' : 's'}`, told = [`Rendered: capture ${frame.capture}, ${clock(frame.time)}`];
-  if (isLabelled) told.push(frame.labels ? count(frame.labels.length, 'label') : 'labels follow');
+  if (isLabelled) told.push(frame.labels ? count(frame.labels.length, 'label') : frames.failureOf('labelled') ? 'no labels' : 'labels follow');
   if (frame.detections.length) told.push(`${count(frame.detections.length, 'detection')} of the sensor '${frame.sensor}'`);
   if (frame.searched) told.push(`${count(frame.searched.length, 'box').replace('boxs', 'boxes')} of the shipped detector`);
-  return `${told.join(' · ')}.`;
+  const failures = [...new Set(['labelled', 'searched'].map(part => frames.failureOf(part)).filter(Boolean))];
+  return [`${told.join(' · ')}.`, ...failures].join(' ');
 }
 
 /** Boxes over a frame that is drawn at [left, top, width, height]. */

@@ -36,7 +36,7 @@ startTheme();
 const page = { map: null, task: null };
 const seek = t => player.seek(t), showDefect = id => player.showDefect(id);
 const [map, camera, timeline, results, town] = [
-  new StreetMap(by('map'), { pick: (ids, how) => selection?.pick(ids, how), hover: tellUnder, defect: showDefect, view: () => drawScale(map.view) }),
+  new StreetMap(by('map'), { pick: (ids, how) => selection?.pick(ids, how), hover: tellUnder, defect: showDefect, view: () => drawScale(map.view), free: () => toggle('follow', false) }),
   new Camera(by('camera')),
   new Timeline(by('plots'), by('key'), seek),
   new Results(by('results'), showDefect),
@@ -261,9 +261,13 @@ async function listFlown() {
 
 // What is shown of the map.
 
-function find(name) {
-  const found = map.segments.filter(segment => segment.street === name || segment.id === name || segment.latin === name);
-  if (!found.length) return;
+/** Choose a street by its name or the only one that has a text in its name, or a segment by its id. */
+function find(text) {
+  if (!text) return;
+  const found = map.named(text), streets = [...new Set(found.map(({ street }) => street))];
+  if (!found.length) return notice(`No street here is named '${text}'.`);
+  if (streets.length > 1) return notice(`Several streets have '${text}' in their names: ${streets.slice(0, 5).join(', ')}${streets.length > 5 ? ' …' : ''}.`);
+  by('notice').hidden = true;
   selection.pick(found.map(segment => segment.id), { toggle: false });
   const boxes = found.map(segment => segment.box);
   map.show(...[0, 1].map(i => Math.min(...boxes.map(box => box[i]))), ...[2, 3].map(i => Math.max(...boxes.map(box => box[i]))), 1.8);

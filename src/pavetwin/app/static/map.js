@@ -14,7 +14,7 @@ export class StreetMap {
   boxing = false;
   following = false;
 
-  /** @param events `pick(ids, { add })`, `hover(segment | null, x, y)`, `defect(id)`, `view()` */
+  /** @param events `pick(ids, { toggle })`, `hover(segment | null, defect | null, x, y)`, `defect(id)`, `view()`, and `free()`: it was dragged away from the UAV */
   constructor(root, events) {
     this.#root = root;
     [this.#still, this.#moving] = root.querySelectorAll('canvas');
@@ -67,7 +67,12 @@ export class StreetMap {
   }
 
   segment(id) { return this.#segments.find(segment => segment.id === id); }
-  get segments() { return this.#segments; }
+  /** The segments of a street's name, or of an id; else those whose street has the text in its name. */
+  named(text) {
+    const plain = name => (name ?? '').normalize('NFKD').replace(/\p{M}/gu, '').toLowerCase(), part = plain(text);
+    const exact = this.#segments.filter(({ street, latin, id }) => [street, latin, id].some(name => plain(name) === part));
+    return exact.length ? exact : this.#segments.filter(({ street, latin }) => [street, latin].some(name => plain(name).includes(part)));
+  }
 
   /** Where the middle of a segment is on the canvas, in pixels. */
   screenOf(id) { return this.#toScreen(...this.segment(id).middle); }
@@ -434,7 +439,10 @@ export class StreetMap {
     if (other) this.zoom(Math.hypot(now[0] - other[0], now[1] - other[1]) / Math.max(1, Math.hypot(was[0] - other[0], was[1] - other[1])), ...other);
     else if (this.#box) this.#box = [this.#box[0], this.#box[1], ...now];
     else if (this.#dragged > DRAG_PX) {
-      this.following = false;
+      if (this.following) {
+        this.following = false;
+        this.#events.free();
+      }
       const { k } = this.#view;
       this.#view = { ...this.#view, x: this.#view.x - (now[0] - was[0]) / k, y: this.#view.y + (now[1] - was[1]) / k };
       this.redraw();

@@ -24,7 +24,7 @@ for (const part of document.querySelectorAll(OF_SERVER)) part.remove();
 document.querySelector('main').classList.remove('with-town');
 startTheme();
 const seek = t => player.seek(t), showDefect = id => player.showDefect(id);
-const map = new StreetMap(by('map'), { pick: () => {}, hover: tellUnder, defect: showDefect, view: () => drawScale(map.view) });
+const map = new StreetMap(by('map'), { pick: () => {}, hover: tellUnder, defect: showDefect, view: () => drawScale(map.view), free: () => toggle('follow', false) });
 const parts = { map, camera: new Camera(by('camera')), timeline: new Timeline(by('plots'), by('key'), seek), results: new Results(by('results'), showDefect) };
 const player = new Player(parts);
 

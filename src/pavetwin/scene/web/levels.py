@@ -50,6 +50,6 @@ DEFECT_TEXEL_M: Final = 0.012
 DEFECTS_TO_M: Final = 40.0
 """Nearer than this a client shows the relief of defects in place of the picture of the ground."""
 
-MODEL_TRIANGLES: Final = (2600, 600, 100)
+MODEL_TRIANGLES: Final = (2600, 460, 90)
 CROWN_TRIANGLES: Final = (1800, 450, 220)
 """Most triangles of a part of a model at each level, and of a crown of leaves."""

@@ -2,12 +2,13 @@
 
 from collections.abc import Iterable
 from io import BytesIO
+from itertools import chain
 from typing import Any, Final
 
 import numpy as np
 from PIL import Image
 
-from pavetwin.scene.coarser import coarser
+from pavetwin.scene.coarser import FINEST_M, closed, coarser, foliage_px2
 from pavetwin.scene.export.baking import jpeg
 from pavetwin.scene.foliage import CUT, leaf_atlas
 from pavetwin.scene.ground.materials.sampling import srgb_of_linear
@@ -21,6 +22,8 @@ from pavetwin.scene.web.levels import CROWN_TRIANGLES, MODEL_TRIANGLES
 from pavetwin.scene.web.packing import PackedFile
 
 _MOST_LEVELS: Final = 8
+_MOST_STEPS: Final = 32
+"""Of cells, four to each doubling, up to 3 m."""
 _FACADE_PX: Final = 256
 _SKY_STEPS: Final = (0, 3, 8, 18, 35, 60, 90)
 """Elevations at which the sky's colour is given [degrees]."""
@@ -69,10 +72,15 @@ def _models_file(scene: Scene) -> bytes:
 
 def _within(mesh: Mesh, most: int) -> Mesh:
     """The finest level of a mesh with no more triangles than that."""
-    for level in range(_MOST_LEVELS):
-        made = coarser(mesh, level)
+    levels: Iterable[Mesh]
+    if foliage_px2(mesh):
+        levels = (coarser(mesh, level) for level in range(_MOST_LEVELS))
+    else:
+        levels = chain([mesh], (closed(mesh, FINEST_M * 2 ** (step / 4)) for step in range(_MOST_STEPS)))
+    made = mesh
+    for made in levels:
         if len(made.indices) <= most:
-            return made
+            break
     return made
 
 
