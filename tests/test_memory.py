@@ -1,4 +1,4 @@
-"""Freed memory goes back to the system."""
+"""Freed memory goes back to the system, or is kept for the next request."""
 
 import platform
 import subprocess
@@ -31,3 +31,32 @@ def test_what_was_freed_is_given_back() -> None:
     before, after = map(float, told)
     assert after > 150
     assert before < after
+
+
+KEEPING = """
+import resource
+import sys
+import numpy as np
+from pavetwin.memory import keep_freed
+
+def faults_of_arrays():
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    for _ in range(20):
+        held = [np.ones(2**19) for _ in range(6)]
+        del held
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+without = faults_of_arrays()
+keep_freed()
+faults_of_arrays()
+print(without, faults_of_arrays())
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries keep memory by rules of their own")
+def test_what_was_freed_is_kept_for_the_next_arrays() -> None:
+    """Pages that the system has to clear for arrays of 4 MiB that come and go."""
+    told = subprocess.run([sys.executable, "-c", KEEPING], capture_output=True, text=True, check=True).stdout.split()
+    before, after = map(int, told)
+    assert before > 1000
+    assert after < before / 10

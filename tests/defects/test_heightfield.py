@@ -22,6 +22,7 @@ from pavetwin.defects import (
     normal_map,
     occlusion_map,
 )
+from pavetwin.defects.filters import distances_px, mean_around
 from pavetwin.defects.measures import length_of
 
 seeds = st.integers(0, 2**32 - 1)
@@ -85,6 +86,24 @@ def test_the_mask_is_the_heightfields(kind, seed: int) -> None:  # type: ignore[
     border = np.ones_like(shape.mask)
     border[1:-1, 1:-1] = False
     assert not (shape.mask & border).any()
+
+
+@pytest.mark.parametrize("size", [4, 5, 33])
+@pytest.mark.parametrize(("repeats_edge", "mode"), [(False, "reflect"), (True, "nearest")])
+def test_means_are_those_of_scipy(size: int, repeats_edge: bool, mode: str) -> None:
+    from scipy.ndimage import uniform_filter
+
+    field = np.random.default_rng(size).normal(0.0, 0.02, (61, 90)).astype(np.float32)
+    means = mean_around(field, size, repeats_edge=repeats_edge)
+    assert means.dtype == np.float32
+    assert np.allclose(means, uniform_filter(field, size, mode=mode), rtol=0, atol=1e-8)
+
+
+def test_distances_are_those_of_scipy() -> None:
+    from scipy.ndimage import distance_transform_edt
+
+    inside = np.random.default_rng(3).random((300, 170)) > 0.002
+    assert np.array_equal(distances_px(inside), distance_transform_edt(inside))
 
 
 @every_class

@@ -7,6 +7,7 @@ pub mod geometry;
 pub mod imaging;
 pub mod mission;
 pub mod navigation;
+pub mod raster;
 pub mod relief;
 pub mod sensing;
 pub mod texture;

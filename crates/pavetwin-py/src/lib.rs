@@ -6,6 +6,7 @@ mod flight;
 mod ground;
 mod imaging;
 mod navmesh;
+mod raster;
 mod relief;
 mod settings;
 mod texture;
@@ -51,5 +52,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<flight::RecordingEnds>()?;
     module.add_function(wrap_pyfunction!(imaging::expose, module)?)?;
     module.add_function(wrap_pyfunction!(texture::texture_sample, module)?)?;
+    raster::add_to(module)?;
     relief::add_to(module)
 }

@@ -20,6 +20,13 @@ from pavetwin._core._mission import (
     TrackColumns,
 )
 from pavetwin._core._navigation import Limits, NavMesh
+from pavetwin._core._raster import (
+    raster_covered,
+    raster_looked_up,
+    raster_painted,
+    raster_tracks,
+    raster_weathered,
+)
 from pavetwin._core._relief import (
     relief_blocks,
     relief_largest_part,
@@ -58,6 +65,11 @@ __all__ = [
     "Viewpoint",
     "__version__",
     "expose",
+    "raster_covered",
+    "raster_looked_up",
+    "raster_painted",
+    "raster_tracks",
+    "raster_weathered",
     "relief_blocks",
     "relief_largest_part",
     "relief_mesh",

@@ -4,6 +4,7 @@ import numpy as np
 
 from pavetwin._core import relief_widths
 from pavetwin.arrays import Float32Array, UInt8Array
+from pavetwin.defects.filters import mean_around
 from pavetwin.defects.heightfield import Heightfield
 from pavetwin.defects.shapes import smooth
 
@@ -62,12 +63,10 @@ def occlusion_map(heightfield: Heightfield) -> UInt8Array:
     At each of three scales r, the mean height around a cell less its own, over r, approximates the tangent of the
     horizon; the light falls with its exponential.
     """
-    from scipy.ndimage import uniform_filter  # imported here: it takes half a second, and missions do not need it
-
     darkness = np.zeros(heightfield.shape, dtype=np.float32)
     for scale in CAVITY_SCALES_M:
         size = 2 * round(scale / heightfield.cell_m) + 1
-        around = uniform_filter(heightfield.height_m, size, mode="nearest")
+        around = mean_around(heightfield.height_m, size, repeats_edge=True)
         darkness += np.maximum(around - heightfield.height_m, 0) / np.float32(scale)
     return np.asarray(np.round(255 * np.exp(-CAVITY_STRENGTH * darkness)), dtype=np.uint8)
 

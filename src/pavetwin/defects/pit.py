@@ -10,6 +10,7 @@ import numpy as np
 
 from pavetwin._core import relief_pebbles, relief_region
 from pavetwin.arrays import BoolArray, Float32Array, Float64Array, IndexArray
+from pavetwin.defects.filters import distances_px, mean_around
 from pavetwin.defects.heightfield import Lattice
 from pavetwin.defects.shapes import between, centres, noise, smooth
 
@@ -56,12 +57,10 @@ def opened(rim_m: Float32Array, cell_m: float) -> tuple[BoolArray, Float32Array]
 
     One hole without islands or fins: narrow remains of the course break off.
     """
-    from scipy.ndimage import distance_transform_edt, uniform_filter  # half a second that missions need not wait
-
     hole = relief_region(rim_m > 0, 0.0, FIN_M / cell_m)
-    inner = np.asarray(distance_transform_edt(hole), dtype=np.float32) * np.float32(cell_m)
+    inner = distances_px(hole).astype(np.float32) * np.float32(cell_m)
     # Notches of the rim must not run down the walls as flutes: farther in, the distance is from a smoother rim.
-    inner += smooth(inner, 0.004, 0.02) * (uniform_filter(inner, round(SMOOTHED_M / cell_m)) - inner)
+    inner += smooth(inner, 0.004, 0.02) * (mean_around(inner, round(SMOOTHED_M / cell_m)) - inner)
     return hole, np.asarray(np.where(hole, inner - np.float32(cell_m / 2), np.minimum(rim_m, 0)), dtype=np.float32)
 
 

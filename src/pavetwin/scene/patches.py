@@ -17,6 +17,7 @@ from shapely import Polygon
 from pavetwin._core import relief_mesh
 from pavetwin.arrays import Float32Array, Float64Array, UInt8Array
 from pavetwin.defects import Heightfield, albedo_factor, heightfield_of, lost_surface, normal_map, occlusion_map
+from pavetwin.defects.filters import distances_px
 from pavetwin.defects.registry import failures_named
 from pavetwin.scene.agents import upright
 from pavetwin.scene.model import PLAIN_FINISH, TILE_M, DefectPatch, Finish, GroundKind, Mesh, defect_label
@@ -65,20 +66,28 @@ def holes_of(defects: tuple[Defect, ...]) -> list[Polygon]:
     return [Polygon(max(shapely.get_parts(shape), key=shapely.area).exterior) for shape in widened]
 
 
-def patch_of(defect: Defect, kind: GroundKind = GroundKind.ASPHALT, finish: Finish = PLAIN_FINISH) -> DefectPatch:
+def patch_of(
+    defect: Defect,
+    kind: GroundKind = GroundKind.ASPHALT,
+    finish: Finish = PLAIN_FINISH,
+    hole: Polygon | None = None,
+) -> DefectPatch:
     """The patch of a defect in a pavement of a kind and finish.
+
+    Args:
+        hole: that it fills, as `holes_of` makes it, where that is known.
 
     Raises:
         PaveTwinError: its class is not registered.
         ValueError: its outline crosses itself.
     """
     with failures_named(defect.kind):
-        return replace(_patch(defect, heightfield_of(defect)), kind=kind, finish=finish)
+        filled = holes_of((defect,))[0] if hole is None else hole
+        return replace(_patch(defect, heightfield_of(defect), filled), kind=kind, finish=finish)
 
 
-def _patch(defect: Defect, field: Heightfield) -> DefectPatch:
+def _patch(defect: Defect, field: Heightfield, hole: Polygon) -> DefectPatch:
     transform = upright(defect.centre.x, defect.centre.y, defect.yaw_rad)
-    (hole,) = holes_of((defect,))
     ring = np.asarray(hole.exterior.coords)[:-1] - transform[:2, 3]
     if not shapely.LinearRing(ring).is_ccw:
         ring = ring[::-1]
@@ -140,9 +149,7 @@ def _maps(field: Heightfield) -> tuple[UInt8Array, UInt8Array, UInt8Array]:
 
 def _inward(field: Heightfield) -> Float32Array:
     """(rows, cols): 1 on the outline and inside, falling to 0 before the hole's ring."""
-    from scipy.ndimage import distance_transform_edt  # half a second that patches from the cache need not wait
-
-    away = distance_transform_edt(~field.mask) * field.cell_m
+    away = distances_px(~field.mask) * field.cell_m
     ramp = np.clip(1 - away / (BESIDE_M - SMOOTHED_M - RING_M), 0, 1)
     return np.asarray(ramp * ramp * (3 - 2 * ramp), dtype=np.float32)
 

@@ -12,7 +12,7 @@ from shapely import Polygon
 
 from pavetwin.arrays import Float64Array, UInt8Array
 from pavetwin.defects.registry import DEFECT_CLASSES
-from pavetwin.memory import give_back
+from pavetwin.memory import keep_freed
 from pavetwin.scene import furniture, signals
 from pavetwin.scene.agents import Actors, upright
 from pavetwin.scene.branches import FORMS as BARE_FORMS
@@ -79,6 +79,7 @@ class Scene:
         Raises:
             PaveTwinError: there is no such look.
         """
+        keep_freed()
         self.look, self._street_look = look, street_look(look)
         self.world = world
         self.seed = seed
@@ -94,12 +95,7 @@ class Scene:
 
     def maps(self, key: TileKey) -> GroundMaps:
         """The weathering and marking maps of a tile's ground; not held in memory."""
-        return self._kept(_name(key, "maps"), lambda: self._make_maps(key))
-
-    def _make_maps(self, key: TileKey) -> GroundMaps:
-        made = ground_maps(self._plan, key)
-        give_back()
-        return made
+        return self._kept(_name(key, "maps"), lambda: ground_maps(self._plan, key))
 
     def holes_on(self, key: TileKey) -> Mapping[int, Bounds]:
         """The holes in a tile's ground that defects fill, by the defects' places in the world's list."""
@@ -296,7 +292,7 @@ class Scene:
     def _make_patch(self, number: int) -> DefectPatch:
         defect = self.world.defects[number]
         paved = self._plan.paved_in(number)
-        return patch_of(defect, paved.kind, paved.finish)
+        return patch_of(defect, paved.kind, paved.finish, self._holes[number])
 
     @cached_property
     def _builder(self) -> Buildings:

@@ -1,6 +1,6 @@
 """Walls with their openings: bays along a wall, storeys up it, a window in each, set back into the wall."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 
@@ -28,8 +28,11 @@ PROUD_M = 0.03
 BLANK_SHADE = 0.85
 """Of a wall that stands for one with openings: a fifth of it is panes, which reflect a quarter of what walls do."""
 
-SHADE_BELOW_EAVES, SHADE_AT_FOOT, SHADE_IN_REVEAL = 0.86, 0.80, 0.62
+SHADE_BELOW_EAVES, SHADE_AT_FOOT = 0.86, 0.80
 """Ambient occlusion in corners: factors on the colours there."""
+
+SHADES_IN_REVEAL = np.array([0.75, 0.75, 0.62, 0.95])[:, None]
+"""The same of a reveal's left, right, upper and lower side."""
 
 SHOP_M, LOBBY_M = 3.7, 3.5
 """Heights of ground floors that are more than a storey of dwellings."""
@@ -89,8 +92,15 @@ class WallBuilder:
     style: FacadeStyle
     rng: np.random.Generator
     detail: HouseDetail = HouseDetail.FULL
+    _panelled: list[Float64Array] = field(default_factory=list, init=False)
+    """Rectangles of wall until they are added, (n, 7) each: left, right, low, high, colour."""
 
     def build(self) -> None:
+        self._build()
+        if self._panelled:
+            self._rectangles(np.concatenate(self._panelled))
+
+    def _build(self) -> None:
         wall, style = self.wall, self.style
         floors = _floors(style, wall.top_m)
         bays = _bays(style, wall)
@@ -98,8 +108,7 @@ class WallBuilder:
         whole = np.array([0.0, wall.length_m])
         if self.detail is not HouseDetail.FULL:
             shade = BLANK_SHADE if self.detail is HouseDetail.BLANK and len(bays) and not wall.party else 1.0
-            left, right, low, high = np.array([[0.0], [wall.length_m], [0.0], [wall.top_m]])
-            self._rectangles(left, right, low, high, colour * shade)
+            self._panelled.append(np.array([[0.0, wall.length_m, 0.0, wall.top_m, *(colour * shade)]]))
         plinth = 0.0 if style.ground is GroundFloor.SHOP and wall.front else min(PLINTH_M, 0.2 * wall.top_m)
         if plinth and not wall.party:  # a darker band along the foot, two centimetres proud of the wall
             self._slab(whole, np.array([0.0, plinth]), 0.02, np.array(style.plinth), 0.9)
@@ -191,25 +200,25 @@ class WallBuilder:
     ) -> None:
         """Rectangles of wall around openings, where these are set back."""
         if self.detail is HouseDetail.FULL:
-            self._rectangles(left, right, low, high, colour)
+            rows = np.empty((len(left), 7))
+            for column, values in enumerate((left, right, low, high)):
+                rows[:, column] = values
+            rows[:, 4:] = colour
+            self._panelled.append(rows)
 
-    def _rectangles(
-        self, left: Float64Array, right: Float64Array, low: Float64Array, high: Float64Array, colour: Float64Array
-    ) -> None:
-        """Rectangles of wall, one a row of the arguments; empty ones are left out."""
-        keep = (right - left > 1e-6) & (high - low > 1e-6)
-        left, right, low, high = left[keep], right[keep], low[keep], high[keep]
-        if not len(left):
-            return
-        u, z = np.stack([left, right, right, left], axis=1), np.stack([low, low, high, high], axis=1)
+    def _rectangles(self, rows: Float64Array) -> None:
+        """Add rectangles of wall, all at once; empty ones are left out."""
+        rows = rows[(rows[:, 1] - rows[:, 0] > 1e-6) & (rows[:, 3] - rows[:, 2] > 1e-6)]
+        u, z = rows[:, [0, 1, 1, 0]], rows[:, [2, 2, 3, 3]]
         shade = _shade(z, self.wall.top_m)[..., None]
         uv = np.stack([u + self.wall.offset_m % FACADE_REPEAT_M, z], axis=-1)
-        self.faces.quads(self.style.wall, self.wall.points(u, z), colour * shade, uv=uv, roughness=0.9)
+        self.faces.quads(self.style.wall, self.wall.points(u, z), rows[:, None, 4:] * shade, uv=uv, roughness=0.9)
 
     def _plain(self, left: float, right: float, low: float, high: float, colour: Float64Array) -> None:
         cuts = sorted([low, *(cut for cut in (1.5, self.wall.top_m - 0.8) if low < cut < high), high])
         for bottom, top in pairwise(cuts):
-            self._panels(np.array([left]), np.array([right]), np.array([bottom]), np.array([top]), colour)
+            if self.detail is HouseDetail.FULL:
+                self._panelled.append(np.array([[left, right, bottom, top, *colour]]))
 
     def _reveals(self, u0: Float64Array, u1: Float64Array, z0: Float64Array, z1: Float64Array, depth: float) -> None:
         """The four sides between the wall's face and the filling of the opening; the upper one is in shade."""
@@ -217,15 +226,11 @@ class WallBuilder:
             return
         brick = self.style.wall is FacadeTexture.BRICK
         colour = np.array((0.24, 0.12, 0.08) if brick else self.style.colour) * 0.85
-        for (ua, za), (ub, zb), dark in (
-            ((u0, z0), (u0, z1), 0.75),
-            ((u1, z1), (u1, z0), 0.75),
-            ((u0, z1), (u1, z1), SHADE_IN_REVEAL),
-            ((u1, z0), (u0, z0), 0.95),
-        ):
-            u, z = np.stack([ua, ua, ub, ub], axis=1), np.stack([za, za, zb, zb], axis=1)
-            depths = np.broadcast_to(np.array([0.0, depth, depth, 0.0]), u.shape)
-            self.faces.quads(FacadeTexture.PLAIN, self.wall.points(u, z, depths), colour * dark, roughness=0.9)
+        sides = np.array([[u0, u0, z0, z1], [u1, u1, z1, z0], [u0, u1, z1, z1], [u1, u0, z0, z0]])
+        u, z = np.moveaxis(sides[:, [0, 0, 1, 1]], 1, 2), np.moveaxis(sides[:, [2, 2, 3, 3]], 1, 2)
+        depths = np.broadcast_to(np.array([0.0, depth, depth, 0.0]), u.shape)
+        shown = np.repeat(colour * SHADES_IN_REVEAL, len(u0), axis=0)[:, None]
+        self.faces.quads(FacadeTexture.PLAIN, self.wall.points(u, z, depths), shown, roughness=0.9)
 
     def _slab(self, u: Float64Array, z: Float64Array, out: float, colour: Float64Array, roughness: float) -> None:
         """Boxes on the wall's face, (2,) or (n, 2) ends along it and heights: front, top, underside and ends."""

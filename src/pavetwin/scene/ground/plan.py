@@ -30,6 +30,9 @@ from pavetwin.scene.ground.markings.placement import markings
 from pavetwin.scene.ground.markings.standard import standard_of
 from pavetwin.world.model import Lane, Segment, Surface, World
 
+FORMER_M: Final = 0.012
+"""Greatest signed distance to paint of an earlier layout: farther inside today's paint that lies over it."""
+
 WIDENED_M: Final = 3.0
 """How far from a street or junction the carriageway is still counted to it."""
 
@@ -80,6 +83,16 @@ class GroundPlan(SurfaceLayout):
     @cached_property
     def fixture_index(self) -> SpatialIndex:
         return SpatialIndex([shapely.Point(fixture.x, fixture.y) for fixture in self.fixtures])
+
+    @cached_property
+    def paint_limits(self) -> Float64Array:
+        """(n,) Greatest distance inside each bar of paint that counts [m]."""
+        return np.where(self.paint.is_former, FORMER_M, np.inf)
+
+    @cached_property
+    def outline_boxes(self) -> tuple[Float64Array, Float64Array]:
+        """Lower and upper corners (n, 2) of the outlines of paint."""
+        return boxes_of(self.paint.outlines)
 
     @cached_property
     def seal_boxes(self) -> tuple[Float64Array, Float64Array]:

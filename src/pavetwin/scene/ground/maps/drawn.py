@@ -6,18 +6,14 @@ import numpy as np
 import shapely
 
 from pavetwin.arrays import Float32Array, UInt8Array
-from pavetwin.scene.ground.layout.lines import boxes_of
 from pavetwin.scene.ground.maps.noise_tables import noise_tables
-from pavetwin.scene.ground.maps.raster import RasterGrid, bars, bytes_of, outlines, tracks, widened
+from pavetwin.scene.ground.maps.raster import RasterGrid, bytes_of, outlines, painted, tracks, widened
 from pavetwin.scene.ground.materials.sampling import smoothstep
 from pavetwin.scene.ground.plan import GroundPlan
 from pavetwin.scene.model import MAP_PX, SIGNED_DISTANCE_M
 
 PAINT_UNEVEN_M: Final = 0.0035
 """Standard deviation of the edges of paint, from application and from wear."""
-
-FORMER_M: Final = 0.012
-"""Greatest signed distance to paint of an earlier layout: farther inside today's paint that lies over it."""
 
 RAGGED: Final = 0.20
 """Deviation of each edge of a seal, × half its width."""
@@ -36,23 +32,18 @@ def drawn(plan: GroundPlan, key: tuple[int, int], worn: Float32Array) -> UInt8Ar
         worn: (MAP_PX, MAP_PX) factor on the markings' own wear, from wheels and noise.
     """
     raster = RasterGrid(key)
-    distance, which, wear = raster.full(-SIGNED_DISTANCE_M), raster.full(0.0), raster.full(0.0)
-    paint = plan.paint
-    low, high = boxes_of(paint.outlines)
-    chosen = np.flatnonzero(raster.meets(low - SIGNED_DISTANCE_M, high + SIGNED_DISTANCE_M))
-    shapes = [paint.outlines[index] for index in chosen]
-    reach = SIGNED_DISTANCE_M
-    found = [
-        (paint.bar_looks[number], window, np.minimum(inside, FORMER_M) if paint.is_former[number] else inside)
-        for number, window, inside in bars(raster, paint.bars, reach)
-    ]
-    found += [(paint.outline_looks[chosen[number]], *where) for number, *where in outlines(raster, shapes, reach)]
-    for look, window, inside in found:
+    paint, reach = plan.paint, SIGNED_DISTANCE_M
+    distance, which, wear = painted(raster, paint.bars, paint.bar_looks, plan.paint_limits, reach)
+    low, high = plan.outline_boxes
+    chosen = np.flatnonzero(raster.meets(low - reach, high + reach))
+    for number, window, inside in outlines(raster, [paint.outlines[index] for index in chosen], reach):
         nearer = inside > distance[window.at]
+        look = paint.outline_looks[chosen[number]]
         for field, value in ((distance, inside), (which, np.float32(look[0])), (wear, np.float32(look[1]))):
             np.copyto(field[window.at], value, where=nearer)
-    if found:
-        distance += _uneven(plan, key) * (distance > -SIGNED_DISTANCE_M)
+    near = distance > -reach
+    if near.any():
+        distance += _uneven(plan, key) * near
     wear = np.clip(wear * worn, 0.0, 1.0)
     return bytes_of(_coded(distance), which * 255, wear * 255, _coded(_bitumen(plan, raster)))
 

@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from pavetwin._core import raster_looked_up
 from pavetwin.arrays import Float32Array, Float64Array, Int32Array, Int64Array
 from pavetwin.seeds import Stream, child
 
@@ -44,7 +45,7 @@ class NoiseTables:
         """A table over columns at world x and rows at world y, (rows, columns); `turn` takes another part of it."""
         columns = (np.floor(x / _PLANE_STEP_M).astype(np.int64) + 389 * turn) % _PX
         rows = (np.floor(y / _PLANE_STEP_M).astype(np.int64) + 613 * turn) % _PX
-        return np.asarray(table[rows].take(columns, axis=1))
+        return raster_looked_up(table, rows.astype(np.uint32), columns.astype(np.uint32))
 
     def road(
         self, tables: tuple[Float32Array, ...], along: Float32Array, across: Float32Array, offset: Int32Array

@@ -12,14 +12,14 @@ import shapely
 from PIL import Image, ImageDraw
 from shapely.geometry.base import BaseGeometry
 
-from pavetwin.arrays import BoolArray, Float32Array, Float64Array, Int32Array, UInt8Array
+from pavetwin._core import raster_covered, raster_painted, raster_tracks
+from pavetwin.arrays import BoolArray, Float32Array, Float64Array, IndexArray, Int32Array, UInt8Array
 from pavetwin.scene.model import MAP_MARGIN_M, MAP_PX, TILE_M
 
 SIDE_M: Final = TILE_M + 2 * MAP_MARGIN_M
 
-_LEG_M: Final = 5.0
-"""Longer segments are split: the window around an oblique segment grows with its length squared."""
-
+COVER_REACH_M: Final = 0.05
+"""Beyond the edge of a cover, so that cells of which it covers a part are looked at."""
 
 SAMPLES: Final = 3
 """Points along each side of a cell of `filled`. Pillow fills pixels that an edge only touches: edges lie a ninth of a
@@ -46,17 +46,25 @@ class RasterGrid:
         self.origin = np.array([key[0] * TILE_M - MAP_MARGIN_M, key[1] * TILE_M - MAP_MARGIN_M])
         self.middles = ((np.arange(px) + 0.5) * self.cell_m).astype(np.float32)
 
+    @property
+    def lattice(self) -> tuple[int, float]:
+        """Cells along a side, and the side of a cell [m], as the kernel takes them."""
+        return self.px, self.cell_m
+
     def full(self, value: float) -> Float32Array:
         return np.full((self.px, self.px), value, dtype=np.float32)
 
-    def window(self, low: npt.ArrayLike, high: npt.ArrayLike) -> Window | None:
-        """The cells between two corners, in metres from the grid's corner; None when there are none."""
-        first = np.clip(np.floor(np.asarray(low) / self.cell_m - 0.5).astype(int), 0, self.px)
-        last = np.clip(np.ceil(np.asarray(high) / self.cell_m + 0.5).astype(int), 0, self.px)
-        if np.any(last <= first):
+    def window(self, low: Float64Array, high: Float64Array) -> Window | None:
+        """The cells between two corners (2,), in metres from the grid's corner; None when there are none."""
+        (west, south), (east, north) = low, high
+        columns, rows = self._span(west, east), self._span(south, north)
+        if columns.stop <= columns.start or rows.stop <= rows.start:
             return None
-        columns, rows = slice(first[0], last[0]), slice(first[1], last[1])
         return Window((rows, columns), self.middles[None, columns], self.middles[rows, None])
+
+    def _span(self, low: float, high: float) -> slice:
+        first, end = math.floor(low / self.cell_m - 0.5), math.ceil(high / self.cell_m + 0.5)
+        return slice(min(max(first, 0), self.px), min(max(end, 0), self.px))
 
     def local(self, xy: npt.ArrayLike) -> Float64Array:
         """World points (..., 2) in metres from the grid's corner."""
@@ -101,104 +109,53 @@ def tracks(
         begins_m: the way at which each begins, 0 without.
         flat: whether nothing beyond a line's ends belongs to it.
     """
-    index = np.full((raster.px, raster.px), -1, dtype=np.int32)
-    along, across, distance = raster.full(0.0), raster.full(0.0), raster.full(np.inf)
-    for number, line in enumerate(lines):
-        begin = 0.0 if begins_m is None else begins_m[number]
-        for leg in _legs(raster.local(line), begin):
-            window = raster.window(leg.low - reach_m[number], leg.high + reach_m[number])
-            if window is None:
-                continue
-            ahead, left, away = leg.measure(window)
-            best = distance[window.at]
-            nearer = (away < best) & (away < reach_m[number])
-            if flat:
-                nearer &= (ahead >= 0 if leg.first else True) & (ahead <= leg.length if leg.last else True)
-            if not nearer.any():
-                continue
-            foot = np.float32(leg.begin) + np.clip(ahead, 0.0, np.float32(leg.length))
-            for field, value in ((index, number), (along, foot), (across, left), (distance, away)):
-                np.copyto(field[window.at], value, where=nearer)
-    return Tracks(index, along, across, distance)
+    points = raster.local(np.concatenate([np.empty((0, 2)), *lines]))
+    offsets = np.cumsum([0, *map(len, lines)], dtype=np.uint32)
+    begins = np.zeros(len(lines)) if begins_m is None else np.array(begins_m, dtype=np.float64)
+    return Tracks(*raster_tracks(raster.lattice, points, offsets, np.array(reach_m, dtype=np.float64), begins, flat))
 
 
-@dataclass(frozen=True)
-class _Leg:
-    start: Float64Array
-    direction: Float64Array
-    length: float
-    begin: float
-    first: bool
-    last: bool
-
-    @property
-    def low(self) -> Float64Array:
-        return np.minimum(self.start, self.start + self.direction * self.length)
-
-    @property
-    def high(self) -> Float64Array:
-        return np.maximum(self.start, self.start + self.direction * self.length)
-
-    def measure(self, window: Window) -> tuple[Float32Array, Float32Array, Float32Array]:
-        """Way ahead of the start, offset to the left, distance, for each cell."""
-        dx, dy = (np.float32(value) for value in self.direction)
-        x, y = window.x - np.float32(self.start[0]), window.y - np.float32(self.start[1])
-        ahead, left = dx * x + dy * y, dx * y - dy * x
-        beyond = np.maximum(np.maximum(-ahead, ahead - np.float32(self.length)), np.float32(0))
-        return ahead, left, np.sqrt(left * left + beyond * beyond)
-
-
-def _legs(line: Float64Array, begin: float) -> Iterator[_Leg]:
-    """A line's straight parts, none longer than _LEG_M."""
-    steps = np.diff(line, axis=0)
-    lengths = np.hypot(steps[:, 0], steps[:, 1])
-    kept = np.flatnonzero(lengths > 1e-6)
-    for leg in kept:
-        direction = steps[leg] / lengths[leg]
-        parts = max(1, math.ceil(lengths[leg] / _LEG_M))
-        length = float(lengths[leg]) / parts
-        for part in range(parts):
-            yield _Leg(
-                start=line[leg] + direction * (part * length),
-                direction=direction,
-                length=length,
-                begin=begin,
-                first=bool(leg == kept[0]) and part == 0,
-                last=bool(leg == kept[-1]) and part == parts - 1,
-            )
-            begin += length
-
-
-def bars(raster: RasterGrid, bars_xyahw: Float64Array, reach_m: float) -> Iterator[tuple[int, Window, Float32Array]]:
-    """Signed distances to oriented rectangles, positive inside, in the window where they exceed −reach.
+def painted(
+    raster: RasterGrid, bars_xyahw: Float64Array, looks: Float64Array, most_m: Float64Array, reach_m: float
+) -> tuple[Float32Array, Float32Array, Float32Array]:
+    """The bar of every cell that it lies farthest inside of, the first of several: the signed distance from its edge,
+    positive inside, −reach where there is none, and its two looks, 0 where there is none.
 
     Args:
         bars_xyahw: (n, 5): middle x and y in the world frame, direction [rad], half length, half width [m].
+        looks: (n, 2)
+        most_m: (n,) greatest distance inside that counts.
         reach_m: how far outside.
     """
+    near, rows = _near(raster, bars_xyahw, reach_m)
+    shown = looks[near].astype(np.float32), most_m[near].astype(np.float32)
+    return raster_painted(raster.lattice, rows, *shown, -reach_m)
+
+
+def covered(raster: RasterGrid, bars_xyahw: Float64Array, factors: Float64Array) -> Float32Array:
+    """The factor (n,) of bars (n, 5) where they are, 1 elsewhere; later ones cover earlier ones."""
+    near, rows = _near(raster, bars_xyahw, COVER_REACH_M)
+    return raster_covered(raster.lattice, rows, factors[near].astype(np.float32))
+
+
+def _near(raster: RasterGrid, bars_xyahw: Float64Array, reach_m: float) -> tuple[IndexArray, Float64Array]:
+    """Which bars may reach into the grid, and those as the kernel takes them."""
     middle = bars_xyahw[:, :2]
     cos, sin = np.cos(bars_xyahw[:, 2]), np.sin(bars_xyahw[:, 2])
     half, wide = bars_xyahw[:, 3], bars_xyahw[:, 4]
     extent = (
         np.column_stack([np.abs(cos) * half + np.abs(sin) * wide, np.abs(sin) * half + np.abs(cos) * wide]) + reach_m
     )
-    for number in np.flatnonzero(raster.meets(middle - extent, middle + extent)):
-        at = raster.local(middle[number])
-        window = raster.window(at - extent[number], at + extent[number])
-        if window is None:
-            continue
-        x, y = window.x - np.float32(at[0]), window.y - np.float32(at[1])
-        c, s = np.float32(cos[number]), np.float32(sin[number])
-        u = np.abs(c * x + s * y) - np.float32(half[number])
-        v = np.abs(c * y - s * x) - np.float32(wide[number])
-        outside = np.sqrt(np.maximum(u, 0) ** 2 + np.maximum(v, 0) ** 2)
-        yield int(number), window, -(outside + np.minimum(np.maximum(u, v), 0))
+    near = np.flatnonzero(raster.meets(middle - extent, middle + extent))
+    rows = np.column_stack([raster.local(middle), cos, sin, half, wide, extent])
+    return near, rows[near]
 
 
 def outlines(
     raster: RasterGrid, rings: Sequence[Float64Array], reach_m: float
 ) -> Iterator[tuple[int, Window, Float32Array]]:
-    """Signed distances to polygons (n, 2) in the world frame, positive inside, as `bars` gives them."""
+    """Signed distances to polygons (n, 2) in the world frame, positive inside: the number of each that may reach into
+    the grid, and its distances in a window around it, where they exceed −reach."""
     for number, ring in enumerate(rings):
         points = raster.local(ring)
         window = raster.window(points.min(axis=0) - reach_m, points.max(axis=0) + reach_m)

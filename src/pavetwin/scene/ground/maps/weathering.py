@@ -12,13 +12,14 @@ from typing import Final
 import numpy as np
 import shapely
 
+from pavetwin._core import raster_weathered
 from pavetwin.arrays import Float32Array, Float64Array, UInt8Array
 from pavetwin.scene.ground.distractors.repairs import WHEELS_M
 from pavetwin.scene.ground.layout.lines import ways_along
 from pavetwin.scene.ground.layout.relief import KERB_WIDTH_M
 from pavetwin.scene.ground.layout.surfaces import tile_box
 from pavetwin.scene.ground.maps.noise_tables import NoiseTables, noise_tables
-from pavetwin.scene.ground.maps.raster import RasterGrid, Tracks, bars, bytes_of, filled, tracks, widened
+from pavetwin.scene.ground.maps.raster import RasterGrid, Tracks, covered, filled, tracks, widened
 from pavetwin.scene.ground.maps.shades import shades
 from pavetwin.scene.ground.materials.sampling import smoothstep
 from pavetwin.scene.ground.plan import GroundPlan
@@ -113,19 +114,23 @@ def weathering(plan: GroundPlan, key: tuple[int, int]) -> tuple[UInt8Array, Floa
     repaired = _repair_tone(plan, raster)
     if (shade := shades(plan, key, raster)) is not None:
         repaired = repaired * shade
-    land = widened(_land_tone(ground), raster.px)
-    tone = land + (widened(_road_tone(ground), raster.px) * repaired - land) * on_road
-    stain, dust = (_beside_and_on(*sides, on_road) for sides in (_stain(ground), _dust(ground)))
-    stain = np.clip(stain + _spilled(plan, raster), 0.0, 0.95)
-    polish = widened(ground.wheels, raster.px) * on_road
-    layers = bytes_of(np.clip(tone, 0.2, 1.98) * 128, stain * 255, np.clip(dust, 0, 1) * 255, polish * 230)
+    layers = raster_weathered(
+        on_road=on_road,
+        land_tone=widened(_land_tone(ground), raster.px),
+        road_tone=widened(_road_tone(ground), raster.px),
+        repaired=repaired,
+        stain=_beside_and_more(*_stain(ground), raster.px),
+        spilled=_spilled(plan, raster),
+        dust=_beside_and_more(*_dust(ground), raster.px),
+        wheels=widened(ground.wheels, raster.px),
+    )
     return layers, widened(_worn(ground), raster.px)
 
 
-def _beside_and_on(beside: Float32Array, road: Float32Array, on_road: Float32Array) -> Float32Array:
-    """Fields of the ground beside the kerb and of the carriageway, each given on both sides of it, joined there."""
-    px = len(on_road)
-    return widened(beside, px) + widened(road - beside, px) * on_road
+def _beside_and_more(beside: Float32Array, road: Float32Array, px: int) -> tuple[Float32Array, Float32Array]:
+    """Of a field beside the kerb and on the carriageway, each given on both sides of it: the first, and how much more
+    the second is, resampled."""
+    return widened(beside, px), widened(road - beside, px)
 
 
 def _road_tone(ground: _CoarseFields) -> Float32Array:
@@ -204,18 +209,9 @@ def _road_share(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> F
 
 def _repair_tone(plan: GroundPlan, raster: RasterGrid) -> Float32Array:
     """Reflectance factor of patches and trenches, later ones over earlier ones, and of scars of markings."""
-    tone = _covered(raster, plan.patches)
+    tone = covered(raster, plan.patches[:, :5], plan.patches[:, 5])
     scars = plan.paint.scars
-    return np.asarray(tone * _covered(raster, scars), dtype=np.float32) if len(scars) else tone
-
-
-def _covered(raster: RasterGrid, covers: Float64Array) -> Float32Array:
-    """The factor of bars (n, 6) where they are, 1 elsewhere; later ones cover earlier ones."""
-    tone = raster.full(1.0)
-    for number, window, inside in bars(raster, covers[:, :5], 0.05):
-        share = np.clip(0.5 + inside / np.float32(raster.cell_m), 0.0, 1.0)
-        tone[window.at] += (np.float32(covers[number, 5]) - tone[window.at]) * share
-    return tone
+    return tone * covered(raster, scars[:, :5], scars[:, 5]) if len(scars) else tone
 
 
 def _spilled(plan: GroundPlan, raster: RasterGrid) -> Float32Array:
