@@ -3,14 +3,14 @@
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from functools import cache, partial
 from typing import Any, Final
 
 import cv2
 import numpy as np
 import wgpu
 
-from pavetwin.arrays import AnyArray, UInt8Array
+from pavetwin.arrays import AnyArray, Float32Array, UInt8Array
 from pavetwin.scene.ground.materials.sampling import linear_of_srgb, srgb_of_linear
 
 _BUFFER: Final = wgpu.BufferUsage
@@ -114,12 +114,9 @@ def halved(texels: UInt8Array, *, srgb: bool = False, rooted: bool = False) -> l
     if not (srgb or rooted) and rows == columns and rows & (rows - 1) == 0:
         return _quartered(texels)
     colours = min(texels.shape[2], 3) if srgb or rooted else 0
-    levels = [texels]
-    if rooted:
-        levels = [texels.copy()]
-        levels[0][..., :colours] = _ROOTS[texels[..., :colours]]
-    values = texels.astype(np.float32)
-    values[..., :colours] = _LINEAR[texels[..., :colours]]
+    linear_codes, root_codes = _tables(texels.shape[2], colours)
+    levels = [np.asarray(cv2.LUT(texels, root_codes), dtype=np.uint8) if rooted else texels]
+    values = np.asarray(cv2.LUT(texels, linear_codes), dtype=np.float32)
     while values.shape[0] > 1 or values.shape[1] > 1:
         if values.shape[0] > 1:
             even = values.shape[0] // 2 * 2
@@ -132,6 +129,16 @@ def halved(texels: UInt8Array, *, srgb: bool = False, rooted: bool = False) -> l
         coded[..., :colours] = 255 * (np.sqrt(linear) if rooted else srgb_of_linear(linear))
         levels.append(np.asarray(coded + 0.5, dtype=np.uint8))
     return levels
+
+
+@cache
+def _tables(channels: int, colours: int) -> tuple[Float32Array, UInt8Array]:
+    """By code and channel (1, 256, channels): linear values, and the codes of their roots; of a channel that is no
+    colour the code itself."""
+    linear = np.repeat(np.arange(256, dtype=np.float32)[:, None], channels, axis=1)
+    roots = linear.astype(np.uint8)
+    linear[:, :colours], roots[:, :colours] = _LINEAR[:, None], _ROOTS[:, None]
+    return linear[None], roots[None]
 
 
 def _quartered(texels: UInt8Array) -> list[UInt8Array]:
@@ -156,5 +163,5 @@ _ROOTS: Final = np.asarray(255 * np.sqrt(_LINEAR) + 0.5, dtype=np.uint8)
 
 def mean_linear(texels: UInt8Array) -> list[float]:
     """The mean linear value of each sRGB-coded colour of a texture (rows, columns, 3 or 4)."""
-    counts = [np.bincount(texels[..., colour].ravel(), minlength=256) for colour in range(3)]
+    counts = [cv2.calcHist([texels], [colour], None, [256], [0, 256])[:, 0].astype(np.int64) for colour in range(3)]
     return [float(count @ _LINEAR.astype(np.float64)) / count.sum() for count in counts]
