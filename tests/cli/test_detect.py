@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from pavetwin.perception.inference import Detector
 from scenes.aerial import HEIGHT_M, LATITUDE, LONGITUDE, aerial_photograph
 from scenes.command_line import pavetwin, plain_refusal
 from scenes.drawn_detector import FILE, drawn
@@ -92,6 +93,18 @@ def test_a_video_is_looked_at_every_second(tmp_path: Path) -> None:
     assert not (tmp_path / "out" / "pictures").exists()
 
 
+def test_an_overview_is_asked_for(tmp_path: Path) -> None:
+    STREET.save(tmp_path / "street.png")
+    done = pavetwin("detect", "street.png", "--model", FILE, "-o", "out", "--overview", "--no-pictures", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    rows = list(csv.DictReader((tmp_path / "out" / "detections.csv").open()))
+    expected, tiles = (
+        Detector(FILE, **how, threads=1).detect([STREET])[0] for how in ({"overview": True}, {"tiled": True})
+    )
+    assert [float(row["confidence"]) for row in rows] == pytest.approx(expected.confidence.tolist(), abs=1e-3)
+    assert expected.confidence.tolist() != tiles.confidence.tolist()
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -105,6 +118,7 @@ def test_a_video_is_looked_at_every_second(tmp_path: Path) -> None:
         (("in.png", "--model", FILE, "-o", "new", "--gsd-mm", "0"), "--gsd-mm 0: it is above 0"),
         (("in.png", "--model", FILE, "-o", "new", "--confidence", "25"), "--confidence 25: it is above 0"),
         (("in.png", "--model", FILE, "-o", "new", "--image", "100"), "--image 100: a multiple of 32"),
+        (("in.png", "--model", FILE, "-o", "new", "--whole", "--overview"), "--overview: it is a look beside those"),
         (("in.png", "--model", FILE, "-o", "new", "--every", "-1"), "--every -1: 0 or more seconds"),
         (("in.png", "--model", FILE, "-o", "."), "--output '.' exists and holds something"),
     ],

@@ -21,6 +21,13 @@ Model = Annotated[
     ),
 ]
 
+Overview = Annotated[
+    bool,
+    typer.Option(
+        "--overview", help="Look at large images in tiles and as a whole too: finds more, and takes a little longer."
+    ),
+]
+
 
 def named(model: str | None) -> Path:
     """The file of a model: the default one where none is named.
@@ -50,6 +57,7 @@ def detect(
             "the model was trained.",
         ),
     ] = None,
+    overview: Overview = False,
     image: Annotated[int, typer.Option(help="Side of what the network sees, in pixels; 0: as it was trained.")] = 0,
     gsd_mm: Annotated[
         float | None,
@@ -65,6 +73,7 @@ def detect(
     pavetwin detect photographs -o found --model mixed-1
     pavetwin detect flight.mp4 --model model.onnx -o found --every 0.5
     pavetwin detect street.jpg --model model.onnx -o found --tiled --gsd-mm 2.7
+    pavetwin detect photographs -o found --model mixed-1 --overview
 
     Needs onnxruntime (`pip install pavetwin\\[detect]`), and no PyTorch.
     """
@@ -76,7 +85,7 @@ def detect(
     from pavetwin.perception.inference import Detector
     from pavetwin.perception.results.detect_folder import detect_source
 
-    detector = Detector(path, confidence=confidence, overlap=overlap, tiled=tiled, image_px=image)
+    detector = Detector(path, confidence=confidence, overlap=overlap, tiled=tiled, overview=overview, image_px=image)
     with progress("Detecting", lines=True) as tell:
         outcome = detect_source(detector, source, output, every_s=every, gsd_mm=gsd_mm, pictures=pictures, tell=tell)
     _tell(outcome, output, pictures=pictures)

@@ -45,6 +45,13 @@ def evaluate(
         list[Path] | None,
         typer.Option("--run", metavar="MODEL", help="The same training with another seed, for --against; repeatable."),
     ] = None,
+    overview: Annotated[
+        bool,
+        typer.Option(
+            "--overview",
+            help="The model (and --run) looks in tiles and as a whole, as of `detect`; --against does not.",
+        ),
+    ] = False,
     regions: Annotated[
         Path | None, typer.Option(help="What the subtype head says at true regions, see the how-to.")
     ] = None,
@@ -57,6 +64,7 @@ def evaluate(
     pavetwin evaluate model.onnx datasets/streets -o evaluation
     pavetwin evaluate detections.json datasets/streets -o evaluation
     pavetwin evaluate mine.onnx datasets/mine -o evaluation --against synthetic-1
+    pavetwin evaluate synthetic-1 datasets/streets -o evaluation --overview --against synthetic-1
     pavetwin evaluate mixed.json datasets/china-coco -o evaluation --against real-only.json
     pavetwin evaluate m0.onnx china-coco -o report --run m1.onnx --run m2.onnx --against r0.onnx --against r1.onnx
 
@@ -82,12 +90,12 @@ def evaluate(
     with progress("Evaluating") as tell:
         chosen = read_split(dataset, split)
         splits = (chosen, *_others(dataset, chosen))
-        found = _found(detections, splits, tell)
+        found = _found(detections, splits, tell, overview=overview)
         told = differences = None
         with about("against"):
             others = [_found(each, splits, tell, models_in=1) for each in against or ()]
         with about("run"):
-            same = [found, *(_found(each, splits, tell, models_in=1) for each in runs or ())]
+            same = [found, *(_found(each, splits, tell, models_in=1, overview=overview) for each in runs or ())]
         if regions is not None:
             with about("regions"):
                 told = read_subtypes(regions, chosen)
@@ -110,12 +118,18 @@ def evaluate(
 
 
 def _found(
-    path: Path, splits: "tuple[LabelledSplit, ...]", tell: "Callable[[float], None]", models_in: int | None = None
+    path: Path,
+    splits: "tuple[LabelledSplit, ...]",
+    tell: "Callable[[float], None]",
+    models_in: int | None = None,
+    *,
+    overview: bool = False,
 ) -> "tuple[FoundBox, ...]":
     """What a model says of the splits, or what a file of detections holds.
 
     Args:
         models_in: number of the splits, the first ones, that a model has to look at; None: those it is measured by.
+        overview: whether a model looks in tiles and as a whole.
     """
     from pavetwin.perception.evaluation.detections import read_detections
     from pavetwin.perception.shipped import model_path, shipped_models
@@ -124,24 +138,26 @@ def _found(
         path = model_path(path)
     kind = path.suffix.lower()
     if kind not in (".onnx", WEIGHTS):
+        if overview:
+            raise PaveTwinError(f"`overview`: '{path}' holds detections, which say what was found already.")
         return read_detections(path, tuple(each for each in splits if not each.is_renumbered))
     from pavetwin.perception.evaluation.running import LEAST_CONFIDENCE, found_by
     from pavetwin.perception.inference import Detector
 
     looked_at = [splits[0], *(each for each in splits[1:models_in] if each.name == VALIDATION)]
     if kind == WEIGHTS:
-        return found_by(_of_weights(path), looked_at, tell)
-    return found_by(Detector(path, confidence=LEAST_CONFIDENCE), looked_at, tell)
+        return found_by(_of_weights(path, overview=overview), looked_at, tell)
+    return found_by(Detector(path, confidence=LEAST_CONFIDENCE, overview=overview), looked_at, tell)
 
 
-def _of_weights(path: Path) -> "WeightsDetector":
+def _of_weights(path: Path, *, overview: bool = False) -> "WeightsDetector":
     from pavetwin.cli.train import check_torch
     from pavetwin.perception.evaluation.running import LEAST_CONFIDENCE
 
     check_torch("Evaluating weights")
     from pavetwin.perception.training.weights_detector import WeightsDetector
 
-    return WeightsDetector(path, confidence=LEAST_CONFIDENCE)
+    return WeightsDetector(path, confidence=LEAST_CONFIDENCE, overview=overview)
 
 
 def _others(dataset: Path, chosen: "LabelledSplit") -> "list[LabelledSplit]":

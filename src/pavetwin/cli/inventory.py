@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pavetwin.cli.console import out, progress
-from pavetwin.cli.detect import Model, named
+from pavetwin.cli.detect import Model, Overview, named
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ def inventory(
         bool | None,
         typer.Option("--tiled/--whole", help="As in `pavetwin detect`; unless given, as the model was trained."),
     ] = None,
+    overview: Overview = False,
     gsd_mm: Annotated[
         float | None, typer.Option(help="Ground resolution of all photographs, as in --gsd-mm 2.7; for sizes.")
     ] = None,
@@ -86,7 +87,7 @@ def inventory(
         if (source / MISSION).is_file():
             from pavetwin.inventory.of_mission import flown, flown_together
 
-            _refuse(model=model, gsd_mm=gsd_mm, height_m=height_m, tiled=tiled)
+            _refuse(model=model, gsd_mm=gsd_mm, height_m=height_m, tiled=tiled, overview=overview or None)
             error_m = position_error_m or 0.0
             reading = (
                 flown_together(sources, position_error_m=error_m, fitted=fitted)
@@ -98,7 +99,9 @@ def inventory(
             if inner:
                 names = ", ".join(str(source / name) for name in inner)
                 raise PaveTwinError(f"'{source}' holds a mission for each policy; name one: {names}.")
-            reading = _photographs(source, model, confidence, tiled, gsd_mm, height_m, position_error_m, fitted, tell)
+            reading = _photographs(
+                source, model, confidence, tiled, overview, gsd_mm, height_m, position_error_m, fitted, tell
+            )
         tell(1.0, "Writing")
         entries = entries_of(reading, confidence)
         files = write_inventory(entries, reading.frame, target)
@@ -113,6 +116,7 @@ def _photographs(
     model: str | None,
     confidence: float,
     tiled: bool | None,
+    overview: bool,
     gsd_mm: float | None,
     height_m: float | None,
     position_error_m: float | None,
@@ -127,7 +131,7 @@ def _photographs(
     file = named(model)
     sha256 = file_sha256(file)
     known = entry_model(sha256, fitted)
-    detector = Detector(file, confidence=confidence, tiled=tiled)
+    detector = Detector(file, confidence=confidence, tiled=tiled, overview=overview)
     reading = photographed(
         detector, source, gsd_mm=gsd_mm, height_m=height_m, position_error_m=position_error_m, tell=tell
     )

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from pavetwin.cli.console import out
-from pavetwin.cli.detect import Model, named
+from pavetwin.cli.detect import Model, Overview, named
 
 
 def serve(
@@ -18,6 +18,7 @@ def serve(
     tiled: Annotated[
         bool | None, typer.Option("--tiled/--whole", help="As of `detect`; unless given, as the model was trained.")
     ] = None,
+    overview: Overview = False,
     upload_mb: Annotated[float, typer.Option("--max-mb", help="Of one request.")] = 32.0,
     megapixels: Annotated[float, typer.Option("--max-megapixels", help="Of one image.")] = 50.0,
 ) -> None:
@@ -36,7 +37,8 @@ def serve(
     from pavetwin.perception.serving.uploads import ServerLimits
 
     limits = ServerLimits(upload_mb=upload_mb, megapixels=megapixels)
-    server = PredictionServer(Detector(path, confidence=confidence, tiled=tiled), path.name, limits)
+    detector = Detector(path, confidence=confidence, tiled=tiled, overview=overview)
+    server = PredictionServer(detector, path.name, limits)
     shown = f"[{host}]" if ":" in host else host
 
     def tell(at: int) -> None:

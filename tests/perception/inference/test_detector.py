@@ -86,6 +86,29 @@ def test_tiles_find_what_the_whole_shows_also_across_seams() -> None:
         assert crack[1].mean() > 0.9
 
 
+def test_an_overview_finds_what_tiles_do_not_and_nothing_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    things = (("Crocodile Crack", (30, 20, 190, 60)), ("Pothole", (60, 85, 100, 125)), ("Car", (120, 150, 180, 190)))
+    sheet = drawn((288, 256), *things)
+    both = Detector(FILE, overview=True, threads=1)
+    (found,) = both.detect([sheet])
+    assert sorted(found.names) == sorted(name for name, _ in things)
+    (whole,) = Detector(FILE, tiled=False, threads=1).detect([sheet])
+    nothing = Detector(FILE, tiled=True, confidence=0.9999, threads=1)
+    monkeypatch.setattr(both, "_tiles", nothing._tiles)  # as of things that no tile shows well enough
+    (seen,) = both.detect([sheet])
+    assert same(seen, whole)
+    assert len(seen) > 0
+
+
+def test_an_overview_is_of_larger_images_alone_and_of_none_seen_whole() -> None:
+    both, asked = Detector(FILE, overview=True, threads=1), Detector(FILE, tiled=True, threads=1)
+    assert both.in_tiles((SIDE_PX + 1, SIDE_PX))
+    picture = STREET.resize((SIDE_PX, SIDE_PX))
+    assert same(both.detect([picture])[0], asked.detect([picture])[0])
+    with pytest.raises(PaveTwinError, match="`overview`"):
+        Detector(FILE, overview=True, tiled=False)
+
+
 def test_images_a_little_larger_than_those_of_training_are_seen_whole_unless_tiles_are_asked_for() -> None:
     native, asked = Detector(FILE, threads=1), Detector(FILE, tiled=True, threads=1)
     native.tiled = True  # as after training on crops

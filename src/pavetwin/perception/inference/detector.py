@@ -44,6 +44,7 @@ class Detector:
         confidence: float = 0.25,
         overlap: float = 0.7,
         tiled: bool | None = None,
+        overview: bool = False,
         image_px: int = 0,
         threads: int = 0,
     ) -> None:
@@ -54,6 +55,8 @@ class Detector:
             tiled: look at images that are larger than `image_px` in tiles at their own resolution, else as a whole that
                 is scaled to `image_px`; None does what the model was trained on, with tiles from `WHOLE` times
                 `image_px`.
+            overview: look at images that are larger than `image_px` in tiles and as a whole, and put together what both
+                say: the whole shows large things, the tiles small ones.
             image_px: longer side of what the network sees; 0 takes what it was trained on.
             threads: of one image; 0 takes one for each core.
 
@@ -63,12 +66,15 @@ class Detector:
         for name, value in (("confidence", confidence), ("overlap", overlap)):
             if not 0.0 < value < 1.0:
                 raise PaveTwinError(f"`{name}` {value:g}: it is above 0 and below 1.")
+        if overview and tiled is False:
+            raise PaveTwinError("`overview`: it is a look beside those at tiles, which `tiled` leaves out.")
         self.facts = self._open(Path(path), threads)
         self.image_px = image_px or self.facts.image_px
         if not 64 <= self.image_px <= 4096 or self.image_px % self.facts.stride:
             raise PaveTwinError(f"`image_px` {self.image_px}: a multiple of {self.facts.stride} from 64 to 4096.")
-        self.tiled = self.facts.native if tiled is None else tiled
-        self._whole_px = self.image_px * (WHOLE if tiled is None else 1.0)
+        self.overview = overview
+        self.tiled = overview or (self.facts.native if tiled is None else tiled)
+        self._whole_px = self.image_px * (WHOLE if tiled is None and not overview else 1.0)
         self._confidence, self._overlap = confidence, overlap
 
     def _open(self, path: Path, threads: int) -> ModelFacts:
@@ -104,6 +110,10 @@ class Detector:
         for start in range(0, len(tiles), BATCH):
             between()
             found += self._tiles(pixels, tiles[start : start + BATCH])
+        if self.overview:
+            between()
+            tiles.append((0, 0, *size))
+            found.append(self._whole(pixels))
         return merged(found, tiles)
 
     def _whole(self, pixels: UInt8Array) -> Detections:

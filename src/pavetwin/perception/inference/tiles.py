@@ -53,7 +53,7 @@ def merged(found: Sequence[Detections], tiles: Sequence[PixelBox]) -> Detections
 
     Args:
         found: of each tile, in pixels of the image.
-        tiles: left, top, right, bottom.
+        tiles: left, top, right, bottom. One may be the whole image.
     """
     size = found[0].size_px
     pieces = _pieces(found, tiles)

@@ -102,6 +102,7 @@ class PredictionServer:
             "classes": list(facts.classes),
             "image_px": self.detector.image_px,
             "tiled": self.detector.tiled,
+            "overview": self.detector.overview,
             "waiting": self.waiting,
             "uptime_s": round(monotonic() - self._started_s, 1),
         }
