@@ -198,7 +198,7 @@ def _print(lines: list[Line], described: dict[str, str], *, busy: bool, took_s: 
     if busy:
         out.print("[bold yellow]The machine was busy with something else: the times are longer than they need be.[/]")
     missed = sum(line.reached is False for line in lines)
-    out.print(f"{missed} of {sum(line.target is not None for line in lines)} targets not reached.")
+    out.print(f"{missed} of {sum(line.reached is not None for line in lines)} targets not reached.")
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
@@ -19,6 +19,9 @@ PROGRAMS: Final = ("chromium", "chromium-browser", "google-chrome")
 
 SOFTWARE: Final = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 """Chromium's own software renderer, whatever the machine has."""
+
+HARDWARE: Final = ("--no-sandbox", "--use-gl=angle", "--use-angle=vulkan", "--enable-features=Vulkan")
+"""A graphics processor, where the machine has one."""
 
 PATIENCE_S: Final = 600.0
 SIZE_PX: Final = (1366, 768)
@@ -68,12 +71,12 @@ class Tab:
 
 
 @contextmanager
-def browser() -> Iterator[Any]:
+def browser(options: Sequence[str] = SOFTWARE) -> Iterator[Any]:
     """A running browser; tabs come from `tab`."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as driver:
-        started = driver.chromium.launch(executable_path=chromium(), args=list(SOFTWARE))
+        started = driver.chromium.launch(executable_path=chromium(), args=list(options))
         try:
             yield started
         finally:

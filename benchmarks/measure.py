@@ -86,7 +86,8 @@ class Line:
     """One measurement beside its target."""
 
     what: str
-    value: float
+    value: float | None
+    """None where this machine has not what is to be measured."""
     kind: Kind
     target: float | None = None
     """None where the design names none."""
@@ -96,13 +97,13 @@ class Line:
 
     @property
     def reached(self) -> bool | None:
-        if self.target is None:
+        if self.target is None or self.value is None:
             return None
         return self.value >= self.target if self.kind.more_is_better else self.value <= self.target
 
     def measured(self) -> str:
         """The value, and the time behind it."""
-        shown = self.kind.shown(self.value)
+        shown = "not here" if self.value is None else self.kind.shown(self.value)
         return shown if self.took_s is None else f"{Kind.SECONDS.shown(self.took_s)}, {shown}"
 
     def asked(self) -> str:

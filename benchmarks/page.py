@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.browser import Tab, browser, chromium, page_server, tab
+from benchmarks.browser import HARDWARE, Tab, browser, chromium, page_server, tab
 from benchmarks.measure import Kind, Line, Size
 from benchmarks.visitor import first_visit
 from pavetwin.capture.scene_renderer import LOOK_SEED
@@ -24,6 +24,7 @@ RUNS, SEGMENTS, SEED = 3, 3, 1
 ANSWER_S: Final = 120.0
 AGENTS, UPDATES = 1500, 60
 PICTURE_PX: Final = (480, 270)
+GPU_PICTURE_PX: Final = (1920, 1080)
 FRAMES_S = 4.0
 FAR_M = 150.0
 """Between places of which one is rendered while nothing of the other is there."""
@@ -84,6 +85,7 @@ def lines(town: Path, folder: Path, size: Size) -> Iterator[Line]:
         note = f"{visit.own_s:.0f} s of it the visitor's own, and the traffic is recorded on the way; one run"
         yield Line(what, visit.taken_s, Kind.SECONDS, ANSWER_S, note=note)
         yield from _page(started, copy, min(size.runs, RUNS))
+    yield from _on_a_gpu(copy)
 
 
 def _tiles(world: World, folder: Path, size: Size) -> Iterator[Line]:
@@ -202,7 +204,26 @@ def _town(shown: Tab) -> Iterator[Line]:
     update_ms = shown.value(f"({CROWD})({AGENTS}, {UPDATES})")
     note = f"median of {UPDATES}; places, models and colours, without drawing"
     yield Line(f"an update of {AGENTS:,} agents in 3-D", update_ms / 1000, Kind.SECONDS, 0.004, note=note)
-    wide, tall = PICTURE_PX
+    yield from _rates(shown, PICTURE_PX, 15.0, "in software")
+
+
+def _rates(shown: Tab, size_px: tuple[int, int], target: float, note: str) -> Iterator[Line]:
+    wide, tall = size_px
     for what, mode in (("start view", "orbit"), ("behind the UAV", "follow")):
         rate = shown.value(f"({RATE})([{wide}, {tall}, {FRAMES_S}, '{mode}'])")
-        yield Line(f"the town in 3-D at {wide} × {tall} px, {what}", rate, Kind.PER_SECOND, 15.0, note="in software")
+        yield Line(f"the town in 3-D at {wide} × {tall} px, {what}", rate, Kind.PER_SECOND, target, note=note)
+
+
+def _on_a_gpu(world: Path) -> Iterator[Line]:
+    """Pictures a second of a browser that draws with a graphics processor; where there is none, that is said."""
+    with browser(HARDWARE) as started, page_server(world) as (address, _), tab(started) as shown:
+        shown.open(f"{address}#world={world.name}")
+        shown.wait("window.pavetwin?.town && (!pavetwin.town.available || pavetwin.town.tiles)")
+        stats = shown.value("pavetwin.town.stats()")
+        if not stats["available"] or shown.value("pavetwin.town.isSlow"):
+            wide, tall = GPU_PICTURE_PX
+            what, note = f"the town in 3-D at {wide} × {tall} px on a GPU", "not measured: this machine has none"
+            yield Line(what, None, Kind.PER_SECOND, 60.0, note=note)
+            return
+        shown.wait("!pavetwin.town.stats().pending")
+        yield from _rates(shown, GPU_PICTURE_PX, 60.0, stats["renderer"])

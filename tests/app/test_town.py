@@ -208,6 +208,36 @@ def test_a_click_tells_the_place_and_what_is_there(shown: Shown) -> None:
     assert shown.complaints == []
 
 
+POLITE = """(async () => {
+  const drawn = [], render = town.render.bind(town), until = async count => {
+    for (let tries = 0; tries < 600 && drawn.length < count; tries++) await new Promise(next => setTimeout(next, 50));
+  };
+  let asked = 0;
+  const isBusy = town.isBusy;
+  town.render = () => { drawn.push(asked); render(); };
+  town.isBusy = () => { asked += 1; return asked < 2; };
+  town.dirty = true;
+  await until(1);
+  town.isBusy = () => { asked += 1; return true; };
+  town.dirty = true;
+  await until(2);
+  delete town.render;
+  town.isBusy = isBusy;
+  return drawn;
+})()"""
+"""What the town was told before each picture: first that something is made, then that it is
+there; then never."""
+
+
+def test_a_picture_by_the_processor_waits_for_what_is_made_but_not_for_long(shown: Shown) -> None:
+    shown.settle()
+    while shown.page.evaluate("town.scale !== 1"):
+        shown.page.wait_for_timeout(100)
+    first, second = shown.page.evaluate(POLITE)
+    assert first in (1, 2), "once it was busy, or drawing before took so long that its time was over"
+    assert second > first
+
+
 def test_without_webgl_it_says_so_and_does_no_harm(chromium: Any, address: str) -> None:
     browser = chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-3d-apis"])
     shown = opened(browser, address)

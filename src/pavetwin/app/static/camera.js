@@ -39,6 +39,7 @@ export class Camera {
   setTown(town) {
     this.#town = town;
     town.onSettled = () => this.#draw();
+    town.isBusy = () => this.#frames?.isSoon ?? false;
   }
 
   setFlight(flight, mission) {

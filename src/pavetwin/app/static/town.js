@@ -17,6 +17,7 @@ const ARRIVED_MS = 300; // Least time between two pictures for tiles that have a
 // Where the processor draws: pixels along a side while pictures follow each other within a time, of those while nothing
 // moves.
 const MOVING_SCALE = 0.6, MOVING_MS = 700;
+const POLITE_MS = 400; // There a picture waits so long at most for what else is made meanwhile.
 const SHADOW_M = 90, MOST_SHADOW_M = 600; // Half the side of the square with shadows.
 const SHADOW_WAIT_MS = 700; // Least time between two drawings of shadows while tiles arrive.
 const NO_WEBGL = "This browser offers no WebGL 2, so the town cannot be drawn in 3-D. Everything else works.";
@@ -44,7 +45,7 @@ function isSoftware() {
   return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(named);
 }
 
-export function createTown(canvas, { base, fetch = globalThis.fetch.bind(globalThis), onPick, onMessage, onSettled, onMissing } = {}) {
+export function createTown(canvas, { base, fetch = globalThis.fetch.bind(globalThis), onPick, onMessage, onSettled, onMissing, isBusy } = {}) {
   let renderer;
   const isSlow = isSoftware(), options = { antialias: !isSlow, powerPreference: "high-performance" };
   try {
@@ -54,7 +55,7 @@ export function createTown(canvas, { base, fetch = globalThis.fetch.bind(globalT
     onMessage?.(NO_WEBGL);
     return nothing(NO_WEBGL);
   }
-  const told = { isSlow, onPick, onMessage, onSettled, onMissing };
+  const told = { isSlow, onPick, onMessage, onSettled, onMissing, isBusy };
   return new Town(canvas, renderer, base.endsWith("/") ? base : `${base}/`, fetch, told);
 }
 
@@ -276,9 +277,12 @@ class Town {
   #frame = () => {
     this.request = requestAnimationFrame(this.#frame);
     if (this.held) return;
-    const since = performance.now() - (this.drawnAt ?? -Infinity), isRecent = since < MOVING_MS;
+    const now = performance.now(), since = now - (this.drawnAt ?? -Infinity), isRecent = since < MOVING_MS;
     if (this.tiles.arrived && since > ARRIVED_MS) this.dirty = true;
     if (!this.dirty && (isRecent || this.scale === 1)) return;
+    this.dueAt ??= now;
+    if (this.isSlow && now - this.dueAt < POLITE_MS && this.isBusy?.()) return;
+    this.dueAt = undefined;
     this.#setScale(this.isSlow && this.dirty && isRecent ? MOVING_SCALE : 1);
     this.dirty = false;
     this.render();

@@ -24,6 +24,8 @@ export class TownPanel {
   #flight = null; #mission = null; #parked = []; #time = 0; #world = null;
   /** Told that all tiles in view are there. */
   onSettled = () => {};
+  /** Whether something is made that is waited for, which a picture by the processor would hold up. */
+  isBusy = () => false;
 
   constructor(root, onDefect) {
     this.#root = root;
@@ -117,7 +119,7 @@ export class TownPanel {
     this.#say('The town is being drawn …');
     const town = this.#town = createTown(this.#root.querySelector('canvas'), {
       base: `town/${this.#world}/`, onMessage: text => this.#say(text), onPick: pick => this.#picked(pick), onSettled: () => this.onSettled(),
-      onMissing: count => this.#tellLoading(count),
+      onMissing: count => this.#tellLoading(count), isBusy: () => this.isBusy(),
     });
     town.world = this.#world;
     if (!town.available) return this.#say(town.message);
