@@ -1,8 +1,10 @@
 """Which streets go to train, val and test."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,12 +12,13 @@ import pytest
 from pavetwin.capture import context, splits
 from pavetwin.capture.presence import SAMPLED_S, presence
 from pavetwin.capture.settings import CaptureSettings
-from pavetwin.capture.splits import split_streets
+from pavetwin.capture.splits import split_streets, street_splits
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels import SPLITS
 from pavetwin.traffic.pose_rows import PoseRows
 from pavetwin.traffic.record import record
 from pavetwin.traffic.tracks import AgentTracks
+from pavetwin.world.folder import CACHE_VARIABLE
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world, save_world
 from scenes import damaged
@@ -60,6 +63,34 @@ def test_a_world_with_one_street_is_refused_before_traffic_is_recorded(
     with pytest.raises(PaveTwinError, match="1 street with defects"):
         context.prepare(lone, CaptureSettings(platforms=("uav",), images=3, altitudes_m=(10.0,)))
     assert asked == []
+
+
+def test_splits_are_found_once_and_read_afterwards(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    searched: list[int] = []
+
+    def split(_world: World, shares: Sequence[float], rng: np.random.Generator, _agents: object) -> dict[str, str]:
+        searched.append(int(rng.integers(1 << 30)))
+        return {street.name: SPLITS[len(shares) - 1] for street in world.streets}
+
+    monkeypatch.setattr(splits, "record", lambda *_, **__: None)
+    monkeypatch.setattr(splits, "presence", lambda *_: {})
+    monkeypatch.setattr(splits, "split_streets", split)
+    thirds = (0.4, 0.3, 0.3)
+    first = street_splits(world, 1, thirds)
+    assert street_splits(world, 1, thirds) == first
+    assert len(searched) == 1
+    street_splits(world, 2, thirds)
+    street_splits(world, 1, (0.5, 0.3, 0.2))
+    street_splits(replace(world, defects=world.defects[1:]), 1, thirds)
+    monkeypatch.setattr(splits, "made_by", lambda *_: "by other code")
+    street_splits(world, 1, thirds)
+    assert len(searched) == 5
+    street_splits(replace(world, content_hash=""), 1, thirds)
+    street_splits(replace(world, content_hash=""), 1, thirds)
+    assert len(searched) == 7, "of a world that was never built nothing is kept"
 
 
 def test_splits_share_out_the_traffic_too(world: World) -> None:

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from importlib.metadata import version
 from typing import Final
 
 import numpy as np
@@ -21,6 +22,8 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.labels import SPLITS
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic.record import record
+from pavetwin.world.cache import split_folder
+from pavetwin.world.kept import ValueStore, made_by, short_sha256
 from pavetwin.world.model import World
 
 STARTS: Final = 96
@@ -38,6 +41,12 @@ TRAFFIC: Final = "medium"
 
 RECORDED_S: Final = 600.0
 """Duration of recorded traffic."""
+
+
+MADE_BY: Final = ("capture", "traffic", "world")
+"""The folders of the package whose code and data decide the splits."""
+
+_STORE: Final = ValueStore("splits of streets", ())
 
 
 @dataclass(frozen=True)
@@ -75,13 +84,22 @@ class _Town:
 def street_splits(
     world: World, seed: int, shares: Sequence[float], on_progress: Callable[[float], None] | None = None
 ) -> Mapping[str, str]:
-    """The split of every street that has defects; traffic is recorded where no recording exists.
+    """The split of every street that has defects, from the cache where it was found before; else traffic is recorded
+    where no recording exists. Nothing is kept of a world without a content hash, which was never built.
 
     Raises:
         PaveTwinError: there are fewer streets with defects than splits, or the traffic cannot be recorded.
     """
-    recording = record(world, TRAFFIC, seed, RECORDED_S, on_progress=on_progress)
-    return split_streets(world, shares, child(seed, Stream.CAPTURE, STREETS), presence(world, [recording]))
+
+    def found() -> dict[str, str]:
+        recording = record(world, TRAFFIC, seed, RECORDED_S, on_progress=on_progress)
+        agents = presence(world, [recording])
+        return dict(split_streets(world, shares, child(seed, Stream.CAPTURE, STREETS), agents))
+
+    if not world.content_hash:
+        return found()
+    inputs = (world.content_hash, world.defects_hash, seed, tuple(shares), version("libsumo"))
+    return _STORE.kept(split_folder() / short_sha256(f"{inputs!r} {made_by(*MADE_BY)}"), found)
 
 
 def split_streets(

@@ -25,7 +25,9 @@ class Check:
 def doctor(
     clear_cache: Annotated[
         bool,
-        typer.Option("--clear-cache", help="Empty the cache: recordings, NavMeshes, textures, tiles, placed defects."),
+        typer.Option(
+            "--clear-cache", help="Empty the cache: recordings, NavMeshes, textures, tiles, placed defects, splits."
+        ),
     ] = False,
 ) -> None:
     """Check what is missing on this machine, and print the command that fixes it. Exit code 1 when something is.

@@ -1,4 +1,4 @@
-"""What can be computed again, in the user's cache: recordings and NavMeshes of worlds, textures, tiles, defects.
+"""What can be computed again, in the user's cache: recordings, NavMeshes, textures, tiles, placed defects, splits.
 
 A world's folder may be read-only, and is left as it was built. The folder in the cache is named by the world's content
 hash: a world that has changed never reads what was made from another. The cache has a bound: what was not used for
@@ -77,6 +77,11 @@ def placed_folder() -> Path:
     return cache_folder() / "defects"
 
 
+def split_folder() -> Path:
+    """Where it is kept which streets of worlds are in which split of datasets."""
+    return cache_folder() / "splits"
+
+
 def most_bytes() -> int:
     """How much the cache may hold.
 
@@ -136,7 +141,7 @@ def _files() -> Iterator[tuple[Path, os.stat_result]]:
 
 
 def _folders() -> tuple[Path, ...]:
-    return cache_folder() / "worlds", texture_folder(), tile_folder(), placed_folder()
+    return cache_folder() / "worlds", texture_folder(), tile_folder(), placed_folder(), split_folder()
 
 
 def clear_cache() -> None:
