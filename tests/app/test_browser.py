@@ -738,6 +738,43 @@ def test_the_camera_shows_the_town_in_3d_until_a_frame_is_ready(drawn: BrowserTa
     assert np.abs(down - own[::-1]).mean() > 12, "so near would be no other picture"
 
 
+LAYER = """layer => {
+  const { town } = pavetwin, labels = [...document.querySelectorAll('#town .menu label')], told = () => {
+    for (let times = 0; times < 2; times++) town.render(); // the first may draw shadows too
+    const { triangles, lines } = town.renderer.info.render, agents = town.list.length;
+    return { triangles, lines, agents, stands: town.tiles.objects.visible };
+  };
+  const box = labels.find(({ textContent }) => textContent === layer).querySelector('input');
+  return [told(), (box.click(), told()), (box.click(), told())];
+}"""
+"""What is drawn of the town before a click on the box of a layer, after it, and after another one."""
+
+
+@pytest.mark.timeout(900)
+def test_each_layer_of_the_town_is_shown_and_hidden(drawn: BrowserTab) -> None:
+    if drawn.value("!pavetwin.mission"):
+        drawn.fly()
+    drawn.value("(pavetwin.seek(20), document.activeElement.blur())")
+    drawn.page.keyboard.press("2")
+    settled(drawn)
+    moving = drawn.value("pavetwin.agentsAt(20).filter(({ group }) => group !== 'aircraft').length")
+    standing = drawn.value("pavetwin.mission.parked.x_m.length")
+    found = {}
+    for layer in ("traffic", "parked vehicles", "UAV", "trees and street furniture", "outlines of defects"):
+        before, other, again = drawn.page.evaluate(LAYER, layer)
+        assert again == before, layer
+        found[layer] = before, other
+    for layer, count in (("traffic", moving), ("parked vehicles", standing)):
+        before, hidden = found[layer]
+        assert before["agents"] - hidden["agents"] == count > 0
+    before, hidden = found["UAV"]
+    assert before["triangles"] > hidden["triangles"]
+    before, hidden = found["trees and street furniture"]
+    assert (before["stands"], hidden["stands"]) == (True, False)
+    before, outlined = found["outlines of defects"]
+    assert before["lines"] == 0 < outlined["lines"], "they are not shown at first"
+
+
 FRAMES = """(async () => {
   const { Frames, frameLine } = await import('/static/frames.js');
   const { CancelledError } = await import('/static/server.js');
