@@ -18,7 +18,7 @@ LICENCES = {
     "mixed-1": "Apache-2.0; trained on photographs of RDD2022 (Arya et al. 2022), whose terms are stated there: "
     "cite it",
     "synthetic-1": "Apache-2.0",
-    "synthetic-3": "Apache-2.0",
+    "synthetic-4": "Apache-2.0",
 }
 """What each file says; whoever saw photographs names them."""
 
