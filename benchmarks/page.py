@@ -28,6 +28,8 @@ GPU_PICTURE_PX: Final = (1920, 1080)
 FRAMES_S = 4.0
 FAR_M = 150.0
 """Between places of which one is rendered while nothing of the other is there."""
+AHEAD = 20
+"""Captures around a moment that is shown, of which the page makes some too; it begins with the take-off."""
 
 CROWD: Final = """(count, updates) => {
     const town = pavetwin.town, [x, y] = town.manifest.base, kinds = ['passenger', 'delivery', 'bus', 'motorcycle'];
@@ -169,6 +171,7 @@ def _frames(shown: Tab) -> Iterator[Line]:
     places = np.column_stack([captures["x_m"], captures["y_m"]])
     first = len(places) // 2
     away = np.hypot(*(places - places[first]).T)
+    away[max(0, first - AHEAD) : first + AHEAD + 1] = away[:AHEAD] = 0  # the page makes frames of these
     far = int(np.argmax(away)) if away.max() < FAR_M else int(np.flatnonzero(away >= FAR_M)[0])
 
     def rendered_s(capture: int, also: str = "") -> float:
@@ -179,6 +182,7 @@ def _frames(shown: Tab) -> Iterator[Line]:
     first_s = rendered_s(first)
     note = "the process of the renderer starts and reads the world"
     yield Line("the first rendered frame of a mission in the page", first_s, Kind.SECONDS, note=note)
+    shown.wait("!window.pavetwin?.town?.tiles || !pavetwin.town.stats().pending")  # which takes the cores else
     shown.page.wait_for_timeout(1000 * min(60.0, 3.0 + 5 * first_s))  # the next ones are made ahead
     warm = [rendered_s(capture) for capture in range(first - 1, first - 6, -1)]
     note = f"seek to a capture beside one that is there; from the command to the picture; median of {len(warm)}"
