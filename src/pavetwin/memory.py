@@ -9,7 +9,7 @@ _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
 """Parameters of glibc's `mallopt` (its `malloc.h`)."""
 
 KEPT_BYTES: Final = 128 * 2**20
-"""Free memory at the heap's end that is kept: what the temporary arrays of a tile take."""
+"""Free memory at a heap's end that is kept: what the temporary arrays of a tile take. Each thread may have a heap."""
 
 ON_HEAP_BYTES: Final = 32 * 2**20
 """Larger arrays are mapped and unmapped each; glibc allows no more."""
@@ -39,8 +39,8 @@ def give_back() -> None:
 
 @cache
 def keep_freed() -> None:
-    """Keep up to `KEPT_BYTES` that were freed for the next request, from now on: before work that makes and drops
-    arrays of some MB each again and again.
+    """Keep what a thread has freed, up to `KEPT_BYTES`, for its next request, from now on: before work that makes and
+    drops arrays of some MB each again and again. `give_back` gives it back.
 
     glibc gives such memory back at once, and the system clears each page of it anew: a quarter of the time of a tile's
     maps.

@@ -14,6 +14,7 @@ from pavetwin.capture.platforms import PLATFORMS, CaptureContext, Platform
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.shards import Order, finished_images, write_shard
 from pavetwin.errors import PaveTwinError
+from pavetwin.memory import give_back
 from pavetwin.workers import OnTick, WorkerPool, started
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world
@@ -53,7 +54,10 @@ def image_workers(
             for shard in shards:
                 worker[0](shard)
 
-        yield in_process
+        try:
+            yield in_process
+        finally:
+            give_back()
         return
     with started(workers, ahead=partial(_load, job)) as waiting, ExitStack() as stack:
         pool: WorkerPool[Shard, None] | None = None

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from typing import Final
 
 import numpy as np
@@ -98,7 +98,11 @@ def street_splits(
 
     if not world.content_hash:
         return found()
-    inputs = (world.content_hash, world.defects_hash, seed, tuple(shares), version("libsumo"))
+    try:
+        sumo = version("libsumo")
+    except PackageNotFoundError:
+        return found()  # which says what to install
+    inputs = (world.content_hash, world.defects_hash, seed, tuple(shares), sumo)
     return _STORE.kept(split_folder() / short_sha256(f"{inputs!r} {made_by(*MADE_BY)}"), found)
 
 

@@ -110,7 +110,8 @@ def evaluate(
         if others:
             differences = compare_in_pairs(chosen, others, same, **how)
         tell(0.7)
-        files = write_detector_report(result, output, title=detections.stem, differences=differences)
+        title = f"{detections.stem}, in tiles and as a whole" if overview else detections.stem
+        files = write_detector_report(result, output, title=title, differences=differences)
     _tell(result)
     if differences is not None:
         _tell_differences(differences)

@@ -130,7 +130,8 @@ def _photographs(
 
     file = named(model)
     sha256 = file_sha256(file)
-    known = entry_model(sha256, fitted)
+    # What ships was fitted to looks without an overview, of which a share is right that is another.
+    known = entry_model(sha256, fitted) if fitted or not overview else None
     detector = Detector(file, confidence=confidence, tiled=tiled, overview=overview)
     reading = photographed(
         detector, source, gsd_mm=gsd_mm, height_m=height_m, position_error_m=position_error_m, tell=tell

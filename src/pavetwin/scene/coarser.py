@@ -58,9 +58,10 @@ def thinned(mesh: Mesh, level: int, sparser: int = 1) -> Mesh:
 
 
 def closed(mesh: Mesh, cell_m: float) -> Mesh:
-    """A solid mesh with all vertices of a cell at the place of the outermost: it keeps its size, and no gaps open
-    between its surfaces. Those that face elsewhere or have another slot keep their own normals and colours. Triangles
-    within fewer than three cells are dropped, and of several with the same corners the others.
+    """A solid mesh with all vertices of a cell at the place of the outermost: it keeps its size, and surfaces that met
+    still meet. Those that face elsewhere or have another slot keep their own normals and colours. Triangles within
+    fewer than three cells are dropped, so that parts thinner than a cell may vanish, and of several with the same
+    corners the others.
 
     Args:
         cell_m: side of a cell.

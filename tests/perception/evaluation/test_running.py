@@ -15,6 +15,7 @@ from pavetwin.perception.inference import Detector
 from scenes.command_line import pavetwin
 from scenes.detections import CAR, CRACK, POTHOLE, true, write_labels
 from scenes.drawn_detector import FILE, SIDE_PX, drawn
+from scenes.drawn_roads import drawn_roads
 
 WHOLE = {"visible_fraction": 1.0, "inside_fraction": 1.0}
 
@@ -61,6 +62,17 @@ def test_the_command_runs_a_model(dataset: Path) -> None:
     lines = {line.split("  ")[0]: line.split() for line in done.stdout.splitlines() if line}
     assert lines["Pothole"][1:3] == ["1", "100.0"]
     assert "diameter_mm,Pothole,1," in (dataset.parent / "report" / "sizes.csv").read_text()
+
+
+def test_a_model_may_be_measured_in_tiles_and_as_a_whole_and_the_report_says_so(tmp_path: Path) -> None:
+    """At a size that it sees in one piece otherwise; what it is compared with looks as by default."""
+    town = drawn_roads(tmp_path / "town", {"test": 1}, size=(3 * SIDE_PX, 2 * SIDE_PX))
+    words = ("-o", "report", "--resamples", "0", "--overview", "--against", str(FILE))
+    done = pavetwin("evaluate", str(FILE), "town", *words, cwd=town.parent)
+    assert done.returncode == 0, done.stderr
+    told = json.loads((tmp_path / "report" / "metrics.json").read_text(encoding="utf-8"))["runs"]
+    assert told["others"] != told["these"]
+    assert "in tiles and as a whole" in (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
 
 
 def test_splits_that_number_their_images_alike_are_kept_apart(dataset: Path) -> None:

@@ -71,7 +71,7 @@ export class Frames {
   }
 
   /** Whether a preview of the moment is on its way and will be there before a slow browser has drawn the town. */
-  get isSoon() { return this.#asked?.part === 'preview' && this.#asked.capture === this.#wanted && this.#took < SOON_S; }
+  get isSoon() { return !this.#rate && this.#asked?.part === 'preview' && this.#asked.capture === this.#wanted && this.#took < SOON_S; }
 
   /** Ask for the frame of a moment; while time passes, for that of the moment at which it will be ready. */
   want(t, rate, search) {
@@ -126,7 +126,7 @@ export class Frames {
       if (flight === this.#flight) this.#keep(this.#name(mission, capture), { ...values, capture, time: mission.captures.t_s[capture] });
       if (part === 'preview') this.#took = (this.#took + (performance.now() - begun) / 1000) / 2;
     } catch (error) {
-      if (!(error instanceof CancelledError) && mission === this.#mission) this.#failures.set(part, error.message);
+      if (!(error instanceof CancelledError) && mission === this.#mission && (part !== 'searched' || this.#search)) this.#failures.set(part, error.message);
     }
     const isLatest = this.#asked === asked;
     if (isLatest) this.#asked = null;

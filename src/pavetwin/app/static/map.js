@@ -70,7 +70,9 @@ export class StreetMap {
   /** The segments of a street's name, or of an id; else those whose street has the text in its name. */
   named(text) {
     const plain = name => (name ?? '').normalize('NFKD').replace(/\p{M}/gu, '').toLowerCase(), part = plain(text);
-    const exact = this.#segments.filter(({ street, latin, id }) => [street, latin, id].some(name => plain(name) === part));
+    if (!part) return [];
+    const given = is => this.#segments.filter(({ street, latin, id }) => [street, latin, id].some(is));
+    const same = given(name => name === text), exact = same.length ? same : given(name => plain(name) === part);
     return exact.length ? exact : this.#segments.filter(({ street, latin }) => [street, latin].some(name => plain(name).includes(part)));
   }
 

@@ -56,7 +56,7 @@ class Detector:
                 is scaled to `image_px`; None does what the model was trained on, with tiles from `WHOLE` times
                 `image_px`.
             overview: look at images that are larger than `image_px` in tiles and as a whole, and put together what both
-                say: the whole shows large things, the tiles small ones.
+                say: the whole shows large things, the tiles small ones. `WHOLE` does not count then.
             image_px: longer side of what the network sees; 0 takes what it was trained on.
             threads: of one image; 0 takes one for each core.
 

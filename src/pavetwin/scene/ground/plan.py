@@ -106,7 +106,7 @@ class GroundPlan(SurfaceLayout):
 
     @cached_property
     def patches(self) -> Float64Array:
-        """(n, 6): a bar as `raster.bars` takes it, and the factor on the reflectance around it."""
+        """(n, 6): a bar as `raster.covered` takes it, and the factor on the reflectance around it."""
         return np.array(self.repairs.patches, dtype=np.float64).reshape(-1, 6)
 
     @cached_property
