@@ -45,6 +45,18 @@ def test_it_says_what_it_found_and_what_is_missing(listed: tuple[Path, str]) -> 
     assert "with --gsd-mm only." in lines[1]
 
 
+def test_photographs_may_be_looked_at_in_tiles_and_as_a_whole(listed: tuple[Path, str], tmp_path: Path) -> None:
+    """Other confidences are those of another look."""
+    done = pavetwin("inventory", listed[0].parent / "in", "--model", FILE, "-o", tmp_path / "out", "--overview")
+    assert done.returncode == 0, done.stderr
+    both, usual = (
+        [float(row["confidence"]) for row in csv.DictReader((folder / "inventory.csv").open())]
+        for folder in (tmp_path / "out", listed[0])
+    )
+    assert len(both) > 0
+    assert both != usual
+
+
 def test_the_table_has_all_entries_and_the_maps_those_with_a_place(listed: tuple[Path, str]) -> None:
     folder = listed[0]
     rows = list(csv.DictReader((folder / "inventory.csv").open()))

@@ -18,7 +18,7 @@ from scenes.drawn_detector import FILE
 
 def test_it_listens_answers_and_ends() -> None:
     """Told to end while it answers: wherever in the loop the signal arrives."""
-    words = command("serve", "--model", FILE, "--port", 0)
+    words = command("serve", "--model", FILE, "--port", 0, "--overview")
     with (
         subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process,
         ThreadPoolExecutor(1) as client,
@@ -29,7 +29,8 @@ def test_it_listens_answers_and_ends() -> None:
             found = re.search(r"Listening at (http://127\.0\.0\.1:\d+/)", line)
             assert found is not None, line
             with urlopen(f"{found[1]}health", timeout=10) as answer:
-                assert json.load(answer)["model"] == "rectangles.onnx"
+                told = json.load(answer)
+            assert (told["model"], told["overview"]) == ("rectangles.onnx", True)
             asked = client.submit(ask_until_it_ends, f"{found[1]}health")
             time.sleep(0.1)
             process.send_signal(signal.SIGTERM)
