@@ -5,11 +5,16 @@ import errno
 import signal
 import socket
 from collections.abc import Coroutine
-from typing import Any
+from contextlib import suppress
+from typing import Any, Final
 
+from tornado.httpserver import HTTPServer
 from tornado.netutil import bind_sockets
 
 from pavetwin.errors import PaveTwinError
+
+CLOSING_S: Final = 5.0
+"""Connections have so long to end: Tornado waits for the tasks that serve them, and these for their clients."""
 
 
 def listening_sockets(host: str, port: int) -> tuple[list[socket.socket], int]:
@@ -28,6 +33,13 @@ def listening_sockets(host: str, port: int) -> tuple[list[socket.socket], int]:
             raise PaveTwinError(f"`port` {port}: it is in use at {host}; choose another.") from error
         raise PaveTwinError(f"`host` {host}: no listening there ({error}); 127.0.0.1 is this machine.") from error
     return sockets, int(sockets[0].getsockname()[1])
+
+
+async def close_all(server: HTTPServer) -> None:
+    """Listen no more, and close all connections; one that does not end by then ends with the process."""
+    server.stop()
+    with suppress(TimeoutError):
+        await asyncio.wait_for(server.close_all_connections(), CLOSING_S)
 
 
 def run_until_terminated(serving: Coroutine[Any, Any, None]) -> bool:

@@ -24,7 +24,7 @@ from pavetwin.app.handlers import (
 )
 from pavetwin.app.live import LARGEST_MESSAGE, LiveHandler
 from pavetwin.app.session import Session
-from pavetwin.listening import listening_sockets
+from pavetwin.listening import close_all, listening_sockets
 
 TIMEOUT_S: Final = 30.0
 """For the headers of a request, and for its body."""
@@ -84,8 +84,7 @@ class AppServer:
     async def stop(self) -> None:
         """Listen no more, close all connections, end all tasks, and remove what was made for the browser."""
         if self._http is not None:
-            self._http.stop()
-            await self._http.close_all_connections()
+            await close_all(self._http)
         await self._session.close()
 
 

@@ -15,7 +15,6 @@ from pavetwin.perception.inference import Detector
 from scenes.command_line import pavetwin
 from scenes.detections import CAR, CRACK, POTHOLE, true, write_labels
 from scenes.drawn_detector import FILE, SIDE_PX, drawn
-from scenes.drawn_roads import drawn_roads
 
 WHOLE = {"visible_fraction": 1.0, "inside_fraction": 1.0}
 
@@ -65,14 +64,21 @@ def test_the_command_runs_a_model(dataset: Path) -> None:
 
 
 def test_a_model_may_be_measured_in_tiles_and_as_a_whole_and_the_report_says_so(tmp_path: Path) -> None:
-    """At a size that it sees in one piece otherwise; what it is compared with looks as by default."""
-    town = drawn_roads(tmp_path / "town", {"test": 1}, size=(3 * SIDE_PX, 2 * SIDE_PX))
-    words = ("-o", "report", "--resamples", "0", "--overview", "--against", str(FILE))
-    done = pavetwin("evaluate", str(FILE), "town", *words, cwd=town.parent)
-    assert done.returncode == 0, done.stderr
-    told = json.loads((tmp_path / "report" / "metrics.json").read_text(encoding="utf-8"))["runs"]
-    assert told["others"] != told["these"]
-    assert "in tiles and as a whole" in (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+    """Of a size that it sees as a whole by default; other confidences are those of other looks."""
+    size = (SIDE_PX + 48, 64)
+    facts = [{"width": size[0], "height": size[1]}]
+    folder = write_labels(tmp_path / "town", [[true(POTHOLE, (10, 8, 30, 40))]], facts=facts)
+    (folder / "images" / "test").mkdir(parents=True)
+    drawn(size, ("Pothole", (10, 8, 40, 48))).save(folder / "images" / "test" / "001.png")
+    told = []
+    for name, words in (("usual", ()), ("both", ("--overview",))):
+        done = pavetwin("evaluate", str(FILE), "town", "-o", name, "--resamples", "0", *words, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        told.append((tmp_path / name / "calibration.csv").read_text(encoding="utf-8"))
+        assert ("in tiles and as a whole" in (tmp_path / name / "report.html").read_text(encoding="utf-8")) == bool(
+            words
+        )
+    assert told[0] != told[1]
 
 
 def test_splits_that_number_their_images_alike_are_kept_apart(dataset: Path) -> None:

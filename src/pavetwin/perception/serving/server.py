@@ -12,7 +12,7 @@ from tornado.httputil import HTTPFile
 from tornado.web import Application, HTTPError, RequestHandler, stream_request_body
 
 from pavetwin._core import __version__
-from pavetwin.listening import listening_sockets
+from pavetwin.listening import close_all, listening_sockets
 from pavetwin.perception.inference.detector import Detector
 from pavetwin.perception.results.detected_image import DetectedImage, described
 from pavetwin.perception.serving.openapi import description, page
@@ -88,8 +88,7 @@ class PredictionServer:
         """Listen no more, close all connections, and end what the detector is doing after its present tiles."""
         self._is_stopped = True
         if self._http is not None:
-            self._http.stop()
-            await self._http.close_all_connections()
+            await close_all(self._http)
         self._worker.shutdown(wait=False, cancel_futures=True)
 
     @property
