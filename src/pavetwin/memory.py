@@ -42,7 +42,7 @@ def keep_freed() -> None:
     """Keep what a thread has freed, up to `KEPT_BYTES`, for its next request, from now on: before work that makes and
     drops arrays of some MB each again and again. `give_back` gives it back.
 
-    glibc gives such memory back at once, and the system clears each page of it anew: a quarter of the time of a tile's
+    glibc gives such memory back at once, and the system clears each page of it again: a quarter of the time of a tile's
     maps.
     """
     try:

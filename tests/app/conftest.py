@@ -2,11 +2,13 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from pavetwin.world.store import save_world
 from scenes import damaged
+from scenes.browser import NO_WEBGL, chromium
 from scenes.page import RunningPage, running_page
 
 
@@ -21,3 +23,12 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def page(world: Path) -> Iterator[RunningPage]:
     with running_page([world]) as running:
         yield running
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Without WebGL: all but the town in 3-D works."""
+    with chromium() as start:
+        started = start(*NO_WEBGL)
+        yield started
+        started.close()

@@ -8,7 +8,7 @@ import pytest
 
 from pavetwin.world.store import save_world
 from scenes import damaged
-from scenes.browser import NO_WEBGL, BrowserTab, chromium, tab_of
+from scenes.browser import BrowserTab, tab_of
 from scenes.page import RunningPage, running_page
 
 axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed (make setup)")
@@ -25,14 +25,6 @@ SHIFTS = """new PerformanceObserver(list => {
 
 VISITOR = "Object.defineProperty(Navigator.prototype, 'webdriver', { get: () => false });"
 """A browser that no program drives, for the page."""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as start:
-        started = start(*NO_WEBGL)
-        yield started
-        started.close()
 
 
 @pytest.fixture(scope="module")

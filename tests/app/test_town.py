@@ -233,9 +233,10 @@ def test_a_picture_by_the_processor_waits_for_what_is_made_but_not_for_long(show
     shown.settle()
     while shown.page.evaluate("town.scale !== 1"):
         shown.page.wait_for_timeout(100)
-    first, second = shown.page.evaluate(POLITE)
-    assert first in (1, 2), "once it was busy, or drawing before took so long that its time was over"
-    assert second > first
+    # Where a turn of the browser takes as long as a picture may wait, it is not asked twice: hence several tries.
+    tries = [shown.page.evaluate(POLITE) for _ in range(5)]
+    assert any(first == 2 for first, _ in tries)
+    assert all(second > first for first, second in tries)
 
 
 def test_without_webgl_it_says_so_and_does_no_harm(chromium: Any, address: str) -> None:

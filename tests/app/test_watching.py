@@ -13,7 +13,7 @@ from pavetwin.mission.again import read_mission
 from pavetwin.mission.events import OcclusionStarted
 from pavetwin.mission.fly import MissionResult, fly
 from pavetwin.mission.timeline import Timeline
-from scenes.browser import NO_WEBGL, BrowserTab, chromium, tab_of
+from scenes.browser import BrowserTab, tab_of
 from scenes.page import RunningPage
 
 pytestmark = pytest.mark.slow
@@ -35,14 +35,6 @@ class Watched:
     def show(self, x_m: float, y_m: float, pixels_per_m: float) -> None:
         self.tab.value(f"(pavetwin.map.showPlace({x_m!r}, {y_m!r}, {pixels_per_m!r}), null)")
         self.tab.page.wait_for_timeout(150)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as start:
-        started = start(*NO_WEBGL)
-        yield started
-        started.close()
 
 
 @pytest.fixture(scope="module")

@@ -84,6 +84,17 @@ def test_only_what_is_missing_is_captured_again(output: Path, tmp_path: Path) ->
 
 
 @pytest.mark.slow
+def test_more_images_of_a_split_are_added_to_what_is_there(output: Path, tmp_path: Path) -> None:
+    shutil.copytree(output.parent, tmp_path, dirs_exist_ok=True)
+    before = {name: data for name, data in contents(output / JOINED).items() if name.startswith("images")}
+    more = RECIPE.replace("images: 3,", "images: 3, images_of: {train: 5},")
+    assert build(tmp_path, recipe(tmp_path, more)).taken == 2
+    after = contents(tmp_path / "out" / JOINED)
+    assert len([name for name in after if name.startswith("images")]) == len(before) + 2
+    assert {name: after[name] for name in before} == before
+
+
+@pytest.mark.slow
 def test_a_world_of_another_recipe_is_refused(output: Path, tmp_path: Path) -> None:
     shutil.copytree(output.parent, tmp_path, dirs_exist_ok=True)
     with pytest.raises(PaveTwinError, match="east' was built otherwise than the recipe says"):

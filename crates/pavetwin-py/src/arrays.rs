@@ -1,22 +1,35 @@
-//! Between NumPy arrays and the core's points.
+//! Between NumPy arrays and the core's points, rows and fields.
 
 use crate::plain;
-use numpy::{IntoPyArray, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{
+    Element, IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
+};
 use pavetwin_core::geometry::Vec2;
 use pyo3::prelude::*;
 
+pub type Field<'py, T> = Bound<'py, PyArray2<T>>;
+
+/// Values, row by row, as an array of that shape.
+pub fn field<'py, T: Element>(py: Python<'py>, values: Vec<T>, shape: (usize, usize)) -> PyResult<Field<'py, T>> {
+    values.into_pyarray(py).reshape([shape.0, shape.1])
+}
+
+/// The rows of an (n, N) array.
+pub fn rows<const N: usize, T: Element + Copy>(array: &PyReadonlyArray2<'_, T>) -> PyResult<Vec<[T; N]>> {
+    if array.shape()[1] != N {
+        return Err(plain(format!("expected an array of shape (n, {N}), not {:?}", array.shape())));
+    }
+    Ok(array.as_array().rows().into_iter().map(|row| std::array::from_fn(|at| row[at])).collect())
+}
+
 /// An (n, 2) array as points.
 pub fn points(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<Vec2>> {
-    if array.shape()[1] != 2 {
-        return Err(plain(format!("expected an array of shape (n, 2), not {:?}", array.shape())));
-    }
-    Ok(array.as_array().rows().into_iter().map(|row| Vec2::new(row[0], row[1])).collect())
+    Ok(rows(array)?.into_iter().map(|[x, y]| Vec2::new(x, y)).collect())
 }
 
 /// Points as an (n, 2) array.
 pub fn to_array<'py>(py: Python<'py>, points: &[Vec2]) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let flat: Vec<f64> = points.iter().flat_map(|point| [point.x, point.y]).collect();
-    use numpy::PyArrayMethods;
     flat.into_pyarray(py).reshape([points.len(), 2])
 }
 

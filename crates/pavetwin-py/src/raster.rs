@@ -1,13 +1,11 @@
 //! The raster kernels, on NumPy arrays.
 
+use crate::arrays::{self, Field, field};
 use crate::plain;
-use numpy::{
-    IntoPyArray, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
-};
+use numpy::{IntoPyArray, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pavetwin_core::raster as core;
 use pyo3::prelude::*;
 
-type Field<'py, T> = Bound<'py, PyArray2<T>>;
 type Tracks<'py> = (Field<'py, i32>, Field<'py, f32>, Field<'py, f32>, Field<'py, f32>);
 type Paint<'py> = (Field<'py, f32>, Field<'py, f32>, Field<'py, f32>);
 
@@ -22,10 +20,6 @@ pub fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(raster_looked_up, module)?)
 }
 
-fn field<'py, T: numpy::Element>(py: Python<'py>, values: Vec<T>, px: usize) -> PyResult<Field<'py, T>> {
-    values.into_pyarray(py).reshape([px, px])
-}
-
 #[pyfunction]
 fn raster_tracks<'py>(
     py: Python<'py>,
@@ -37,10 +31,10 @@ fn raster_tracks<'py>(
     flat: bool,
 ) -> PyResult<Tracks<'py>> {
     let (offsets, reach_m, begin_m) = (offsets.as_slice()?, reach_m.as_slice()?, begin_m.as_slice()?);
-    if points.shape()[1] != 2 || reach_m.len() != begin_m.len() || offsets.len() != reach_m.len() + 1 {
-        return Err(plain("points are (n, 2), and every line has an offset, a reach and a beginning"));
+    if reach_m.len() != begin_m.len() || offsets.len() != reach_m.len() + 1 {
+        return Err(plain("every line has an offset, a reach and a beginning"));
     }
-    let (points, _) = points.as_slice()?.as_chunks::<2>();
+    let points = arrays::rows(&points)?;
     let lines = offsets
         .windows(2)
         .zip(reach_m.iter().zip(begin_m))
@@ -53,26 +47,22 @@ fn raster_tracks<'py>(
     let (px, cell_m) = raster;
     let found = py.detach(|| core::tracks(&core::Raster::new(px, cell_m), &lines, flat));
     Ok((
-        field(py, found.index, px)?,
-        field(py, found.along, px)?,
-        field(py, found.across, px)?,
-        field(py, found.distance, px)?,
+        field(py, found.index, (px, px))?,
+        field(py, found.along, (px, px))?,
+        field(py, found.across, (px, px))?,
+        field(py, found.distance, (px, px))?,
     ))
 }
 
 /// Rows of middle x and y, cosine and sine, half length and width, half the window's sides.
 fn bars(rows: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<core::Bar>> {
-    if rows.shape()[1] != 8 {
-        return Err(plain(format!("expected bars of shape (n, 8), not {:?}", rows.shape())));
-    }
-    let (rows, _) = rows.as_slice()?.as_chunks::<8>();
-    let bar = |&[x, y, cos, sin, long, wide, east, north]: &[f64; 8]| core::Bar {
+    let bar = |[x, y, cos, sin, long, wide, east, north]: [f64; 8]| core::Bar {
         middle: [x, y],
         direction: [cos, sin],
         half_m: [long, wide],
         extent_m: [east, north],
     };
-    Ok(rows.iter().map(bar).collect())
+    Ok(arrays::rows(rows)?.into_iter().map(bar).collect())
 }
 
 #[pyfunction]
@@ -84,15 +74,14 @@ fn raster_painted<'py>(
     most_m: PyReadonlyArray1<'py, f32>,
     outside_m: f32,
 ) -> PyResult<Paint<'py>> {
-    let (bars, most) = (bars(&rows)?, most_m.as_slice()?);
-    if looks.shape() != [bars.len(), 2] || most.len() != bars.len() {
+    let (bars, looks, most) = (bars(&rows)?, arrays::rows(&looks)?, most_m.as_slice()?);
+    if looks.len() != bars.len() || most.len() != bars.len() {
         return Err(plain("every bar has two looks and a greatest distance"));
     }
-    let (looks, _) = looks.as_slice()?.as_chunks::<2>();
     let (px, cell_m) = raster;
-    let found = py.detach(|| core::painted(&core::Raster::new(px, cell_m), &bars, looks, most, outside_m));
+    let found = py.detach(|| core::painted(&core::Raster::new(px, cell_m), &bars, &looks, most, outside_m));
     let [first, second] = found.looks;
-    Ok((field(py, found.distance, px)?, field(py, first, px)?, field(py, second, px)?))
+    Ok((field(py, found.distance, (px, px))?, field(py, first, (px, px))?, field(py, second, (px, px))?))
 }
 
 #[pyfunction]
@@ -108,7 +97,7 @@ fn raster_covered<'py>(
     }
     let (px, cell_m) = raster;
     let tone = py.detach(|| core::covered(&core::Raster::new(px, cell_m), &bars, factors));
-    field(py, tone, px)
+    field(py, tone, (px, px))
 }
 
 #[pyfunction]

@@ -1,11 +1,11 @@
 //! The relief kernels, on NumPy arrays of shape (rows, cols).
 
+use crate::arrays::{Field, field, rows};
 use crate::plain;
-use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pavetwin_core::relief as core;
 use pyo3::prelude::*;
 
-type Field<'py, T> = Bound<'py, PyArray2<T>>;
 type Traced<'py> = (Field<'py, f32>, Field<'py, f32>, Field<'py, f32>);
 type Blocks<'py> = (Field<'py, u16>, Field<'py, u16>, Field<'py, f32>);
 type Pebbles<'py> = (Field<'py, f32>, Field<'py, f32>);
@@ -31,22 +31,11 @@ fn grid(lattice: Lattice) -> core::Grid {
     core::Grid { rows, cols, cell_m, x0_m, y0_m }
 }
 
-fn field<'py, T: numpy::Element>(py: Python<'py>, values: Vec<T>, shape: (usize, usize)) -> PyResult<Field<'py, T>> {
-    values.into_pyarray(py).reshape([shape.0, shape.1])
-}
-
 fn checked<T: numpy::Element>(array: &PyReadonlyArray2<'_, T>, shape: (usize, usize)) -> PyResult<()> {
     if array.shape() != [shape.0, shape.1] {
         return Err(plain(format!("expected an array of shape {shape:?}, not {:?}", array.shape())));
     }
     Ok(())
-}
-
-fn pairs(array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 2]>> {
-    if array.shape()[1] != 2 {
-        return Err(plain(format!("expected an array of shape (n, 2), not {:?}", array.shape())));
-    }
-    Ok(array.as_array().rows().into_iter().map(|row| [row[0], row[1]]).collect())
 }
 
 #[pyfunction]
@@ -75,7 +64,7 @@ fn relief_trace<'py>(
     reach_m: f64,
     steepness: i32,
 ) -> PyResult<Traced<'py>> {
-    let (points, half_m) = (pairs(&points)?, pairs(&half_m)?);
+    let (points, half_m) = (rows(&points)?, rows(&half_m)?);
     let (offsets, depth_m) = (offsets.as_slice()?, depth_m.as_slice()?);
     if half_m.len() != points.len() || depth_m.len() != points.len() {
         return Err(plain("every point needs two half widths and a depth"));
@@ -104,7 +93,7 @@ fn relief_blocks<'py>(
     checked(&wanted, lattice.0)?;
     checked(&warp_x, lattice.0)?;
     checked(&warp_y, lattice.0)?;
-    let sites = pairs(&sites)?;
+    let sites = rows(&sites)?;
     if half_exponent < 2 || sites.is_empty() || sites.len() > usize::from(u16::MAX) {
         return Err(plain("a block pattern needs 1 to 65535 sites and an exponent of at least 1"));
     }
@@ -180,7 +169,7 @@ fn relief_mesh<'py>(
     most: usize,
 ) -> PyResult<Option<Mesh<'py>>> {
     checked(&height_m, lattice.0)?;
-    let (heights, ring) = (height_m.as_slice()?, pairs(&ring)?);
+    let (heights, ring) = (height_m.as_slice()?, rows(&ring)?);
     let Some(made) = py.detach(|| core::mesh(&grid(lattice), heights, &ring, tolerance_m, most)) else {
         return Ok(None);
     };

@@ -94,7 +94,7 @@ fn legs(line: &Line<'_>) -> Vec<Leg> {
     for ends in line.points.windows(2) {
         let step = [ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]];
         let whole = step[0].hypot(step[1]);
-        if whole <= LEAST_M {
+        if whole <= LEAST_M || !whole.is_finite() {
             continue;
         }
         let direction = step.map(|value| value / whole);
