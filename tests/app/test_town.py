@@ -208,7 +208,7 @@ def test_a_click_tells_the_place_and_what_is_there(shown: Shown) -> None:
     assert shown.complaints == []
 
 
-POLITE = """(async () => {
+WAITS = """(async () => {
   const drawn = [], render = town.render.bind(town), until = async count => {
     for (let tries = 0; tries < 600 && drawn.length < count; tries++) await new Promise(next => setTimeout(next, 50));
   };
@@ -234,7 +234,7 @@ def test_a_picture_by_the_processor_waits_for_what_is_made_but_not_for_long(show
     while shown.page.evaluate("town.scale !== 1"):
         shown.page.wait_for_timeout(100)
     # Where a turn of the browser takes as long as a picture may wait, it is not asked twice: hence several tries.
-    tries = [shown.page.evaluate(POLITE) for _ in range(5)]
+    tries = [shown.page.evaluate(WAITS) for _ in range(5)]
     assert any(first == 2 for first, _ in tries)
     assert all(second > first for first, second in tries)
 

@@ -17,7 +17,7 @@ const ARRIVED_MS = 300; // Least time between two pictures for tiles that have a
 // Where the processor draws: pixels along a side while pictures follow each other within a time, of those while nothing
 // moves.
 const MOVING_SCALE = 0.6, MOVING_MS = 700;
-const POLITE_MS = 400; // There a picture waits so long at most for what else is made meanwhile.
+const WAITS_MS = 400; // There a picture waits so long at most for what else is made meanwhile.
 const SHADOW_M = 90, MOST_SHADOW_M = 600; // Half the side of the square with shadows.
 const SHADOW_WAIT_MS = 700; // Least time between two drawings of shadows while tiles arrive.
 const NO_WEBGL = "This browser offers no WebGL 2, so the town cannot be drawn in 3-D. Everything else works.";
@@ -281,7 +281,7 @@ class Town {
     if (this.tiles.arrived && since > ARRIVED_MS) this.dirty = true;
     if (!this.dirty && (isRecent || this.scale === 1)) return;
     this.dueAt ??= now;
-    if (this.isSlow && now - this.dueAt < POLITE_MS && this.isBusy?.()) return;
+    if (this.isSlow && now - this.dueAt < WAITS_MS && this.isBusy?.()) return;
     this.dueAt = undefined;
     this.#setScale(this.isSlow && this.dirty && isRecent ? MOVING_SCALE : 1);
     this.dirty = false;
