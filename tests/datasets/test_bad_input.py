@@ -320,7 +320,7 @@ MANY_DIGITS = 5000 * "1"
         ),
         (
             f'"segmentation": {{"size": [48, 64], "counts": "{"o" * 300_000}"}}',
-            "the mask of annotation 2: a run length has more than 64 bits",
+            "the mask of annotation 2: a run length has more than 60 bits",
         ),
         (
             '"segmentation": {"size": [48, 64], "counts": "04"}',

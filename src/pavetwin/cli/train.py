@@ -49,6 +49,9 @@ def train(
     ] = None,
     device: Annotated[str, typer.Option(help="cpu or cuda; a graphics card where there is one unless given.")] = "",
     workers: Annotated[int, typer.Option(min=0, help="Processes that prepare images.")] = 0,
+    held_gb: Annotated[
+        float, typer.Option(metavar="GB", min=0, help="Decoded pictures of each dataset that are kept in memory.")
+    ] = 2.0,
 ) -> None:
     """Train the detector on labelled images, or go on with a run that was stopped.
 
@@ -78,7 +81,7 @@ def train(
     from pavetwin.perception.training.trainer import Trainer
 
     with _watched() as watcher:
-        machine = TrainingMachine(device, workers)
+        machine = TrainingMachine(device, workers, held_gb)
         trainer = Trainer(read_examples(datasets), output, options, machine, watcher, begun, unlabelled)
         finished = trainer.run(60 * stop_after if stop_after is not None else None)
     if not finished:

@@ -7,10 +7,10 @@ it, in groups of five bits, least significant first, 32 added where more follow,
 
 import numpy as np
 
-from pavetwin.arrays import BoolArray
+from pavetwin.arrays import BoolArray, Int64Array
 
-_MOST_BITS = 65
-"""Of a run length, in groups of five: with more, each further group would cost as much as all before it."""
+_MOST_GROUPS = 12
+"""Of a run length: 60 bits, so that sums of a few fit in 64."""
 
 
 def encode(mask: BoolArray) -> str:
@@ -28,10 +28,11 @@ def decode(text: str, size: tuple[int, int]) -> BoolArray:
         ValueError: they do not fill the size, or one has more than 64 bits.
     """
     runs = _runs(text)
-    for index in range(3, len(runs)):
-        runs[index] += runs[index - 2]
-    if sum(runs) != size[0] * size[1] or min(runs, default=0) < 0:
-        raise ValueError(f"run lengths of {sum(runs)} pixels for a mask of {size[0]} × {size[1]}")
+    runs[1::2] = np.cumsum(runs[1::2])
+    runs[2::2] = np.cumsum(runs[2::2])
+    pixels = size[0] * size[1]
+    if runs.min(initial=0) < 0 or runs.max(initial=0) > pixels or runs.sum() != pixels:
+        raise ValueError(f"run lengths of {runs.sum()} pixels for a mask of {size[0]} × {size[1]}")
     flat = np.repeat(np.arange(len(runs)) % 2 == 1, runs)
     return flat.reshape(size, order="F")
 
@@ -44,15 +45,16 @@ def _text(value: int) -> str:
     return chr(48 + bits + 32) + _text(rest)
 
 
-def _runs(text: str) -> list[int]:
-    runs, value, shift = [], 0, 0
-    for letter in text:
-        bits = ord(letter) - 48
-        value |= (bits & 31) << shift
-        shift += 5
-        if shift > _MOST_BITS:
-            raise ValueError("a run length has more than 64 bits")
-        if not bits & 32:
-            runs.append(value - (1 << shift) if bits & 16 else value)
-            value = shift = 0
-    return runs
+def _runs(text: str) -> Int64Array:
+    """The numbers of a text, from the fourth on still as differences."""
+    groups = np.frombuffer(text.encode("ascii"), dtype=np.uint8).astype(np.int64) - 48
+    ends = np.concatenate([[0], np.flatnonzero(groups & 32 == 0) + 1])
+    if np.diff(ends, append=len(groups)).max() > _MOST_GROUPS:
+        raise ValueError(f"a run length has more than {5 * _MOST_GROUPS} bits")
+    starts, counts = ends[:-1], np.diff(ends)
+    if not len(starts):
+        return counts
+    places = np.arange(ends[-1]) - np.repeat(starts, counts)
+    values = np.add.reduceat((groups[: ends[-1]] & 31) << 5 * places, starts)
+    # The sign is the last group's fifth bit.
+    return np.where(groups[ends[1:] - 1] & 16, values - (1 << 5 * counts), values)

@@ -231,6 +231,10 @@ def test_the_stages_have_their_images(folder: Path, tmp_path: Path) -> None:
         shown = [phase.members[at][1].is_synthetic for at in epoch_order(phase, (0, 1, epoch))]
         assert (sum(shown), len(shown)) == (30, 40)
     assert epoch_order(phase, (0, 1, 0)) != epoch_order(phase, (0, 1, 1))
+    thrice = phases_of(members, replace(TINY, repeats=3))[1]
+    assert (thrice.main, thrice.drawn) == (3 * phase.main, 3 * phase.drawn)
+    order = [thrice.members[at][1] for at in epoch_order(thrice, (0, 1, 0))]
+    assert all(order.count(example) == 3 for _, example in phase.members[: phase.main])
 
 
 def test_the_rate_rises_and_falls() -> None:

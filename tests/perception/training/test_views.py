@@ -188,7 +188,7 @@ def test_a_damaged_picture_is_refused_by_name(tmp_path: Path) -> None:
 
 
 def test_a_picture_is_decoded_once_and_stays_the_same(data: ExampleSet, monkeypatch: pytest.MonkeyPatch) -> None:
-    held, read, encoded = HeldExampleSet.of(data), [], ExampleSet.encoded
+    held, read, encoded = HeldExampleSet.of(data, 10**9), [], ExampleSet.encoded
 
     def counted(self: ExampleSet, example: Example) -> bytes:
         if self is held:
@@ -204,11 +204,15 @@ def test_a_picture_is_decoded_once_and_stays_the_same(data: ExampleSet, monkeypa
 
 def test_pictures_are_kept_only_while_there_is_room(data: ExampleSet) -> None:
     """128 × 96 in three channels take 36,864 bytes: two of eight fit, the first two."""
-    held = HeldExampleSet(data.path, data.fingerprint, data.examples, most_bytes=80_000)
+    at_need, at_once = HeldExampleSet.of(data, 80_000), HeldExampleSet.of(data, 80_000)
     for example in (*data.examples, *data.examples):
-        held.picture(example)
-    assert held.held_bytes == 2 * 36_864
-    assert list(held._held) == [example.place for example in data.examples[:2]]
+        at_need.picture(example)
+    at_once.hold(threads=3)
+    for held in (at_need, at_once):
+        assert held.held_bytes == 2 * 36_864
+        assert list(held._held) == [example.place for example in data.examples[:2]]
+    for example in data.examples:
+        assert np.array_equal(np.asarray(at_once.picture(example)), np.asarray(data.picture(example)))
 
 
 COLOURS = np.uint8([[[120, 120, 120], [200, 40, 60], [30, 90, 160]]])

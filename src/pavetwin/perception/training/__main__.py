@@ -28,13 +28,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--stop-after", type=float, metavar="MINUTES", help="save after this time, and stop")
     parser.add_argument("--device", default="", help="cpu or cuda; a graphics card where there is one unless given")
     parser.add_argument("--workers", type=int, default=0, help="processes that prepare images")
+    parser.add_argument("--held-gb", type=float, default=2.0, help="decoded pictures of each dataset kept in memory")
     given = parser.parse_args(arguments)
     try:
         trainer = Trainer(
             read_examples(given.datasets),
             given.output,
             TrainingOptions.parse(given.set),
-            TrainingMachine(given.device, given.workers),
+            TrainingMachine(given.device, given.workers, given.held_gb),
             PlainLines(),
             start_path(given.start) if given.start is not None else None,
             read_unlabelled(given.photographs) if given.photographs is not None else None,

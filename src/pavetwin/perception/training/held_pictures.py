@@ -1,6 +1,8 @@
 """Decoded pictures, kept in memory from epoch to epoch: decoding is most of the work of making a view."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from multiprocessing import get_start_method
 from typing import Final, Self
 
 import numpy as np
@@ -9,8 +11,12 @@ from PIL import Image
 from pavetwin.arrays import UInt8Array
 from pavetwin.perception.examples.example import Example, ExampleSet
 
-MOST_BYTES: Final = 2 * 10**9
-"""Of the pictures of one dataset that are kept: about 2,500 of 512 × 512."""
+GIGABYTE: Final = 10**9
+
+
+def is_inherited() -> bool:
+    """Whether processes that are started here share what is in memory, instead of getting copies of it."""
+    return get_start_method() == "fork"
 
 
 @dataclass(frozen=True)
@@ -21,13 +27,13 @@ class HeldExampleSet(ExampleSet):
     each picture once and not all have room.
     """
 
-    most_bytes: int = MOST_BYTES
+    most_bytes: int
     _held: dict[str | tuple[int, int], UInt8Array] = field(default_factory=dict, compare=False, repr=False)
 
     @classmethod
-    def of(cls, data: ExampleSet) -> Self:
+    def of(cls, data: ExampleSet, most_bytes: int) -> Self:
         """The same dataset."""
-        return cls(data.path, data.fingerprint, data.examples)
+        return cls(data.path, data.fingerprint, data.examples, most_bytes)
 
     @property
     def held_bytes(self) -> int:
@@ -46,3 +52,19 @@ class HeldExampleSet(ExampleSet):
         if self.held_bytes + 3 * picture.width * picture.height <= self.most_bytes:
             self._held[example.place] = np.asarray(picture)
         return picture
+
+    def hold(self, threads: int) -> None:
+        """Decode what there is room for now, so that processes that are forked from here have it.
+
+        Raises:
+            PaveTwinError: as `picture`.
+        """
+        room, chosen = self.most_bytes, []
+        for example in self.examples:
+            room -= 3 * example.size_px[0] * example.size_px[1]
+            if room < 0:
+                break
+            chosen.append(example)
+        with ThreadPoolExecutor(threads) as pool:
+            for example, picture in zip(chosen, pool.map(super().picture, chosen), strict=True):
+                self._held[example.place] = np.asarray(picture)

@@ -51,6 +51,7 @@ class TrainingOptions:
     skip_first: bool = _about("Leave the first of two stages out; for weights that have had it.", default=False)
     without: str = _about("Classes that the data need not have, with commas.", "")
     epochs: int = _about("Of the detector, in each stage.", 40, 0, 10_000)
+    repeats: int = _about("How often an epoch shows each image.", 1, 1, 10_000)
     classifier_epochs: int = _about("Of the subtype and mask heads alone, afterwards.", 10, 0, 10_000)
     batch: int = _about("Images of a step.", 16, 1, 4096)
     rate: float = _about("Greatest learning rate; the default suits a batch of 16.", 1e-3, 0, 1)
@@ -194,5 +195,7 @@ class TrainingMachine:
     """`cpu`, `cuda` or another of torch's; empty takes a graphics card where there is one."""
     workers: int = 0
     """Processes that make views; 0 makes them in the main process."""
+    held_gb: float = 2.0
+    """Decoded pictures of each dataset that are kept in memory, in 10⁹ bytes: 2 are about 2,500 of 512 × 512."""
     half: bool = True
     """Mixed precision (bfloat16) on graphics cards that have it, and on processors with AMX."""

@@ -69,6 +69,7 @@ def _phase(
 ) -> Phase:
     if options.native:
         main = [each for each in main for _ in range(_crops(each, options.image_px))]
+    main = main * options.repeats
     drawn = round(len(main) * options.replay / (1 - options.replay)) if others else 0
     epochs = options.classifier_epochs if classifier else options.epochs
     return Phase(name, (*main, *others), len(main), drawn, epochs, classifier)

@@ -18,7 +18,7 @@ from pavetwin.perception.examples.example import ExampleSet, labelled_classes
 from pavetwin.perception.training.batches import Batch, TrainingViews, ValidationViews, batches
 from pavetwin.perception.training.checks import check_labels, check_photographs
 from pavetwin.perception.training.exported import is_exported, measure_normalisations
-from pavetwin.perception.training.held_pictures import HeldExampleSet
+from pavetwin.perception.training.held_pictures import GIGABYTE, HeldExampleSet, is_inherited
 from pavetwin.perception.training.losses import Losses, detection_losses, mask_loss, subtype_loss
 from pavetwin.perception.training.network import DetectorNetwork
 from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
@@ -99,8 +99,7 @@ class Trainer:
         Raises:
             PaveTwinError: the data, the folder or the weights do not fit; nothing has been changed then.
         """
-        # Processes that prepare images end with each epoch: what they would keep is lost.
-        held = sets if machine.workers else [HeldExampleSet.of(each) for each in sets]
+        held = _held(sets, machine)
         members = [(data, example) for data in held for example in data.examples]
         training = [each for each in members if each[1].split == "train"]
         self._validation = [each for each in members if each[1].split == "val"]
@@ -129,7 +128,7 @@ class Trainer:
         if photographs is not None:
             settings["photographs"] = photographs.fingerprint
             if options.teacher_weight:
-                shown = photographs if machine.workers else HeldExampleSet.of(photographs)
+                (shown,) = _held([photographs], machine)
                 known = frozenset[int]().union(*self._known.values())
                 self._teacher = MeanTeacher(shown, options, known)
         self._photometric = photometrics(photographs, options)
@@ -386,6 +385,21 @@ class Trainer:
         )
         found = batches(views, options.batch, workers=self._machine.workers, whole=False)
         return validate(self._average.network, found, self._device)
+
+
+def _held(sets: Sequence[ExampleSet], machine: TrainingMachine) -> Sequence[ExampleSet]:
+    """The datasets, which decode each picture once.
+
+    Processes that prepare images end with each epoch, and what they would keep is lost. So they get all from here where
+    they are forked, and keep nothing elsewhere.
+    """
+    if machine.workers and not is_inherited():
+        return sets
+    held = [HeldExampleSet.of(each, round(machine.held_gb * GIGABYTE)) for each in sets]
+    if machine.workers:
+        for each in held:
+            each.hold(machine.workers)
+    return held
 
 
 def _device(machine: TrainingMachine) -> torch.device:
