@@ -125,7 +125,8 @@ def _labelled_object(
     else:
         name, body, category, details = _vehicle_or_person(state, instance.label)
         middle, inside = body.middle, inside_fraction(frame.view, body.corners)
-    amodal_px = frame.amodal_px[instance.label]
+    # What is seen of a thing a few pixels large may be more than its amodal pass draws, which samples other places.
+    amodal_px = max(instance.area_px, frame.amodal_px[instance.label])
     size = (frame.view.size_px[1], frame.view.size_px[0])
     distance = float(np.linalg.norm(middle - frame.view.position))
     visible = instance.area_px / amodal_px
