@@ -87,9 +87,11 @@ class Study:
 
     @cached_property
     def splits(self) -> dict[str, LabelledSplit]:
-        """The test images of each dataset, numbered apart."""
+        """The test images of each dataset that has some, numbered apart."""
         found: dict[str, LabelledSplit] = {}
         for name, path in self.datasets.items():
+            if not (path / "annotations" / "instances_test.json").is_file():
+                continue
             split = read_split(path, "test")
             for other in found.values():
                 split = numbered_after(split, other)

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from pavetwin.perception.classes import CLASSES
+from pavetwin.perception.shipped import shipped_models
 
 COLOURS: Final = ("#1F6FB2", "#C4572E", "#3A8C5F", "#B58900", "#7A4FA3")
 PARTS: Final = {"box": 7.5, "classes": 0.5, "distribution": 1.5, "subtype": 1.0, "mask": 1.0}
@@ -38,7 +39,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m gallery.training", description=__doc__)
     parser.add_argument("-o", "--output", type=Path, default=Path("docs/images/training.png"))
     output = parser.parse_args().output
-    runs = sorted(Path("recipes/runs").glob("*/curves.csv"))
+    runs = [Path("recipes/runs") / name / "curves.csv" for name in shipped_models()]
     figure, rows = plt.subplots(len(runs), 2, figsize=(11, 3.4 * len(runs)), squeeze=False, layout="constrained")
     for (losses, precisions), file in zip(rows, runs, strict=True):
         run_panels(losses, precisions, file.parent.name, pl.read_csv(file))

@@ -38,6 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--policies", nargs="+", default=["baseline", "hover", "micro", "skip"], help="to fly")
     parser.add_argument("--densities", nargs="+", default=[*grid.DENSITIES], choices=grid.DENSITIES, help="to fly in")
     parser.add_argument("--altitudes", nargs="+", type=float, default=grid.STUDY["altitudes_m"], help="to fly at")
+    parser.add_argument("--model", default=DEFAULT, help="the detector: one that ships, or a file")
     parser.add_argument("--damage", default="paper", choices=["paper", "survey"], help="to place")
     parser.add_argument("--light", nargs="+", default=[], metavar="NAME=VALUE", help="as time=14:00 clouds=0.7")
     parser.add_argument("--missions", type=Path, help="what --fly flew")
@@ -56,9 +57,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 "defects": {"population": asked.damage},
             }
             light = dict(each.split("=", 1) for each in asked.light)
-            _fly(Path(asked.fly[0]), asked.fly[1:], asked.densities, varied, light)
+            under = {f"conditions.{name}": value for name, value in light.items()}
+            under["sensing.options.model"] = asked.model
+            _fly(Path(asked.fly[0]), asked.fly[1:], asked.densities, varied, under)
         if asked.missions is not None:
-            _compare(asked.missions, asked.captures, asked.plot)
+            _compare(asked.missions, asked.captures, asked.model, asked.plot)
         if asked.inventories is not None:
             folders = [
                 folder
@@ -85,7 +88,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _fly(
-    folder: Path, towns: Sequence[str], densities: Sequence[str], varied: Mapping[str, Any], light: Mapping[str, str]
+    folder: Path, towns: Sequence[str], densities: Sequence[str], varied: Mapping[str, Any], under: Mapping[str, str]
 ) -> None:
     with progress("Flying", lines=True) as tell:
         for text in towns:
@@ -93,12 +96,12 @@ def _fly(
             world = grid.built(town, folder.with_name("worlds"))
             for density in densities:
                 seed = grid.FIRST_SEED + grid.DENSITIES.index(density)
-                grid.flown(world, density, seed, folder, varied, light, tell)
+                grid.flown(world, density, seed, folder, varied, under, tell)
 
 
-def _compare(missions: Path, captures: Sequence[Path], picture: Path | None) -> None:
+def _compare(missions: Path, captures: Sequence[Path], model: str, picture: Path | None) -> None:
     with progress("Searching", lines=True) as tell:
-        sets = [looks_of(each, model_path(DEFAULT), 0.25, lambda share: tell(share, "Searching")) for each in captures]
+        sets = [looks_of(each, model_path(model), 0.25, lambda share: tell(share, "Searching")) for each in captures]
     flown, models = agreement.predicted(missions, sets)
     cells = agreement.cells(flown)
     out.print(agreement.markdown(cells), markup=False)

@@ -88,16 +88,15 @@ def flown(
     seed: int,
     folder: Path,
     varied: Mapping[str, Any],
-    light: Mapping[str, str],
+    under: Mapping[str, str],
     tell: Callable[[float, str], None],
 ) -> None:
     """Fly a town's missions in one density, where they were not flown before; their folders are in `folder/TOWN`.
 
     Args:
         varied: fields of the study's design.
-        light: settings of `conditions`.
+        under: settings of the missions, as a study's `set` names them.
     """
-    under = {f"conditions.{name}": value for name, value in light.items()}
     where = {"worlds": [str(town)], "densities": [density], "seed": seed}
     design = Design.parse({**STUDY, **varied, **where, "set": {**STUDY["set"], **under}}, where="the benchmark")
     altitudes = "-".join(f"{each:g}" for each in design.altitudes_m)

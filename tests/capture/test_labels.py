@@ -167,6 +167,13 @@ def test_what_the_picture_hardly_shows_is_ignored_and_its_contrast_kept(moment: 
     assert contrasts == sorted(contrasts)
 
 
+@pytest.mark.parametrize("alone", [0, 1])
+def test_what_is_seen_of_a_speck_is_at_most_all_of_it(moment: SceneState, alone: int) -> None:
+    """The pass that draws it without what hides it samples other places, and may miss a pixel that the picture has."""
+    (speck,) = seen(moment, {POTHOLE: np.s_[99:100, 116:118]}, {POTHOLE: alone}).values()
+    assert (speck.area_px, speck.amodal_px, speck.visible_fraction) == (2, 2, 1.0)
+
+
 def test_a_contrast_is_that_of_the_defect_alone() -> None:
     """A white line or the edge of a shadow across it, a dark joint or a car beside it are not part of it."""
     labels = np.zeros((SIZE, SIZE), dtype=np.uint32)

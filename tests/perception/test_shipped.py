@@ -15,10 +15,10 @@ ROOT = Path(__file__).resolve().parents[2]
 MOST_BYTES = 15_000_000
 
 LICENCES = {
-    "mixed-1": "Apache-2.0; trained on photographs of RDD2022 (Arya et al. 2022), whose terms are stated there: "
+    "mixed-2": "Apache-2.0; trained on photographs of RDD2022 (Arya et al. 2022), whose terms are stated there: "
     "cite it",
     "synthetic-1": "Apache-2.0",
-    "synthetic-4": "Apache-2.0",
+    "synthetic-5": "Apache-2.0",
 }
 """What each file says; whoever saw photographs names them."""
 

@@ -125,4 +125,4 @@ def test_the_recipes_of_the_project_are_read_and_compare_whole_seeds(name: str) 
     assert [seed for seed, *_ in jobs(recipe)] == [seed for seed in range(3) for _ in range(runs)]
     if name.endswith("cpu"):
         shipped = recipe.options("synthetic", "n", 0)
-        assert (shipped.image_px, shipped.native, recipe.trainings["synthetic"].start) == (480, True, "synthetic-4")
+        assert (shipped.image_px, shipped.native, recipe.trainings["synthetic"].start) == (480, True, "synthetic-5")

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 import torch
 from torch import Tensor
-from torch.utils.data import DataLoader, Dataset
+from torch.utils.data import DataLoader, Dataset, default_collate
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import FloatBox
@@ -175,7 +175,9 @@ def collated(views: Sequence[Labelled]) -> Batch:
         masks=torch.cat([each.masks for each in views]),
         has_mask=torch.cat([each.has_mask for each in views]),
     )
-    return Batch(torch.stack([each.pixels for each in views]), targets, torch.cat([each.final for each in views]))
+    # In a process that makes views, this puts them where the training process reads them, without another copy.
+    pixels = default_collate([each.pixels for each in views])
+    return Batch(pixels, targets, torch.cat([each.final for each in views]))
 
 
 def batches(
