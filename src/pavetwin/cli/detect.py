@@ -16,7 +16,7 @@ Model = Annotated[
     typer.Option(
         "--model",
         metavar="NAME|FILE.onnx",
-        help="A file of `pavetwin export`, or a detector that ships: synthetic-1 unless given; mixed-2 for "
+        help="A file of `pavetwin export`, or a detector that ships: synthetic-5 unless given; mixed-2 for "
         "photographs.",
     ),
 ]

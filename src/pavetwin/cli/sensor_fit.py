@@ -33,7 +33,7 @@ def fit(
         str | None,
         typer.Option(
             metavar="NAME|FILE.onnx",
-            help="The detector that searches datasets: one that ships, or a file; synthetic-1 unless given.",
+            help="The detector that searches datasets: one that ships, or a file; synthetic-5 unless given.",
         ),
     ] = None,
     check: Annotated[
