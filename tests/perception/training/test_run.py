@@ -110,8 +110,12 @@ def test_another_seed_is_another_run(whole: Path, data: list[ExampleSet], tmp_pa
     assert not same(tmp_path / "run", whole)
 
 
-def test_workers_do_not_change_a_run(whole: Path, data: list[ExampleSet], tmp_path: Path) -> None:
-    assert Trainer(data, tmp_path / "run", TINY, TrainingMachine("cpu", workers=1), Silent()).run()
+@pytest.mark.parametrize(("workers", "held_gb"), [(1, 2.0), (1, 0.0), (0, 0.0)])
+def test_processes_and_memory_do_not_change_a_run(
+    whole: Path, data: list[ExampleSet], tmp_path: Path, workers: int, held_gb: float
+) -> None:
+    machine = TrainingMachine("cpu", workers=workers, held_gb=held_gb)
+    assert Trainer(data, tmp_path / "run", TINY, machine, Silent()).run()
     assert same(tmp_path / "run", whole)
 
 
