@@ -49,13 +49,15 @@ class OutOfTimeError(Exception):
 class Study:
     """The runs of a recipe, and what they find."""
 
-    def __init__(self, recipe: TrainingRecipe, beside: Path, folder: Path, *, workers: int, deadline: float) -> None:
+    def __init__(
+        self, recipe: TrainingRecipe, beside: Path, folder: Path, *, machine: TrainingMachine, deadline: float
+    ) -> None:
         """Args:
         beside: the folder of the recipe's file.
         deadline: by `time.monotonic`.
         """
         self._recipe, self._beside, self._folder = recipe, beside, folder
-        self._machine, self._deadline = TrainingMachine(workers=workers), deadline
+        self._machine, self._deadline = machine, deadline
 
     @cached_property
     def datasets(self) -> dict[str, Path]:
@@ -248,13 +250,15 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("-o", "--output", type=Path, required=True, help="folder of datasets, runs and tables")
     parser.add_argument("--stop-after", type=float, metavar="MINUTES", help="save after this time, and stop")
     parser.add_argument("--workers", type=int, default=0, help="processes that prepare images")
+    parser.add_argument("--held-gb", type=float, default=2.0, help="decoded pictures of each dataset kept in memory")
     parser.add_argument("--resamples", type=int, default=RESAMPLES, help="of the bootstrap over images")
     asked = parser.parse_args(arguments)
     deadline = float("inf") if asked.stop_after is None else time.monotonic() + 60 * asked.stop_after
     try:
         recipe = TrainingRecipe.read(asked.recipe)
         beside = asked.recipe.absolute().parent
-        study = Study(recipe, beside, asked.output, workers=asked.workers, deadline=deadline)
+        machine = TrainingMachine(workers=asked.workers, held_gb=asked.held_gb)
+        study = Study(recipe, beside, asked.output, machine=machine, deadline=deadline)
         run(study, recipe, asked.output, asked.resamples)
     except OutOfTimeError:
         out.line(f"Stopped in time; the same command goes on with {asked.output}/.")

@@ -38,7 +38,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--policies", nargs="+", default=["baseline", "hover", "micro", "skip"], help="to fly")
     parser.add_argument("--densities", nargs="+", default=[*grid.DENSITIES], choices=grid.DENSITIES, help="to fly in")
     parser.add_argument("--altitudes", nargs="+", type=float, default=grid.STUDY["altitudes_m"], help="to fly at")
-    parser.add_argument("--model", default=DEFAULT, help="the detector: one that ships, or a file")
+    parser.add_argument(
+        "--model", default=DEFAULT, help="the detector, of --repeated its fitted sensor: one that ships, or a file"
+    )
     parser.add_argument("--damage", default="paper", choices=["paper", "survey"], help="to place")
     parser.add_argument("--light", nargs="+", default=[], metavar="NAME=VALUE", help="as time=14:00 clouds=0.7")
     parser.add_argument("--missions", type=Path, help="what --fly flew")
@@ -75,7 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 here = [mission for mission in missions if each in mission.folder.parents]
                 out.print(f"{each}:\n{entries.markdown(here)}", markup=False)
         if asked.repeated is not None:
-            out.print(repeated.compare(asked.repeated, asked.plot), markup=False)
+            out.print(repeated.compare(asked.repeated, asked.model, asked.plot), markup=False)
         if asked.study is not None:
             table = Store(asked.study).table()
             out.print(tables.answers(table), markup=False)
@@ -107,8 +109,8 @@ def _compare(missions: Path, captures: Sequence[Path], model: str, picture: Path
     out.print(agreement.markdown(cells), markup=False)
     for by in (agreement.CELL, ("traffic", "altitude_m"), ("altitude_m",)):
         out.print(f"By {', '.join(by)}: {agreement.summary(agreement.cells(flown, by))}", markup=False)
-    for town, model in models.items():
-        out.print(f"Without {town}: {model.fitted_to.looks} looks, correlation {model.correlation:.2f}", markup=False)
+    for town, fitted in models.items():
+        out.print(f"Without {town}: {fitted.fitted_to.looks} looks, correlation {fitted.correlation:.2f}", markup=False)
     if picture is not None:
         plot.save_agreement(cells, picture)
 

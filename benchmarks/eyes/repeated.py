@@ -16,20 +16,21 @@ from pavetwin.mission.look_table import read_looks
 from pavetwin.sensing.fit.fitting import RepeatedLooks, fit_sensor, repeated_looks
 from pavetwin.sensing.fit.tables import LookSource
 from pavetwin.sensing.sensor_model import SensorModel
-from pavetwin.sensing.shipped import DEFAULT, sensor_path
+from pavetwin.sensing.shipped import sensor_path
 
 
-def compare(missions: Path, picture: Path | None) -> str:
+def compare(missions: Path, fitted: str, picture: Path | None) -> str:
     """A table of defects by how many of their looks found them, as text.
 
     Args:
-        missions: folders of missions of the detector that the shipped sensor was fitted to, by town.
+        missions: folders of missions of the detector that the sensor was fitted to, by town.
+        fitted: one that ships, by name, or a file; not fitted to these missions.
         picture: where the figure goes.
 
     Raises:
         PaveTwinError: a mission cannot be read, or has too few looks.
     """
-    model = SensorModel.read(sensor_path(DEFAULT))
+    model = SensorModel.read(sensor_path(fitted))
     sources = [read_looks(folder) for _, folder in read_grid(missions)]
     looks = pl.concat([each.looks for each in sources])
     count = most_repeated(looks)

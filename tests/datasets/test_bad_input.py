@@ -324,7 +324,7 @@ MANY_DIGITS = 5000 * "1"
         ),
         (
             '"segmentation": {"size": [48, 64], "counts": "04"}',
-            "the mask of annotation 2: run lengths of 4 pixels for a mask of 48 × 64",
+            "the mask of annotation 2: run lengths that do not fill a mask of 48 × 64",
         ),
         ('"category_id": [1], "bbox": [1, 2, 3, 4]', "annotation 2 has category [1], which is not listed"),
         ('"category_id": 7, "bbox": [1, 2, 3, 4]', "annotation 2 has category 7, which is not listed"),

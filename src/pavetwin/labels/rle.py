@@ -25,14 +25,14 @@ def decode(text: str, size: tuple[int, int]) -> BoolArray:
     """The mask (height, width) of run lengths.
 
     Raises:
-        ValueError: they do not fill the size, or one has more than 64 bits.
+        ValueError: they do not fill the size, one has more than 60 bits, or a letter is not ASCII.
     """
     runs = _runs(text)
     runs[1::2] = np.cumsum(runs[1::2])
     runs[2::2] = np.cumsum(runs[2::2])
     pixels = size[0] * size[1]
     if runs.min(initial=0) < 0 or runs.max(initial=0) > pixels or runs.sum() != pixels:
-        raise ValueError(f"run lengths of {runs.sum()} pixels for a mask of {size[0]} × {size[1]}")
+        raise ValueError(f"run lengths that do not fill a mask of {size[0]} × {size[1]}")
     flat = np.repeat(np.arange(len(runs)) % 2 == 1, runs)
     return flat.reshape(size, order="F")
 
@@ -47,6 +47,8 @@ def _text(value: int) -> str:
 
 def _runs(text: str) -> Int64Array:
     """The numbers of a text, from the fourth on still as differences."""
+    if not text.isascii():
+        raise ValueError("run lengths have a letter that is not ASCII")
     groups = np.frombuffer(text.encode("ascii"), dtype=np.uint8).astype(np.int64) - 48
     ends = np.concatenate([[0], np.flatnonzero(groups & 32 == 0) + 1])
     if np.diff(ends, append=len(groups)).max() > _MOST_GROUPS:

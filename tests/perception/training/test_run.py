@@ -16,6 +16,8 @@ import torch
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.examples.coco import read_coco
 from pavetwin.perception.examples.example import ExampleSet
+from pavetwin.perception.training.__main__ import main
+from pavetwin.perception.training.held_pictures import HeldExampleSet
 from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
 from pavetwin.perception.training.run_folder import load_network
 from pavetwin.perception.training.schedule import MovingAverage, epoch_order, phases_of, rate_at
@@ -117,6 +119,24 @@ def test_processes_and_memory_do_not_change_a_run(
     machine = TrainingMachine("cpu", workers=workers, held_gb=held_gb)
     assert Trainer(data, tmp_path / "run", TINY, machine, Silent()).run()
     assert same(tmp_path / "run", whole)
+
+
+def test_pictures_are_decoded_before_processes_share_them(
+    data: list[ExampleSet], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[tuple[int, int]] = []
+    monkeypatch.setattr(HeldExampleSet, "hold", lambda self, threads: calls.append((threads, self.most_bytes)))
+    Trainer(data, tmp_path / "run", TINY, TrainingMachine("cpu", workers=2, held_gb=0.001), Silent())
+    assert calls == [(2, 1_000_000)] * len(data)
+
+
+@pytest.mark.parametrize("amount", ["-1", "inf", "nan"])
+def test_memory_is_a_finite_amount(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], amount: str
+) -> None:
+    assert main([str(folder), "-o", str(tmp_path / "run"), "--held-gb", amount]) == 2
+    assert f"Error: `held_gb` {amount}: it must be 0 or more, and finite." in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
 
 
 def test_training_needs_nothing_but_torch_numpy_and_pillow(folder: Path, tmp_path: Path) -> None:

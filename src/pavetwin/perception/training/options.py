@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields
+from math import inf
 from typing import Any, Final, Self
 
 from pavetwin.errors import PaveTwinError, nearest_name, no_such
@@ -199,3 +200,10 @@ class TrainingMachine:
     """Decoded pictures of each dataset that are kept in memory, in 10⁹ bytes: 2 are about 2,500 of 512 × 512."""
     half: bool = True
     """Mixed precision (bfloat16) on graphics cards that have it, and on processors with AMX."""
+
+    def __post_init__(self) -> None:
+        """Raises:
+        PaveTwinError: the memory is negative or not finite.
+        """
+        if not 0 <= self.held_gb < inf:
+            raise PaveTwinError(f"`held_gb` {self.held_gb:g}: it must be 0 or more, and finite.")

@@ -129,10 +129,15 @@ class Trainer:
             settings["photographs"] = photographs.fingerprint
             if options.teacher_weight:
                 (shown,) = _held([photographs], machine)
+                held = [*held, shown]
                 known = frozenset[int]().union(*self._known.values())
                 self._teacher = MeanTeacher(shown, options, known)
         self._photometric = photometrics(photographs, options)
         self._folder.claim(settings, TrainingOptions().as_mapping())
+        if machine.workers:
+            for each in held:
+                if isinstance(each, HeldExampleSet):
+                    each.hold(machine.workers)
         self._progress = _Progress()
         if start is not None and is_exported(start) and not self._folder.has_checkpoint:
             self._measure()
@@ -395,11 +400,7 @@ def _held(sets: Sequence[ExampleSet], machine: TrainingMachine) -> Sequence[Exam
     """
     if machine.workers and not is_inherited():
         return sets
-    held = [HeldExampleSet.of(each, round(machine.held_gb * GIGABYTE)) for each in sets]
-    if machine.workers:
-        for each in held:
-            each.hold(machine.workers)
-    return held
+    return [HeldExampleSet.of(each, round(machine.held_gb * GIGABYTE)) for each in sets]
 
 
 def _device(machine: TrainingMachine) -> torch.device:
