@@ -5,10 +5,10 @@ is judged again, by the kernel, with the traffic of that moment: how much of the
 rest. A mission flies its plan to the end, with as many batteries as it takes, so no defect is missed because it ended.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import cached_property
+from functools import cache, cached_property, partial
 from math import hypot
 from typing import TYPE_CHECKING, Final
 
@@ -242,12 +242,15 @@ class _Judge:
         if not sensor_class(sensing.sensor).judges_size:
             return False
         return not any(
-            sighted_share(
-                sensing, captured_frame(self.result, int(capture)), environment.sighting(defect.id, fraction, 0)
-            )
+            sighted_share(sensing, self._frame_of(int(capture)), environment.sighting(defect.id, fraction, 0))
             for capture, fraction in zip(captures, visible, strict=True)
             if fraction >= sensing.min_visible_fraction
         )
+
+    @cached_property
+    def _frame_of(self) -> Callable[[int], Frame]:
+        """`captured_frame`, each made once: many defects are in it."""
+        return cache(partial(captured_frame, self.result))
 
     def _on_revisit(self, captures: IndexArray) -> int:
         return int(np.count_nonzero(self.result.captures["on_revisit"][captures]))

@@ -80,16 +80,18 @@ def revisits(track: "TrackColumns") -> list[HoverStop]:
 
 
 def _stops(track: "TrackColumns", chosen: BoolArray) -> list[HoverStop]:
-    lasts = np.diff(track["t_s"], append=track["t_s"][-1:])
+    lasts, places = np.diff(track["t_s"], append=track["t_s"][-1:]), np.column_stack([track["x_m"], track["y_m"]])
+    rows, moves = np.flatnonzero(chosen), np.any(np.diff(places, axis=0, prepend=np.nan) != 0, axis=1)
+    begins = np.flatnonzero((np.diff(rows, prepend=-2) > 1) | moves[rows])  # of rows without a break at one place
     stops: list[HoverStop] = []
-    for index in np.flatnonzero(chosen):
-        x, y, seconds = float(track["x_m"][index]), float(track["y_m"][index]), float(lasts[index])
+    for row, seconds in zip(rows[begins], np.add.reduceat(lasts[rows], begins), strict=True):
+        x, y = float(track["x_m"][row]), float(track["y_m"][row])
         for number, stop in enumerate(stops):
             if hypot(stop.position[0] - x, stop.position[1] - y) < SAME_PLACE_M:
-                stops[number] = HoverStop(stop.position, stop.seconds + seconds)
+                stops[number] = HoverStop(stop.position, stop.seconds + float(seconds))
                 break
         else:
-            stops.append(HoverStop((x, y), seconds))
+            stops.append(HoverStop((x, y), float(seconds)))
     return [stop for stop in stops if stop.seconds > 0]
 
 
