@@ -2,8 +2,8 @@
 
 The standard prints them as charts. The points are those that the Ruby library `pavement_condition_index` (Brand New
 Box, MIT) read from the charts; shoving to weathering included, `docs/explanation/pci.md` compares them with worked
-examples. Between points the curves are interpolated without overshoot, over the logarithm of the density. The charts are
-in feet; densities here are in metres and converted.
+examples. Between points the curves are interpolated without overshoot, over the logarithm of the density. The charts
+are in feet; densities here are in metres and converted.
 """
 
 from functools import cache

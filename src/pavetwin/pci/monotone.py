@@ -1,6 +1,8 @@
-"""A curve through points that does not overshoot between them: a cubic Hermite spline whose slopes are weighted harmonic
-means (Fritsch and Butland 1984, https://doi.org/10.1137/0905021), and at its ends those of the parabola through three
-points, limited as in `pchip` of Moler's Numerical Computing with MATLAB (2004, section 3.4).
+"""A curve through points that does not overshoot between them.
+
+A cubic Hermite spline whose slopes are weighted harmonic means (Fritsch and Butland 1984,
+https://doi.org/10.1137/0905021), and at its ends those of the parabola through three points, limited as in `pchip` of
+Moler's Numerical Computing with MATLAB (2004, section 3.4).
 
 The same as `scipy.interpolate.PchipInterpolator`, whose import takes longer than a short mission flies.
 """
