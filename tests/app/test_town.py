@@ -177,6 +177,44 @@ def test_agents_are_instances(shown: Shown) -> None:
     assert cleared["triangles"] == before["triangles"]
 
 
+def test_of_another_flight_the_same_number_is_another_agent(shown: Shown) -> None:
+    x, y = shown.page.evaluate("town.manifest.base")
+    agent = f"{{id: 7, x: {x}, y: {y}, yaw: 0, "
+    size = "town.agents.look(town.list[0]).size[0]"
+    shown.page.evaluate(f"town.forgetAgents(); town.setAgents([{agent} kind: 'saloon', length_m: 4.6}}])")
+    assert shown.page.evaluate(size) == 4.6
+    shown.page.evaluate(f"town.forgetAgents(); town.setAgents([{agent} kind: 'bus', length_m: 12}}])")
+    assert shown.page.evaluate(size) == 12
+    shown.page.evaluate("town.forgetAgents(); town.setAgents([])")
+
+
+def test_a_tile_that_does_not_come_is_asked_for_again(shown: Shown) -> None:
+    x, y = shown.page.evaluate("town.manifest.base")
+    shown.page.evaluate(f"town.lookAt({x}, {y}, 60)")
+    shown.settle()
+    shown.page.evaluate(
+        f"""(async () => {{
+            const {{ tiles }} = town, fetched = tiles.files.meshes, node = window.node = [...tiles.shown][0];
+            tiles.files.meshes = () => Promise.reject(new Error('lost'));
+            node.state = 'none';
+            town.lookAt({x} + 5, {y}, 60);
+            town.render();
+            await Promise.all([...tiles.working]);
+            town.render();
+            window.lost = town.stats().failed;
+            tiles.files.meshes = fetched;
+        }})()"""
+    )
+    assert shown.page.evaluate("lost") == "lost"
+    for _ in range(300):
+        if shown.page.evaluate("(town.render(), town.stats().failed)") is None:
+            break
+        shown.page.wait_for_timeout(100)
+    assert shown.settle()["failed"] is None
+    assert shown.page.evaluate("node.state") == "ready"
+    assert shown.page.evaluate("town.message") == ""
+
+
 def test_cameras_follow_what_they_follow(shown: Shown) -> None:
     x, y = shown.page.evaluate("town.manifest.base")
     shown.page.evaluate(f"town.setAgents([{{id: 7, x: {x}, y: {y}, yaw: 0.5, kind: 'saloon', length_m: 4.6}}])")

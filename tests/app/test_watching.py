@@ -95,7 +95,8 @@ def test_the_curves_are_those_of_the_mission_and_all_of_the_key_is_drawn(watched
         "[...document.querySelectorAll('#key span')].map(({ textContent, firstChild }) => "
         "[textContent, getComputedStyle(firstChild).backgroundColor.match(/\\d+/g).map(Number)])"
     )
-    assert [words for words, _ in key] == ["battery", "defects found", "visibility o", "hidden", "waits"]
+    curves = ["battery", "defects found", "visibility o", "threshold of o"]
+    assert [words for words, _ in key] == [*curves, "hidden", "waits"]
     for words, colour in key:
         assert (np.abs(picture - colour).max(axis=2) < 12).sum() > 20, words
 

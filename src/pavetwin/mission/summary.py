@@ -163,7 +163,22 @@ def sentence(results: Sequence[MissionResult]) -> str:
             changes = f"{sums.swaps} battery change{'s' if sums.swaps != 1 else ''}"
             return f"{found}, {surface}, in {minutes} with {changes}: bring {sums.batteries} batteries."
         return f"{found}, {surface}, in {minutes} with {100 * sums.energy:.0f} % of a battery."
-    return "The same traffic, defects, order and sensor seed for every policy; one mission each, so no statistics yet."
+    return (
+        f"{_found_by_policy(results)}. One mission each, over the same traffic, defects and order and with the same sensor "
+        "seed: no statistics yet."
+    )
+
+
+def _found_by_policy(results: Sequence[MissionResult]) -> str:
+    """`Of 97 defects hover found 12 in 1.2 min, baseline 11 in 1.1 min`; without defects the surface that was seen."""
+    sums = [totals(result) for result in results]
+    whole = f"Of {sums[0].defects} defects" if sums[0].defects else "Of the surface, without defects to find,"
+    verb = "found" if sums[0].defects else "saw"
+    parts: list[str] = []
+    for result, each in zip(results, sums, strict=True):
+        much = f"{each.confirmed}" if each.defects else f"{_percent(each.surface_coverage)} %"
+        parts.append(f"{result.policy} {f'{verb} ' if not parts else ''}{much} in {each.time_s / 60:.1f} min")
+    return f"{whole} {', '.join(parts)}"
 
 
 def _as_far_as_known(rows: Sequence[SegmentMetrics]) -> str:

@@ -23,6 +23,8 @@ const CAR = {
 };
 /** Keys of the page that change only what is seen; the others wait for the landing. */
 const VIEW_KEYS = new Set(['d', 't', 'f', '+', '=', '-', '0', '1', '2', '3', '4', '?']);
+/** A stick that is pushed for so long without moving the UAV faster than this meets the end of where it may fly. */
+const STANDS_S = 2, STILL_MPS = 0.5;
 const AGAIN_MS = 400, LAG_S = 0.1, SHOWN_STREETS = 2;
 
 /** A flight that grows with what the server tells. */
@@ -56,7 +58,7 @@ class LiveFlight extends Flight {
 
 export class Pilot {
   #root; #show; #map; #task = null; #flight = null; #state = null; #told = 0; #held = new Set(); #fast = false; #lands = false;
-  #timer = 0; #cells; #streets; #pending = []; #sent = ''; #low = false; #words = UAV;
+  #timer = 0; #movedAt = 0; #cells; #streets; #pending = []; #sent = ''; #low = false; #words = UAV;
 
   /**
    * @param root the panel
@@ -91,6 +93,7 @@ export class Pilot {
   async begin({ key }, task) {
     this.#task = task;
     this.#lands = this.#low = false;
+    this.#movedAt = 0;
     this.#sent = '';
     this.#pending = [];
     const flight = await LiveFlight.load(key);
@@ -168,7 +171,15 @@ export class Pilot {
     if (isLow) this.#low = true;
     if (this.#low && mode.name !== 'ground') return 'The battery is low: it flies home and lands by itself.';
     if (mode.name !== 'inspect') return `It ${mode.words}.`;
-    return this.#lands ? 'It comes to rest.' : 'The stick is yours.';
+    if (this.#lands) return 'It comes to rest.';
+    return this.#stands() ? 'It may fly no farther this way: turn, or fly back.' : 'The stick is yours.';
+  }
+
+  /** Whether the stick is pushed for a while and the UAV hardly moves: where the area ends in which it may fly. */
+  #stands() {
+    const isPushed = [...this.#held].some(code => KEYS[code][0] !== 'turn'), now = this.#state.t_s;
+    if (!isPushed || this.#state.speed_mps > STILL_MPS) this.#movedAt = now;
+    return now - this.#movedAt > STANDS_S;
   }
 
   #driven({ is_met: isMet }, mode) {

@@ -49,17 +49,22 @@ export class MissionForm {
     this.#form.querySelector('.actions').before(more);
   }
 
-  /** A town that was built since, chosen now. */
-  addWorld({ id, name }) {
+  /** A town that was built since; `isChosen` now. */
+  addWorld({ id, name }, isChosen) {
     const { world } = this.#form.elements;
     if (!this.#worlds.length) world.replaceChildren();
     this.#worlds.push({ id, name });
-    world.append(new Option(name, id, true, true));
+    world.append(new Option(name, id, isChosen, isChosen));
   }
 
   get world() { return this.#form.elements.world.value; }
   get worldName() { return this.#worlds.find(({ id }) => id === this.world)?.name ?? ''; }
   get isValid() { return this.#form.checkValidity(); }
+  /** Which field cannot be flown with, and why; empty where all can. */
+  get refusal() {
+    const field = [...this.#form.elements].find(({ validity }) => validity && !validity.valid);
+    return field ? `${field.closest('label').firstChild.textContent}: ${field.validationMessage}` : '';
+  }
   get policies() {
     const { policy, against } = this.#form.elements;
     return this.isCompared && against.value !== policy.value ? [policy.value, against.value] : [policy.value];
@@ -108,16 +113,20 @@ export class MissionForm {
       if (elements[name].selectedIndex === -1) elements[name].append(new Option(value, value, true, true));
     }
     elements.time.step = elements.time.value.length > 5 ? 1 : 60; // to the second where it has seconds
-    this.compare(false);
+    this.compare('against' in values);
   }
 
-  /** Set the controls by an address. Returns the segments, or how many are drawn and in which order. */
+  /** Set the controls by an address. Returns the segments, or how many are drawn and in which order; and `missing`, the
+   * name of its town where there is none of it. */
   read(address) {
     const values = new URLSearchParams(address.replace(/^#/, '')), { elements } = this.#form;
-    const named = this.#worlds.find(({ name }) => name === values.get('world'));
+    const town = values.get('world'), named = this.#worlds.find(({ name }) => name === town);
     if (named) elements.world.value = named.id;
     for (const name of FIELDS) {
-      if (!values.has(name)) continue;
+      if (!values.has(name)) {
+        elements[name].value = this.#usual[name];
+        continue;
+      }
       const before = elements[name].value;
       elements[name].value = values.get(name);
       if (elements[name].selectedIndex === -1) elements[name].value = before;
@@ -125,6 +134,6 @@ export class MissionForm {
     this.compare(values.has('against'));
     const segments = values.get('segments')?.split(',').filter(Boolean) ?? [];
     const order = this.orders.includes(values.get('order')) ? values.get('order') : this.#usual.order;
-    return { segments, count: Math.max(1, Number(values.get('count')) || this.#usual.count), order };
+    return { missing: town && !named ? town : null, segments, count: Math.max(1, Number(values.get('count')) || this.#usual.count), order };
   }
 }

@@ -20,10 +20,11 @@ const COLOURS = { label: '#ffd84d', confirmed: '#4be08a', duplicate: '#4be08a', 
 
 export class Frames {
   #listeners = []; #also = [];
-  #tasks; #flight = null; #mission = null; #ready = new Map(); #wanted = null; #asked = null; #took = 2 * SOON_S; #search = false;
+  #flight = null; #mission = null; #ready = new Map(); #wanted = null; #asked = null; #took = 2 * SOON_S; #search = false;
   #rate = 0; #ahead = 0; #restsAt = 0; #rest = 0; #failures = new Map();
 
-  constructor(tasks) { this.#tasks = tasks; }
+  /** What is asked of the server; set before the first mission. */
+  tasks = null;
 
   /** @param told that a frame is ready, or that none can be */
   listen(told) { this.#listeners.push(told); }
@@ -50,6 +51,13 @@ export class Frames {
     this.#wanted = this.#asked = null;
     this.#also = [];
     this.#failures.clear();
+  }
+
+  /** Ask again for what could not be made: the server is there again. */
+  retry() {
+    this.#failures.clear();
+    for (const told of this.#listeners) told();
+    this.#next();
   }
 
   /** The capture nearest to a moment; -1 where none is near. */
@@ -117,7 +125,7 @@ export class Frames {
     const asked = this.#asked = { capture, part };
     try {
       const frame = { do: 'frame', key: flight.key, mission: flight.missions.indexOf(mission), capture, part };
-      const { jpeg, ...values } = await this.#tasks.ask(frame).promise;
+      const { jpeg, ...values } = await this.tasks.ask(frame).promise;
       if (jpeg) {
         values.image = new Image();
         values.image.src = `data:image/jpeg;base64,${jpeg}`;

@@ -8,32 +8,26 @@ import { Exhibits } from './exhibits.js';
 import { Files } from './files.js';
 import { MissionForm } from './form.js';
 import { Frames } from './frames.js';
+import { PAGE_KEYS, closeMenu, listenToKeys } from './keys.js';
 import { StreetMap } from './map.js';
 import { drawScale, listenToMapTools, tellUnder, toggle } from './map_tools.js';
-import { listenToNotice, notice } from './notice.js';
+import { listenToNotice, notice, withdraw } from './notice.js';
 import { Flight } from './playback.js';
 import { Player, arrowAct, playerKeys } from './player.js';
 import { Results } from './results.js';
 import { Selection } from './selection.js';
-import { CancelledError, Tasks, fetchJson } from './server.js';
+import { CancelledError, Tasks, fetchJson, fetchText } from './server.js';
 import { isDark, keep, kept, palette, setTheme, startTheme } from './theme.js';
 import { Timeline } from './timeline.js';
 import { Tour } from './tour.js';
 import { TOWN_MODES, TownPanel } from './town_panel.js';
 import { NewTown } from './upload.js';
 
-const KEYS = [
-  ['Enter', 'start the mission'], ['C', 'compare two policies'], ['Escape', 'cancel, or choose none'], ['Space', 'play or pause'],
-  ['← →', 'a second back or on (shift: ten), away from the map'], ['N P', 'next or previous occlusion'], ['[ ]', 'slower, faster'],
-  ['V', 'the other policy'], ['arrows', 'move the map, when it has the focus'], ['+ − 0', 'zoom the map; the whole town'],
-  ['T', 'show or hide the town in 3-D'], ['1 2 3 4', 'see the town by hand, behind the UAV, from its camera, from a car'],
-  ['U R', 'fly the UAV yourself, or drive a car'], ['M', 'build a town from a street map'], ['O', 'make the choices of a mission.yaml'],
-  ['X', 'choose the street, or the defect, in the middle of the map'], ['A', 'choose all streets in view'],
-  ['B', 'drag a box around streets'], ['F', 'follow the UAV'], ['D', 'light or dark'], ['?', 'these keys'],
-];
+const GONE = 'The server does not answer; is `pavetwin app` still running?';
 
 startTheme();
-const page = { map: null, task: null };
+/** `isShown`: the task's mission is there, and its pictures are being drawn. */
+const page = { map: null, task: null, isShown: false };
 const seek = t => player.seek(t), showDefect = id => player.showDefect(id);
 const [map, camera, timeline, results, town] = [
   new StreetMap(by('map'), { pick: (ids, how) => selection?.pick(ids, how), hover: tellUnder, defect: showDefect, view: () => drawScale(map.view), free: () => toggle('follow', false) }),
@@ -57,8 +51,13 @@ async function boot() {
   history.replaceState(null, '', location.pathname + location.hash); // the token is in a cookie now
   listen();
   showTown(kept('pavetwin-3d') !== 'no');
-  tasks = new Tasks(isThere => { if (!isThere && start) notice('The server does not answer; is `pavetwin app` still running?'); });
-  const frames = new Frames(tasks);
+  const frames = new Frames();
+  tasks = frames.tasks = new Tasks(isThere => {
+    if (!isThere) return start && notice(GONE);
+    withdraw(GONE);
+    frames.retry();
+    selection?.update();
+  });
   camera.setFrames(frames);
   camera.setTown(town);
   results.frames = new DefectFrames(frames, moment => { player.play(false); seek(moment); });
@@ -75,19 +74,38 @@ async function boot() {
   newTown = new NewTown(by('new-town'), tasks, start, showNewTown, chooseDescribed);
   if (!start.worlds.length) {
     by('selection').textContent = 'There is no town yet. Build one from a street map with + above; or generate one with `pavetwin world build --generate town -o worlds/town`, and start the page again.';
-    by('start').disabled = by('compare').disabled = by('control').inert = true;
+    for (const part of [by('start'), by('compare')]) part.disabled = true;
+    for (const part of [by('control'), by('share'), by('map')]) part.inert = true;
+    by('flown').querySelector('ul').replaceChildren(element('li', { className: 'empty' }, 'No town, no missions.'));
+    town.say('A town is drawn here in 3-D once there is one.');
+    document.querySelector('header').inert = false;
     return;
   }
-  const shared = form.read(location.hash);
-  await showWorld();
-  selection.set(shared.segments.filter(id => map.segment(id)), shared.count, shared.order);
+  await readAddress(location.hash);
+  addEventListener('hashchange', ({ newURL }) => readAddress(new URL(newURL).hash).catch(error => notice(error.message)));
+  document.querySelector('header').inert = false;
   document.documentElement.dataset.ready = 'yes';
   tour.first();
 }
 
+/** Make the choices of an address, and tell what of it is not here. */
+async function readAddress(hash) {
+  if (isBusy()) return;
+  const { segments, count, order, missing } = form.read(hash);
+  if (!await showWorld()) return;
+  const here = missing ? [] : segments.filter(id => map.segment(id)), lacks = segments.length - here.length;
+  selection.set(here, count, order);
+  if (missing) notice(`The address is of the town '${missing}', which this page does not have; it shows ${form.worldName}.`);
+  else if (lacks) notice(`The address names ${lacks} segment${lacks === 1 ? '' : 's'} that ${form.worldName} does not have.`);
+}
+
+/** Show the town that is chosen. Returns whether it is still the chosen one when its map is there. */
 async function showWorld() {
+  const { world } = form;
   by('selection').classList.add('busy');
-  page.map = await fetchJson(`api/worlds/${form.world}/map`);
+  const read = await fetchJson(`api/worlds/${world}/map`);
+  if (form.world !== world) return false;
+  page.map = read;
   document.title = `${page.map.name} – PaveTwin`;
   by('credit').textContent = page.map.credit;
   player.setFlight(null);
@@ -97,6 +115,7 @@ async function showWorld() {
   by('streets').replaceChildren(...[...new Set(page.map.segments.map(segment => segment.street))].sort().map(name => new Option(name)));
   setColours();
   await listFlown();
+  return true;
 }
 
 /** A town that was just built. Where there was none before, the page starts again with it. */
@@ -106,19 +125,24 @@ async function showNewTown(world) {
     location.reload();
     return;
   }
-  form.addWorld(world);
-  await showWorld();
-  selection.set([]);
+  form.addWorld(world, !page.task);
+  if (page.task) notice(`${world.name} is built. Choose it once the mission has ended.`, true);
+  else if (await showWorld()) selection.set([]);
 }
 
 async function changed(event) {
   if (!by('mission').elements) return;
   if (event?.target.name === 'world') {
-    await showWorld().catch(error => notice(error.message));
-    selection.set([]);
+    if (await showWorld().catch(error => notice(error.message))) selection.set([]);
     return;
   }
   selection.update();
+}
+
+/** Whether a mission is on its way, which other choices would disturb; tells so. */
+function isBusy() {
+  if (page.task) notice('A mission is on its way. Let it end, or cancel it.', true);
+  return page.task !== null;
 }
 
 function setColours() {
@@ -130,14 +154,14 @@ function setColours() {
 // Flying.
 
 async function fly() {
-  if (page.task || !form.isValid) return by('mission').reportValidity();
+  if (!page.map || isBusy() || !form.isValid) return by('mission').reportValidity();
   await follow({ do: 'fly', world: form.world, request: form.request(selection.segments, selection.count, selection.order) });
 }
 
 /** Fly or drive by hand: it is shown while it grows, and played as any other flight afterwards. */
 async function takeControl(what) {
   by('control').open = false;
-  if (page.task || !form.isValid) return by('mission').reportValidity();
+  if (!page.map || isBusy() || !form.isValid) return by('mission').reportValidity();
   const isLanded = await follow({ do: what, world: form.world, request: form.request(selection.segments, selection.count, selection.order) });
   if (!isLanded) return;
   const is = what === 'drive' ? 'The drive is over. It' : 'Landed. The flight';
@@ -158,19 +182,27 @@ function setLive(on) {
   for (const part of [by('mission'), by('flown'), by('share'), document.querySelector('footer')]) part.inert = on;
 }
 
-/** Start a task that ends in a flight, and show it as soon as it can be played. */
+/** While a task runs its town stays the chosen one. */
+function setTask(task) {
+  page.task = task;
+  page.isShown = false;
+  by('start').disabled = by('mission').elements.world.disabled = task !== null;
+}
+
+/** Start a task that ends in a flight, and show it as soon as it can be played. Returns whether it came to its end. */
 async function follow(task) {
+  if (isBusy()) return false;
   let shown = null;
   const busy = by('progress'), [words, bar] = [busy.querySelector('span'), busy.querySelector('progress')];
   words.textContent = 'Starting …';
   bar.removeAttribute('value');
   const late = setTimeout(() => { busy.hidden = false; }, 300);
-  by('start').disabled = true;
   let isDone = false;
-  const isLive = task.do === 'pilot' || task.do === 'drive', asked = page.task = tasks.ask(task, told => {
+  const isLive = task.do === 'pilot' || task.do === 'drive', asked = tasks.ask(task, told => {
     if (told.live) return pilot.live(told.live);
     if (told.ready) {
       clearTimeout(late);
+      page.isShown = !isLive;
       busy.hidden = true;
       shown = (isLive ? pilot.begin(told.ready, asked) : showFlight(told.ready)).catch(error => notice(error.message));
       return;
@@ -179,6 +211,7 @@ async function follow(task) {
     words.textContent = told.what;
     if (told.share > 0) bar.value = told.share;
   });
+  setTask(asked);
   try {
     const done = await asked.promise;
     pilot.end();
@@ -193,8 +226,7 @@ async function follow(task) {
   } finally {
     clearTimeout(late);
     busy.hidden = true;
-    by('start').disabled = false;
-    page.task = null;
+    setTask(null);
     pilot.end();
   }
   return isDone;
@@ -218,17 +250,33 @@ function openDescribed() {
 
 /** Make the choices of a mission.yaml that was chosen or dropped. */
 async function chooseDescribed(file) {
+  if (isBusy()) return;
   try {
-    const { world, values, segments, left_out: left } = await tasks.ask({ do: 'choose', text: await file.text() }).promise;
-    const isOther = world !== form.world;
-    form.choose(world, values);
-    if (isOther || !page.map) await showWorld();
-    selection.set(segments);
+    const left = await choose(await file.text());
     if (left.length) notice(`Chosen as ${file.name} says, but for what the page has no field for: ${left.join(', ')}. \`pavetwin fly --again\` flies it as it was.`);
     else notice(`Chosen as ${file.name} says. Start flies it.`, true);
   } catch (error) {
     notice(`${file.name}: ${error.message}`);
   }
+}
+
+/** Make the choices of the text of a mission.yaml. Returns those for which the page has no field. */
+async function choose(text, against = null) {
+  const { world, values, segments, left_out: left } = await tasks.ask({ do: 'choose', text }).promise;
+  const isOther = world !== form.world;
+  form.choose(world, { ...values, ...against && { against } });
+  if (isOther || !page.map) await showWorld();
+  selection.set(segments);
+  return left;
+}
+
+/** Play a mission that was flown before, with its choices, so that the page's address is that of what is shown. */
+async function playAgain(name) {
+  by('flown').open = false;
+  if (!await follow({ do: 'play', world: form.world, mission: name })) return;
+  const { flight } = player, [first, second] = flight.missions;
+  const path = second ? `${first.policy}/mission.yaml` : 'mission.yaml';
+  await choose(await fetchText(`api/played/${flight.key}/files/${path}`), second?.policy).catch(() => {});
 }
 
 function setFiles({ key, folder, files: names }) {
@@ -242,7 +290,6 @@ function chooseAgain(segments) {
 }
 
 async function flyMissed(segments) {
-  if (page.task) return;
   const { flight, mission } = player;
   if (await follow({ do: 'fly_missed', world: form.world, key: flight.key, mission: flight.missions.indexOf(mission) })) selection.set(segments);
 }
@@ -251,7 +298,7 @@ async function listFlown() {
   const { missions } = await tasks.ask({ do: 'missions', world: form.world }).promise;
   const entries = missions.map(name => {
     const button = element('button', { type: 'button' }, name);
-    button.addEventListener('click', () => { by('flown').open = false; follow({ do: 'play', world: form.world, mission: name }); });
+    button.addEventListener('click', () => playAgain(name));
     return element('li', {}, button);
   });
   const other = element('button', { type: 'button', title: 'Make the choices of a mission.yaml (O); or drop the file on the page' }, 'From a mission.yaml …');
@@ -307,28 +354,27 @@ function listen() {
   by('find').addEventListener('change', () => { find(by('find').value.trim()); by('find').value = ''; });
   listenToNotice();
   listenToMapTools(map, () => followUav());
-  by('keys').querySelector('dl').append(...KEYS.flatMap(([key, words]) => [element('dt', {}, element('kbd', {}, key)), element('dd', {}, words)]));
-  document.addEventListener('keydown', key);
+  listenToKeys(PAGE_KEYS, keyAct);
 }
 
-function key(event) {
-  const typed = event.target.matches('input:not([type="checkbox"], [type="range"]), select, textarea, dialog *');
-  if (event.ctrlKey || event.metaKey || event.altKey || typed || !form || document.querySelector('dialog[open]')) return;
-  const onTown = event.target === by('town').querySelector('canvas'), onButton = event.target.matches('button, summary, a, [type="range"], [role="tab"]');
+/** What a key does, where it is not the focused control's own; see keys.js. */
+function keyAct(event, { isButton, isSlider }) {
+  if (!form) return null;
+  const onTown = event.target === by('town').querySelector('canvas');
   const acts = {
-    ...playerKeys(player, map, onButton), Enter: onButton ? null : fly, Escape: escape, c: () => by('compare').click(), b: () => box(), f: () => followUav(), d: theme,
+    ...playerKeys(player, map, isButton), Enter: isButton || isSlider ? null : fly, Escape: escape, c: () => by('compare').click(), b: () => box(), f: () => followUav(), d: theme,
     m: () => newTown?.open(), o: openDescribed, x: () => map.clickMiddle(), a: () => map.pickView(), u: () => takeControl('pilot'), r: () => takeControl('drive'), t: () => showTown(!town.isShown), '?': () => by('keys').showModal(),
     ...Object.fromEntries(TOWN_MODES.map((mode, i) => [i + 1, () => town.setMode(mode)])),
   };
-  const act = arrowAct(event, player, map, onButton || onTown) ?? acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-  if (!act) return;
-  event.preventDefault();
-  act();
+  return arrowAct(event, player, map, isButton || isSlider || onTown) ?? acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
 }
 
+/** Close a menu, give up a task, or choose none: the first of these that there is. */
 function escape() {
-  if (page.task) page.task.cancel();
-  else if (selection.segments.length) selection.set([]);
+  if (closeMenu()) return;
+  if (!page.task) {
+    if (selection.segments.length) selection.set([]);
+  } else if (!page.isShown) page.task.cancel(); // else its maps are being drawn
 }
 
 // For tests and for the console: the state at a moment, as it is drawn.

@@ -13,6 +13,11 @@ export function notice(words, isTold = false) {
   if (isTold) timer = setTimeout(() => { by('notice').hidden = true; }, SHOWN_MS);
 }
 
+/** Take these words away, if they are shown. */
+export function withdraw(words) {
+  if (by('notice').firstElementChild.textContent === words) by('notice').hidden = true;
+}
+
 export function listenToNotice() {
   by('notice').querySelector('button').addEventListener('click', () => { by('notice').hidden = true; });
 }

@@ -2,6 +2,7 @@
 
 import { Camera } from './camera.js';
 import { by, element } from './dom.js';
+import { listenToKeys } from './keys.js';
 import { StreetMap } from './map.js';
 import { drawScale, listenToMapTools, tellUnder, toggle } from './map_tools.js';
 import { listenToNotice, notice } from './notice.js';
@@ -21,6 +22,7 @@ const KEYS = [
 ];
 
 for (const part of document.querySelectorAll(OF_SERVER)) part.remove();
+document.querySelector('header').inert = false;
 document.querySelector('main').classList.remove('with-town');
 startTheme();
 const seek = t => player.seek(t), showDefect = id => player.showDefect(id);
@@ -68,16 +70,9 @@ function listen() {
   listenToNotice();
   listenToMapTools(map, followUav);
   by('help').addEventListener('click', keys['?']);
-  by('keys').querySelector('dl').append(...KEYS.flatMap(([key, words]) => [element('dt', {}, element('kbd', {}, key)), element('dd', {}, words)]));
-  document.addEventListener('keydown', event => {
-    if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector('dialog[open]')) return;
-    if (event.target.matches('input:not([type="checkbox"], [type="range"]), select')) return;
-    const onButton = event.target.matches('button, summary, a, [type="range"], [role="tab"]');
-    const acts = { ...playerKeys(player, map, onButton), ...keys };
-    const act = arrowAct(event, player, map, onButton) ?? acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-    if (!act) return;
-    event.preventDefault();
-    act();
+  listenToKeys(KEYS, (event, { isButton, isSlider }) => {
+    const acts = { ...playerKeys(player, map, isButton), ...keys };
+    return arrowAct(event, player, map, isButton || isSlider) ?? acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
   });
 }
 

@@ -60,7 +60,7 @@ export class Selection {
     const { segments, count } = this;
     this.#words.replaceChildren(...segments.length
       ? [element('b', {}, `${segments.length} segment${segments.length === 1 ? '' : 's'} chosen`), ...this.#streets()]
-      : [element('b', {}, `${count} segments chosen by the seed.`), ' Click streets on the map to choose them yourself.']);
+      : [element('b', {}, `${count} segment${count === 1 ? '' : 's'} chosen by the seed.`), ' Click streets on the map to choose them yourself.']);
     if (segments.length) {
       const clear = element('button', { type: 'button', title: 'Choose none (Escape)' }, 'Clear');
       clear.addEventListener('click', () => this.set([]));
@@ -84,7 +84,10 @@ export class Selection {
 
   async #estimate() {
     this.#asked?.cancel();
-    if (!this.#form.world || !this.#form.isValid) return this.#numbers.replaceChildren();
+    if (!this.#form.world || !this.#form.isValid) {
+      this.#asked = null;
+      return this.#refuse(this.#form.refusal);
+    }
     const asked = this.#asked = this.#tasks.ask({
       do: 'estimate', world: this.#form.world, request: this.#form.request(this.segments, this.count, this.order),
     });
@@ -95,14 +98,19 @@ export class Selection {
       this.#changed(this.segments, known.targets);
     } catch (error) {
       if (error instanceof CancelledError || asked !== this.#asked) return;
-      this.#numbers.replaceChildren(element('span', { className: 'bad' }, error.message));
-      this.#note.textContent = '';
+      this.#refuse(error.message);
     } finally {
       if (asked === this.#asked) {
         this.#asked = null;
         this.#root.classList.remove('busy');
       }
     }
+  }
+
+  #refuse(words) {
+    this.#numbers.replaceChildren(element('span', { className: 'bad' }, words));
+    this.#note.textContent = '';
+    this.#root.classList.remove('busy');
   }
 
   #tellEstimate(known) {

@@ -8,6 +8,12 @@ export async function fetchJson(path) {
   return values;
 }
 
+export async function fetchText(path) {
+  const answer = await fetch(path);
+  if (!answer.ok) throw new Error((await answer.json()).error ?? answer.statusText);
+  return answer.text();
+}
+
 export async function fetchBytes(path) {
   const answer = await fetch(path);
   if (!answer.ok) throw new Error((await answer.json()).error ?? answer.statusText);
@@ -20,9 +26,11 @@ export class Tasks {
   #socket = null;
   #number = 0;
   #asked = new Map();
+  #waiting = [];
+  #isThere = true;
   #onConnection;
 
-  /** @param onConnection told whether the server answers */
+  /** @param onConnection told that the server does not answer any more (false), and that it does again (true) */
   constructor(onConnection) {
     this.#onConnection = onConnection;
     this.#connect();
@@ -39,19 +47,29 @@ export class Tasks {
   #send(message) {
     const text = JSON.stringify(message);
     if (this.#socket.readyState === WebSocket.OPEN) this.#socket.send(text);
-    else this.#socket.addEventListener('open', () => this.#socket.send(text), { once: true });
+    else this.#waiting.push(text); // until there is a connection again, or none can be made
   }
 
   #connect() {
     this.#socket = new WebSocket(`ws://${location.host}/live`);
-    this.#socket.addEventListener('open', () => this.#onConnection(true));
+    this.#socket.addEventListener('open', () => {
+      this.#tell(true);
+      for (const text of this.#waiting.splice(0)) this.#socket.send(text);
+    });
     this.#socket.addEventListener('message', event => this.#take(JSON.parse(event.data)));
     this.#socket.addEventListener('close', () => {
       for (const { reject } of this.#asked.values()) reject(new Error('The server has ended, or was not reached.'));
       this.#asked.clear();
-      this.#onConnection(false);
+      this.#waiting = [];
+      this.#tell(false);
       setTimeout(() => this.#connect(), 2000);
     });
+  }
+
+  #tell(isThere) {
+    if (isThere === this.#isThere) return;
+    this.#isThere = isThere;
+    this.#onConnection(isThere);
   }
 
   #take(message) {

@@ -6,6 +6,8 @@ import { clock } from './playback.js';
 const LANES = { occlusion: 'hides', wait: 'wait', displace: 'displace', revisit: 'revisit', swap: 'battery' };
 const WORDS = { occlusion: 'hidden', wait: 'waits', displace: 'steps aside', revisit: 'revisits', swap: 'swaps the battery' };
 const LANE_PX = 5;
+/** Beside the curves; the slider above them lies between the same two. */
+const LEFT_PX = 44, RIGHT_PX = 20;
 
 export class Timeline {
   #root; #key; #onSeek; #plot = null; #mission = null; #colours = null; #head = null; #spans = []; #time = 0;
@@ -51,11 +53,11 @@ export class Timeline {
     const font = '11px system-ui, "DejaVu Sans", sans-serif';
     const axis = { stroke: ink, font, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1, size: 4 } };
     this.#plot = new uPlot({
-      ...this.#size(), legend: { show: false }, cursor: { show: false }, padding: [LANE_PX * 5 + 2, 12, 0, 0],
+      ...this.#size(), legend: { show: false }, cursor: { show: false }, padding: [LANE_PX * 5 + 2, RIGHT_PX, 0, 0],
       scales: { x: { time: false, range: [0, this.#mission.duration_s] }, y: { range: [0, 103] } },
       axes: [
         { ...axis, size: 24, gap: 2, values: (_, ticks) => ticks.map(clock), incrs: [5, 10, 15, 30, 60, 120, 300, 600, 1200, 1800, 3600] },
-        { ...axis, size: 44, gap: 3, splits: () => [0, 50, 100], values: (_, ticks) => ticks.map(tick => `${tick} %`) },
+        { ...axis, size: LEFT_PX, gap: 3, splits: () => [0, 50, 100], values: (_, ticks) => ticks.map(tick => `${tick} %`) },
       ],
       series: [{}, ...curves.map(([label, stroke]) => ({ label, stroke, width: 1.5, points: { show: false }, spanGaps: false }))],
       hooks: { drawClear: [plot => this.#drawSpans(plot)], draw: [() => this.setTime(this.#time)] },
@@ -101,6 +103,7 @@ export class Timeline {
     const there = new Set(this.#spans.map(span => span.what));
     const entries = [
       ...curves.map(([label, colour]) => [label, colour, 'line']),
+      ['threshold of o', this.#colours.hides, 'dashes'],
       ...Object.keys(LANES).filter(what => there.has(what)).map(what => [WORDS[what], this.#colour(what), '']),
     ];
     for (const [label, colour, form] of entries) {

@@ -26,7 +26,7 @@ const NO_WEBGL = "This browser offers no WebGL 2, so the town cannot be drawn in
 function nothing(message) {
   const idle = () => {};
   return {
-    available: false, message, ready: Promise.resolve(false), setAgents: idle, setUav: idle, setCamera: idle,
+    available: false, message, ready: Promise.resolve(false), setAgents: idle, forgetAgents: idle, setUav: idle, setCamera: idle,
     setLayers: idle, setLight: idle, lookAt: idle, hold: idle, resize: idle, render: idle, dispose: idle, drawDown: () => false,
     stats: () => ({ available: false, message }),
   };
@@ -121,6 +121,11 @@ class Town {
     this.moved = this.dirty = true;
   }
 
+  // Other agents come, whose ids may be those of agents before.
+  forgetAgents() {
+    this.agents?.forget();
+  }
+
   // {x, y, z, yaw, pitch}: pitch of the camera, −π/2 straight down. null for none.
   setUav(pose) {
     this.uav = pose;
@@ -197,10 +202,9 @@ class Town {
     this.#drawFrom(this.cameras.camera);
     this.frames.push(performance.now() - start);
     if (this.frames.length > 60) this.frames.shift();
-    if (this.tiles.failed && !this.message) {
-      this.message = `Parts of the town cannot be loaded: ${this.tiles.failed.message}`;
-      this.onMessage?.(this.message);
-    }
+    const failed = this.tiles.failed ? `Parts of the town cannot be loaded, and are asked for again: ${this.tiles.failed.message}` : "";
+    if (failed !== (this.failed ?? "")) this.onMessage?.(this.message = failed);
+    this.failed = failed;
     const isSettled = !this.tiles.pending, { missing } = this.tiles;
     if (missing !== (this.missing ?? 0)) this.onMissing?.(missing);
     this.missing = missing;
@@ -338,6 +342,7 @@ class Town {
     this.canvas.addEventListener("webglcontextrestored", () => {
       this.lost = false;
       this.message = "";
+      this.onMessage?.("");
       this.dirty = true;
     }, { signal });
   }

@@ -17,6 +17,8 @@ const AT_FIRST = ['agents', 'parked', 'uav', 'objects'];
 const KINDS = { van: 'van', truck: 'truck', bus: 'bus', motorcycle: 'motorcycle' };
 /** Above this time of a frame the camera's view is not drawn in 3-D where another follows soon: it takes a second frame. */
 const QUICK_MS = 12;
+/** The models and streets of a town are made for its first visit, which takes longer than this. */
+const LONG_MS = 4000, LONG = 'The town is being drawn … The first time, its models and streets are made: a minute or so. Map and missions do not wait for it.';
 const AWAY_M = 90, BEHIND = { back_m: 9, up_m: 4 };
 
 export class TownPanel {
@@ -68,7 +70,10 @@ export class TownPanel {
 
   setFlight(flight, mission) {
     const isFirst = mission && !this.#mission;
-    if (flight !== this.#flight) this.#car = mission?.car ? OWN : null;
+    if (flight !== this.#flight) {
+      this.#car = mission?.car ? OWN : null;
+      this.#town?.forgetAgents();
+    }
     this.#flight = flight;
     this.#mission = mission;
     this.#parked = mission ? parkedVehicles(mission.parked) : [];
@@ -117,6 +122,7 @@ export class TownPanel {
     if (!this.isShown || this.#world === null || this.#town?.world === this.#world) return;
     this.#close();
     this.#say('The town is being drawn …');
+    setTimeout(() => { if (this.#town === town && this.#empty.textContent === 'The town is being drawn …') this.#say(LONG); }, LONG_MS);
     const town = this.#town = createTown(this.#root.querySelector('canvas'), {
       base: `town/${this.#world}/`, onMessage: text => this.#say(text), onPick: pick => this.#picked(pick), onSettled: () => this.onSettled(),
       onMissing: count => this.#tellLoading(count), isBusy: () => this.isBusy(),
@@ -141,6 +147,9 @@ export class TownPanel {
     canvas.getContext('webgl2')?.getExtension('WEBGL_lose_context')?.loseContext();
     canvas.replaceWith(canvas.cloneNode());
   }
+
+  /** What stands in place of the town. */
+  say(words) { this.#say(words); }
 
   #say(words) {
     this.#empty.textContent = words;

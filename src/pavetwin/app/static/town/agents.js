@@ -48,6 +48,12 @@ export class Agents {
     this.list = list;
   }
 
+  // Of another flight the same numbers are other agents.
+  forget() {
+    this.looks.clear();
+    this.walks.clear();
+  }
+
   get(id) {
     return this.list.find((agent) => agent.id === id);
   }

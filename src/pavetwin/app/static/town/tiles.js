@@ -4,6 +4,7 @@ import { Box3, BufferAttribute, BufferGeometry, Group, LineBasicMaterial, LineSe
 import { Pools } from "./models.js";
 
 const AT_ONCE = 6;
+const AGAIN_MS = 5000; // So long after it failed a tile is asked for again.
 const KEPT = [48, 260, Infinity]; // Tiles of each level in memory, those that are shown excepted.
 // Meadows around the town, below all of its ground; nothing stands there, so they fade into the haze.
 const LAND = [0.098, 0.118, 0.049], LAND_M = -1.2, LAND_FADED_M = 1400;
@@ -34,7 +35,7 @@ export class Tiles {
     this.showsOutlines = false;
     this.working = new Set();
     this.arrived = false; // Whether something has come since tiles were chosen last.
-    this.failed = null;
+    this.failures = new Map(); // By the node that did not come; it is asked for again.
     this.held = false; // While it is, no more tiles are asked for.
     this.time = 0;
     const levels = manifest.levels, last = levels.length - 1;
@@ -99,6 +100,11 @@ export class Tiles {
     this.#load();
     this.#forget();
     return changed;
+  }
+
+  // Why a tile did not come, of the first of them; null where all came.
+  get failed() {
+    return this.failures.values().next().value ?? null;
   }
 
   get pending() {
@@ -210,9 +216,12 @@ export class Tiles {
       if (extras.level === 0 && extras.defects.length) node.outline = this.#outlined(extras.defects);
       if (node.fills) node.fills.material = node.ground?.material ?? node.fills.material;
       node.state = "ready";
+      this.failures.delete(node);
     } catch (error) {
       node.state = "failed";
-      if (!this.gone) this.failed = error;
+      if (this.gone) return;
+      this.failures.set(node, error);
+      setTimeout(() => { node.state = "none"; this.arrived = true; }, AGAIN_MS);
     }
   }
 
