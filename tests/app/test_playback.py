@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pavetwin.app.playback import FLIGHT, minute_file, mission_values, tables, write_playback
+from pavetwin.mission.results import totals
 from pavetwin.mission.summary import remarks, sentence
 from pavetwin.mission.timeline import Timeline
 from scenes import tiny
@@ -72,6 +73,13 @@ def test_the_files_hold_all_missions_and_as_many_minutes_as_the_longest_lasts(tm
     for row, agent in enumerate(trace["agent"].tolist()):
         assert agents["length_m"][agent] == pytest.approx(trace["length_m"][row], abs=0.01)
         assert agents["groups"][agents["group"][agent]] != "pedestrian"
+
+
+def test_several_missions_begin_with_what_each_found() -> None:
+    results = [tiny.result("queue_at_light", policy) for policy in ("hover", "skip")]
+    hover, skip = ((totals(each).confirmed, totals(each).time_s / 60) for each in results)
+    told = f"hover found {hover[0]} in {hover[1]:.1f} min, skip {skip[0]} in {skip[1]:.1f} min. "
+    assert sentence(results).startswith(f"Of {totals(results[0]).defects} defects {told}")
 
 
 def test_a_lone_mission_has_a_row_a_segment_and_several_a_row_a_policy() -> None:

@@ -164,8 +164,8 @@ def sentence(results: Sequence[MissionResult]) -> str:
             return f"{found}, {surface}, in {minutes} with {changes}: bring {sums.batteries} batteries."
         return f"{found}, {surface}, in {minutes} with {100 * sums.energy:.0f} % of a battery."
     return (
-        f"{_found_by_policy(results)}. One mission each, over the same traffic, defects and order and with the same sensor "
-        "seed: no statistics yet."
+        f"{_found_by_policy(results)}. One mission each, over the same traffic, defects and order and with the same "
+        "sensor seed: no statistics yet."
     )
 
 
