@@ -1,6 +1,7 @@
 // What the camera covers at a moment, from above and in the camera's own orientation: the image's rows run along the track.
 
 import { drawBoxes, frameLine } from './frames.js';
+import { clockTenths } from './playback.js';
 import { drawAgents, drawDefect, drawTown, drawUav, parkedAgents, rectangle, townPaths } from './shapes.js';
 import { visibilityColour } from './theme.js';
 
@@ -153,8 +154,8 @@ export class Camera {
   }
 
   #tell(now) {
-    const seconds = this.#time % 60, values = {
-      time: `${Math.floor(this.#time / 60)}:${seconds.toFixed(1).padStart(4, '0')}`,
+    const values = {
+      time: clockTenths(this.#time),
       speed: `${now.speed.toFixed(1)} m/s`,
       height: `${now.altitude.toFixed(1)} m`,
       battery: now.battery === null ? '–' : `${Math.round(100 * now.battery)} %`,

@@ -1,7 +1,7 @@
 // The captures that saw a defect: which they are, and their rendered frames cut to the defect, made while it is shown.
 
 import { element } from './dom.js';
-import { clock } from './playback.js';
+import { clockTenths } from './playback.js';
 
 /** Captures that are shown, those nearest to the defect. */
 const SHOWN = 6;
@@ -59,9 +59,9 @@ export class DefectFrames {
 
   #button({ time, inWindow }) {
     const canvas = element('canvas', { width: 2 * SIDE_PX, height: 2 * SIDE_PX });
-    const button = element('button', { type: 'button', title: inWindow ? 'In the inspection window' : 'Outside the inspection window' }, canvas, element('span', {}, clock(time)));
+    const button = element('button', { type: 'button', title: inWindow ? 'In the inspection window' : 'Outside the inspection window' }, canvas, element('span', {}, clockTenths(time)));
     button.classList.toggle('outside', !inWindow);
-    button.setAttribute('aria-label', `Go to the capture at ${clock(time)}, ${button.title.toLowerCase()}`);
+    button.setAttribute('aria-label', `Go to the capture at ${clockTenths(time)}, ${button.title.toLowerCase()}`);
     button.addEventListener('click', () => this.#onMoment(time));
     return { button, canvas };
   }

@@ -187,6 +187,13 @@ export function lastUpTo(column, limit) {
   return low - 1;
 }
 
+/** `0:09.7`. */
+export function clockTenths(t) {
+  const tenths = Math.round(10 * t);
+  return `${Math.floor(tenths / 600)}:${((tenths % 600) / 10).toFixed(1).padStart(4, '0')}`;
+}
+
+/** `0:09`. */
 export function clock(t) {
   const seconds = Math.floor(t + 1e-6);
   return `${Math.floor(seconds / 60)}:${String(seconds % 60).padStart(2, '0')}`;
