@@ -137,6 +137,9 @@ def _compare(shown: Tab) -> None:
 
 def _take_control(key: str) -> Come:
     def take(shown: Tab) -> None:
+        shown.page.fill("#count", "2")
+        shown.page.keyboard.press("Tab")
+        shown.wait("!document.querySelector('#selection').classList.contains('busy')")
         _press(key)(shown)
         shown.wait("pavetwin.mission?.isLive && pavetwin.time > 0.5")
         shown.wait("!['take_off', 'ground'].includes(pavetwin.stateAt(pavetwin.time).mode.name)")

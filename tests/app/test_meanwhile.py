@@ -151,6 +151,15 @@ def test_a_field_that_cannot_be_flown_with_is_named(tab: BrowserTab) -> None:
     assert tab.value(IDLE)
 
 
+def test_what_the_library_refuses_is_told_in_the_words_of_the_page(tab: BrowserTab) -> None:
+    tab.page.fill("#count", "2000")
+    tab.page.keyboard.press("Tab")
+    tab.wait("document.querySelector('#selection .bad')")
+    told = tab.page.locator("#selection .bad").inner_text()
+    assert told.startswith("Number of segments 2000: ")
+    assert "`" not in told
+
+
 def test_a_long_name_leaves_the_header_on_its_line(tab: BrowserTab) -> None:
     choose_world(tab, 1)
     tab.wait("document.title.startsWith('a_town')")

@@ -14,3 +14,12 @@ export function fillSelect(select, choices, chosen) {
     return new Option(words, value, value === chosen, value === chosen);
   }));
 }
+
+/** Of the parameters that the library names in backquotes, those whose control has another name. */
+const CONTROLS = { count: 'Number of segments', 'count=None': 'A, with the whole town in view,' };
+
+/** A message of the library in the words of the page: parameters in backquotes become the labels of their controls. */
+export function inWordsOfPage(message) {
+  const label = name => by('mission')?.elements?.[name]?.closest?.('label')?.firstChild.textContent;
+  return message.replace(/`([\w=]+)`/g, (text, name) => CONTROLS[name] ?? label(name) ?? text);
+}

@@ -1,12 +1,12 @@
 // A line over the page: what went wrong, or for a moment what was done.
 
-import { by } from './dom.js';
+import { by, inWordsOfPage } from './dom.js';
 
 const SHOWN_MS = 3500;
 let timer = 0;
 
 export function notice(words, isTold = false) {
-  by('notice').firstElementChild.textContent = words;
+  by('notice').firstElementChild.textContent = inWordsOfPage(words);
   by('notice').classList.toggle('told', isTold);
   by('notice').hidden = false;
   clearTimeout(timer);
@@ -15,7 +15,7 @@ export function notice(words, isTold = false) {
 
 /** Take these words away, if they are shown. */
 export function withdraw(words) {
-  if (by('notice').firstElementChild.textContent === words) by('notice').hidden = true;
+  if (by('notice').firstElementChild.textContent === inWordsOfPage(words)) by('notice').hidden = true;
 }
 
 export function listenToNotice() {

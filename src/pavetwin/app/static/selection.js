@@ -1,6 +1,6 @@
 // The streets that are chosen, what inspecting them takes and shows at best, and how many are drawn where none is chosen.
 
-import { element } from './dom.js';
+import { element, inWordsOfPage } from './dom.js';
 import { CancelledError } from './server.js';
 
 const PATIENCE_MS = 250;
@@ -108,7 +108,7 @@ export class Selection {
   }
 
   #refuse(words) {
-    this.#numbers.replaceChildren(element('span', { className: 'bad' }, words));
+    this.#numbers.replaceChildren(element('span', { className: 'bad' }, inWordsOfPage(words)));
     this.#note.textContent = '';
     this.#root.classList.remove('busy');
   }
