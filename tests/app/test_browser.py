@@ -466,6 +466,19 @@ def test_what_was_missed_is_chosen_and_flown_again(flown: Flown) -> None:
     assert read_mission(again / "mission.yaml").spec.targets == missed
 
 
+def test_a_flight_plan_that_is_made_again_is_listed_once(flown: Flown) -> None:
+    tab, links = flown.tab, flown.tab.page.locator("#files a[href*='/made/']")
+    tab.page.click("#tab-files")
+    for what in ("csv", "litchi", "csv"):
+        tab.page.select_option("#files .make select", what)
+        with tab.page.expect_download():
+            tab.page.click("#files .make button")
+        tab.wait("!document.querySelector('#files .make button').disabled")
+    assert links.count() == 2, "one for each form, and a form does not take the other away"
+    paths = [link.get_attribute("href") for link in links.all()]
+    assert [tab.server.get(f"/{path}").status for path in paths] == [200, 200]
+
+
 def test_the_offline_page_plays_the_mission_without_a_server(launch: Launch, flown: Flown, tmp_path: Path) -> None:
     done = pavetwin("replay", flown.folder, "-o", tmp_path / "replay.html")
     assert done.returncode == 0, done.stderr

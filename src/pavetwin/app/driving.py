@@ -6,7 +6,6 @@ is no mission: what it wrote, and the list of what the driver did, are in the se
 
 import csv
 import json
-import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from hashlib import sha256
@@ -16,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from pavetwin.app.live_loop import CAPTURES, PilotReport, steer_live
+from pavetwin.app.made_once import made_once
 from pavetwin.app.playback import (
     defect_values,
     found_values,
@@ -167,20 +167,20 @@ def _written(drive: Drive, spec: MissionSpec, inputs: MissionInputs, session: Pa
     pedals = {"step_s": STEP_S, "limits": asdict(drive.limits), "pedals": pedals_as_values(drive.changes)}
     known = json.dumps([spec.as_values(), pedals], sort_keys=True)
     key = sha256(known.encode()).hexdigest()[:20]
-    target, made = session / key, session / f"{key}.part"
-    shutil.rmtree(made, ignore_errors=True)
-    results = made / "results"
-    results.mkdir(parents=True)
-    rows, defects = drive.rows(), list(_defects(drive))
-    agents = write_agents(drive.traffic.trace(), made, step_s=inputs.replay.recording.step_s, until_s=drive.time_s)
-    write_flight({**agents, **_played(drive, rows, defects)}, made)
-    (results / PEDALS).write_text(json.dumps(pedals, indent=1), encoding="utf-8")
-    _write_table(results / SEGMENTS, map(asdict, rows))
-    _write_table(results / TRACK, _track_rows(drive))
-    flat = ({name: value for name, value in each.items() if name not in ("place_m", "hidden_by")} for each in defects)
-    _write_table(results / DEFECTS, flat)
-    shutil.rmtree(target, ignore_errors=True)
-    made.replace(target)
+    target = session / key
+    with made_once(target) as made:
+        results = made / "results"
+        results.mkdir()
+        rows, defects = drive.rows(), list(_defects(drive))
+        agents = write_agents(drive.traffic.trace(), made, step_s=inputs.replay.recording.step_s, until_s=drive.time_s)
+        write_flight({**agents, **_played(drive, rows, defects)}, made)
+        (results / PEDALS).write_text(json.dumps(pedals, indent=1), encoding="utf-8")
+        _write_table(results / SEGMENTS, map(asdict, rows))
+        _write_table(results / TRACK, _track_rows(drive))
+        flat = (
+            {name: value for name, value in each.items() if name not in ("place_m", "hidden_by")} for each in defects
+        )
+        _write_table(results / DEFECTS, flat)
     names = sorted(path.name for path in (target / "results").iterdir())
     known_as = {"key": key, "captures": [0], "policies": [DRIVER]}
     return {**known_as, "results": str(target / "results"), "names": names}

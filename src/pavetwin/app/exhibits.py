@@ -11,8 +11,8 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Final
 
+from pavetwin.app.made_once import made_once
 from pavetwin.errors import PaveTwinError
-from pavetwin.files import writing_folder
 
 _MARKS: Final = {"design.yaml": "study", "capture.yaml": "captured", "dataset.yaml": "photographs"}
 """The file that a folder of each kind has."""
@@ -63,7 +63,7 @@ def show_exhibit(folder: Path, kind: ExhibitKind, place: Path, tell: Callable[[f
     key = sha256("\n".join(_state(folder)).encode()).hexdigest()[:20]
     target = place / f"exhibit-{key}"
     if not (target / kind.file).is_file():
-        with writing_folder(target, replace=True) as made:
+        with made_once(target) as made:
             _make(folder, kind, made, tell)
     return {"key": key, "file": kind.file}
 

@@ -95,7 +95,8 @@ def make_export(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
     plan = plan_of(former, world)
     form = PLAN_FORMATS.get(what)(None)
     check_limits(plan, world, PlanLimits(None, 0.0, None), [form.most_waypoints])
-    files = save_plan(plan, made / f"plan-{former.spec.policy.name}", [form])
+    folder = made / f"plan-{former.spec.policy.name}-{what}"  # of its own: a plan replaces those of other formats
+    files = save_plan(plan, folder, [form])
     told = " ".join(filter(None, [remark_on_parts(files), *plan.remarks]))
     return {
         "files": [str(file.relative_to(made)) for file in files],

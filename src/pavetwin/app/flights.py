@@ -1,8 +1,8 @@
 """Missions of the page in a task process: flown, flown again, listed, and written as what the browser plays."""
 
 import json
-import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
@@ -10,8 +10,10 @@ from typing import Any, Final
 
 from pavetwin.app.flight_request import PRESET, FlightRequest
 from pavetwin.app.kept import kept_environment, kept_world
+from pavetwin.app.made_once import alone_in, made_once
 from pavetwin.app.task_report import TaskReport
 from pavetwin.errors import PaveTwinError
+from pavetwin.files import writing_folder
 from pavetwin.mission.again import MISSION, check_replaceable, mission_file, read_mission
 from pavetwin.mission.environment import MissionEnvironment
 from pavetwin.mission.fly import MissionResult, fly
@@ -36,8 +38,20 @@ def listed_missions(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, A
 
 def _mission_folders(world: Path) -> list[Path]:
     place = world / "missions"
-    found = [path for path in place.iterdir() if descriptions(path)] if place.is_dir() else []
-    return sorted(found, key=lambda path: path.stat().st_mtime_ns, reverse=True)
+    found = [path for path in place.iterdir() if _is_shown(path) and descriptions(path)] if place.is_dir() else []
+    return sorted(found, key=_changed_ns, reverse=True)
+
+
+def _is_shown(path: Path) -> bool:
+    """Whether it is whole: what is being written has a hidden name."""
+    return not path.name.startswith(".")
+
+
+def _changed_ns(path: Path) -> int:
+    try:
+        return path.stat().st_mtime_ns
+    except OSError:  # it is being replaced at this moment
+        return time.time_ns()
 
 
 def descriptions(folder: Path) -> list[Path]:
@@ -87,26 +101,39 @@ def fly_missed(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
 def _flown_into(
     folder: Path, specs: list[MissionSpec], inputs: MissionInputs, session: Path, tell: TaskReport
 ) -> Mapping[str, Any]:
-    check_mission_folder(folder)
-    check_replaceable(folder, specs)
-    with inputs.replay:
-        results = list(_flown(specs, inputs, folder, tell))
-        played = {**_written(results, inputs, session, tell), "results": str(folder)}
-    tell.ready({**played, "names": _file_names(folder, results)})
-    _draw(results, folder, tell)
-    return {**played, "names": _file_names(folder, results)}
+    """Until all is flown, nothing is written into the folder. From `ready` on its missions are whole, but for the
+    pictures."""
+    with alone_in(folder, session, tell):
+        check_mission_folder(folder)
+        check_replaceable(folder, specs)
+        with inputs.replay:
+            results = [_one(spec, inputs, tell) for spec in specs]
+            played = {**_written(results, inputs, session, tell), "results": str(folder)}
+        _save(results, folder)
+        tell.ready({**played, "names": _file_names(folder, results)})
+        _draw(results, folder, tell)
+        return {**played, "names": _file_names(folder, results)}
+
+
+def _save(results: list[MissionResult], folder: Path) -> None:
+    if len(results) == 1:
+        save_mission(results[0], folder)
+        return
+    with writing_folder(folder, replace=True) as temporary:
+        save_missions(results, temporary)
 
 
 def play_mission(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
     """Fly a mission of the world again, to play it; nothing of it is written again."""
-    world = kept_world(Path(task["world"]))
+    world, session = kept_world(Path(task["world"])), Path(task["folder"])
     folders = {folder.name: folder for folder in _mission_folders(Path(task["world"]))}
     folder = folders.get(str(task["mission"]))
     if folder is None:
         raise PaveTwinError(f"`mission`: '{str(task['mission'])[:80]}' is no mission of '{world.name}'.")
-    results, inputs = again(descriptions(folder), world, tell)
-    played = _written(results, inputs, Path(task["folder"]), tell)
-    return {**played, "results": str(folder), "names": _file_names(folder, results)}
+    with alone_in(folder, session, tell):
+        results, inputs = again(descriptions(folder), world, tell)
+        played = _written(results, inputs, session, tell)
+        return {**played, "results": str(folder), "names": _file_names(folder, results)}
 
 
 def again(files: Sequence[Path], world: World, tell: Told) -> tuple[list[MissionResult], MissionInputs]:
@@ -119,23 +146,6 @@ def again(files: Sequence[Path], world: World, tell: Told) -> tuple[list[Mission
     inputs = load_inputs(specs[0], world=world, on_progress=tell)
     with inputs.replay:
         return [_one(spec, inputs, tell) for spec in specs], inputs
-
-
-def _flown(specs: list[MissionSpec], inputs: MissionInputs, folder: Path, tell: TaskReport) -> Iterator[MissionResult]:
-    """Fly, and write each mission as soon as it is flown."""
-    flown: list[MissionResult] = []
-
-    def missions() -> Iterator[MissionResult]:
-        for spec in specs:
-            flown.append(_one(spec, inputs, tell))
-            yield flown[-1]
-
-    if len(specs) > 1:
-        save_missions(missions(), folder)
-    else:
-        for result in missions():
-            save_mission(result, folder)
-    yield from flown
 
 
 def _one(spec: MissionSpec, inputs: MissionInputs, tell: Told) -> MissionResult:
@@ -174,13 +184,11 @@ def _written(results: list[MissionResult], inputs: MissionInputs, session: Path,
     tell(1.0, "Preparing to play")
     specs = json.dumps([result.spec.as_values() for result in results], sort_keys=True)
     key = sha256(specs.encode()).hexdigest()[:20]
-    target, made = session / key, session / f"{key}.part"
+    target = session / key
     if not target.is_dir():
-        shutil.rmtree(made, ignore_errors=True)
-        made.mkdir(parents=True)
-        write_played(results, inputs, made)
-        write_frame_source(results, made)
-        made.replace(target)
+        with made_once(target) as made:
+            write_played(results, inputs, made)
+            write_frame_source(results, made)
     captures, policies = [len(result.captures["t_s"]) for result in results], [result.policy for result in results]
     return {"key": key, "captures": captures, "policies": policies}
 
@@ -203,5 +211,5 @@ def _file_names(folder: Path, results: list[MissionResult]) -> list[str]:
         str(place / path.name)
         for place in (Path(), *inner)
         for path in sorted((folder / place).iterdir())
-        if path.is_file()
+        if _is_shown(path) and path.is_file()
     ]

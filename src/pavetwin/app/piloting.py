@@ -5,7 +5,6 @@ did, are in the session's folder.
 """
 
 import json
-import shutil
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from math import isnan, nan
@@ -14,6 +13,7 @@ from typing import Any, Final
 
 from pavetwin.app.frame_source import write_frame_source
 from pavetwin.app.live_loop import CAPTURES, PilotReport, steer_live
+from pavetwin.app.made_once import made_once
 from pavetwin.app.playback import found_values, still_values, write_playback
 from pavetwin.app.requests import StickRequest
 from pavetwin.errors import PaveTwinError
@@ -118,15 +118,12 @@ def _written(flight: ByHand, spec: MissionSpec, inputs: MissionInputs, session: 
     sticks = {"step_s": STEP_S, "sticks": sticks_as_values(flight.changes)}
     known = json.dumps([spec.as_values(), sticks], sort_keys=True)
     key = sha256(known.encode()).hexdigest()[:20]
-    target, made = session / key, session / f"{key}.part"
-    shutil.rmtree(made, ignore_errors=True)
-    made.mkdir()
-    write_playback([result], made, step_s=inputs.replay.recording.step_s)
-    write_frame_source([result], made)
-    save_mission(result, made / "results")
-    (made / "results" / STICKS).write_text(json.dumps(sticks, indent=1), encoding="utf-8")
-    shutil.rmtree(target, ignore_errors=True)
-    made.replace(target)
+    target = session / key
+    with made_once(target) as made:
+        write_playback([result], made, step_s=inputs.replay.recording.step_s)
+        write_frame_source([result], made)
+        save_mission(result, made / "results")
+        (made / "results" / STICKS).write_text(json.dumps(sticks, indent=1), encoding="utf-8")
     results = target / "results"
     names = sorted(path.name for path in results.iterdir() if path.is_file())
     known_as = {"key": key, "captures": [len(result.captures["t_s"])], "policies": [PILOT]}

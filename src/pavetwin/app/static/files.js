@@ -90,7 +90,7 @@ export class Files {
       const { files, told } = await asked.promise;
       if (this.#key !== key) return;
       const links = files.map(name => this.#link(`api/played/${key}/made/${name}`, name));
-      const there = new Set(files), kept = [...this.#made.children].filter(item => !there.has(item.querySelector('a').download));
+      const there = new Set(links.map(item => item.querySelector('a').href)), kept = [...this.#made.children].filter(item => !there.has(item.querySelector('a').href));
       this.#made.replaceChildren(...kept, ...links);
       this.tell(told);
       if (links.length === 1) links[0].querySelector('a').click();
