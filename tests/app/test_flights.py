@@ -22,7 +22,7 @@ from pavetwin.world.store import load_world
 from scenes.command_line import pavetwin
 from scenes.folders import digests
 from scenes.page import RunningPage, result_of, running_page
-from scenes.processes import children, command_line, is_gone, is_over, simulations
+from scenes.processes import children, command_line, is_gone, is_over, resident_bytes, simulations
 
 USUAL = {"traffic": "low", "seed": 1}
 SHORT = ("--density", "low", "--seed", "1")
@@ -243,6 +243,21 @@ def test_32_pages_at_once_are_served(page: RunningPage) -> None:
     assert len(task_processes()) <= 3
 
 
+@pytest.mark.slow
+def test_32_pages_that_compute_at_once_are_served(page: RunningPage, ids: list[str]) -> None:
+    """Estimates, over few processes: the same as one page alone gets."""
+
+    def estimate(number: int) -> dict[str, Any]:
+        return page.ask({"do": "estimate", "request": {**USUAL, "segments": [ids[number % 4]]}})[0]
+
+    alone = [estimate(number) for number in range(4)]
+    assert len({answer["done"]["time_s"] for answer in alone}) > 1
+    with ThreadPoolExecutor(32) as clients:
+        answers = list(clients.map(estimate, range(32)))
+    assert answers == alone * 8
+    assert len(task_processes()) <= 3
+
+
 def test_one_page_does_not_take_all(page: RunningPage) -> None:
     async def flood() -> list[dict[str, Any]]:
         client = await page.connect()
@@ -269,11 +284,6 @@ def test_a_client_that_never_reads_is_no_burden(page: RunningPage) -> None:
             client.sendall(f"Cookie: {page.cookie['Cookie']}\r\n\r\n".encode())
         assert page.get("/").status == 200
         assert resident_bytes() - before < 15e6, "36 MB are not held for who does not take them"
-
-
-def resident_bytes() -> int:
-    """Of this process, in which the server runs."""
-    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def task_processes() -> list[int]:

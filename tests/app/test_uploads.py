@@ -1,6 +1,7 @@
 """Maps that a browser sends: built as the command line builds them, or refused with nothing left of them."""
 
 import asyncio
+import errno
 import gzip
 import json
 import os
@@ -11,6 +12,7 @@ import subprocess
 import sys
 import zlib
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,8 +27,9 @@ from pavetwin.errors import PaveTwinError
 from scenes.command_line import pavetwin
 from scenes.folders import digests
 from scenes.page import RunningPage, running_page
-from scenes.processes import children, command_line, is_gone, is_over
+from scenes.processes import children, command_line, is_gone, is_over, resident_bytes
 
+TOO_MANY = 101_000_000
 CROSS = (Path(__file__).parents[1] / "scenes" / "cross.osm").read_bytes()
 
 
@@ -138,9 +141,13 @@ def test_a_real_map_is_built_and_flown(page: RunningPage, place: Path, shared_fi
 def status_of(page: RunningPage, head: str, key: str = "x") -> int:
     """The answer to the head of a request that is followed by nothing."""
     with socket.create_connection(("127.0.0.1", page.port), timeout=20) as client:
-        about = f"Host: 127.0.0.1:{page.port}\r\nCookie: {page.cookie['Cookie']}\r\n"
-        client.sendall(f"POST /api/maps/{key} HTTP/1.1\r\n{about}{head}\r\n\r\n".encode())
+        client.sendall(head_of(page, head, key))
         return int(client.recv(64).split()[1])
+
+
+def head_of(page: RunningPage, head: str, key: str) -> bytes:
+    about = f"Host: 127.0.0.1:{page.port}\r\nCookie: {page.cookie['Cookie']}\r\n"
+    return f"POST /api/maps/{key} HTTP/1.1\r\n{about}{head}\r\n\r\n".encode()
 
 
 @pytest.mark.parametrize(
@@ -158,20 +165,76 @@ def test_what_is_too_large_or_not_announced_is_refused_unread(page: RunningPage,
     assert page.get("/api/maps/x").status == 405
 
 
-def test_101_mb_are_refused_when_they_are_announced_and_when_they_are_sent(page: RunningPage, place: Path) -> None:
-    assert "101 MB" in send(page, b"", bytes=101_000_000)["error"]
-    sending, seen = Sending(page), []
+def test_101_mb_are_refused_when_they_are_announced(page: RunningPage, place: Path) -> None:
+    assert "101 MB" in send(page, b"", bytes=TOO_MANY)["error"]
+    assert nothing_is_left(page, place)
+
+
+CHUNK = b"%x\r\n%s\r\n" % (1 << 20, b"x" * (1 << 20))
+
+
+@pytest.mark.parametrize(
+    ("head", "block", "status"),
+    [
+        (f"Content-Length: {TOO_MANY}", b"x" * (1 << 20), 413),
+        (f"Content-Length: {LARGEST_BYTES}", b"x" * (1 << 20), 404),
+        ("Transfer-Encoding: chunked", CHUNK, 411),
+        (f"Transfer-Encoding: chunked\r\nContent-Length: {len(CROSS)}", CHUNK, 400),
+    ],
+    ids=["announced to HTTP", "more than announced to the page", "in chunks", "in chunks and with a length"],
+)
+def test_101_mb_that_are_sent_are_refused(page: RunningPage, place: Path, head: str, block: bytes, status: int) -> None:
+    """A map is on its way, and its address gets more than that has: nothing of it is kept."""
+    sending, seen = Sending(page), list[tuple[int, int]]()
 
     async def overfill(told: dict[str, Any], client: Any) -> None:
         if "ready" in told:
-            key = told["ready"]["upload"]
-            seen.append(await asyncio.to_thread(status_of, page, "Content-Length: 101000000", key))
-            seen.append(await asyncio.to_thread(status_of, page, f"Content-Length: {LARGEST_BYTES}", key))
+            before = resident_bytes()
+            seen.append(await asyncio.to_thread(overfilled, page, head, told["ready"]["upload"], block))
+            assert resident_bytes() - before < 20e6
+            assert not any(path.stat().st_size for path in page.session.folder.glob("map-*/*"))
             await client.write_message(json.dumps({"id": 1, "do": "cancel"}))
 
     asyncio.run(sending.run(town(), b"", overfill))
-    assert seen == [413, 404], "more than the page takes, and more than was announced"
+    ((sent, answer),) = seen
+    assert answer == status
+    assert sent < TOO_MANY, "the server does not take it all"
     assert nothing_is_left(page, place)
+
+
+@pytest.mark.slow
+def test_101_mb_behind_a_map_of_the_announced_size_are_no_part_of_it(page: RunningPage, place: Path) -> None:
+    sending, seen = Sending(page), list[tuple[int, int]]()
+    head = f"Content-Length: {len(CROSS)}"
+
+    async def overfill(told: dict[str, Any], client: Any) -> None:  # noqa: ARG001 - the page stays
+        if "ready" in told:
+            key = told["ready"]["upload"]
+            seen.append(await asyncio.to_thread(overfilled, page, head, key, b"x" * (1 << 20), CROSS))
+
+    asyncio.run(sending.run(town(), b"", overfill))
+    ((sent, answer),) = seen
+    assert answer == 204
+    assert sent < TOO_MANY
+    assert sending.answer["done"] == {"world": {"id": "w0", "name": "mine"}}
+    shutil.rmtree(place / "mine")
+    assert nothing_is_left(page, place)
+
+
+def overfilled(page: RunningPage, head: str, key: str, block: bytes, first: bytes = b"") -> tuple[int, int]:
+    """Bytes that the server took of 101 MB behind the head of a request, and its answer."""
+    with socket.create_connection(("127.0.0.1", page.port), timeout=20) as client:
+        client.sendall(head_of(page, head, key) + first)
+        sent = 0
+        with suppress(ConnectionError):
+            while sent < TOO_MANY:
+                client.sendall(block)
+                sent += len(block)
+        try:
+            answer = client.recv(64)
+        except ConnectionError:  # the answer was lost with the connection: the same head alone has it
+            return sent, status_of(page, head, key)
+        return sent, int(answer.split()[1])
 
 
 def blob(kind: bytes, unpacked: bytes, states: int | None = None) -> bytes:
@@ -355,6 +418,25 @@ def test_few_maps_are_on_their_way_at_once(page: RunningPage, monkeypatch: pytes
             await client.write_message(json.dumps({"id": 1, "do": "cancel"}))
 
     asyncio.run(Sending(page).run(town(), b"", announce_another))
+
+
+@pytest.mark.parametrize("what", ["folder", "file"])
+def test_a_full_disk_is_told_and_takes_no_other_maps_place(
+    page: RunningPage, place: Path, monkeypatch: pytest.MonkeyPatch, what: str
+) -> None:
+    def fail(*_: Any, **__: Any) -> Any:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as full:
+        if what == "folder":
+            full.setattr(uploads.tempfile, "mkdtemp", fail)
+        else:
+            full.setattr(uploads.Path, "open", fail)
+        for _ in range(uploads.AT_ONCE + 1):
+            assert "No space left on device. Free some space" in send(page, b"", bytes=9)["error"]
+    monkeypatch.setattr(uploads, "SENDING_S", 0.1)
+    assert "did not arrive within" in send(page, b"", bytes=9)["error"]
+    assert nothing_is_left(page, place)
 
 
 def test_what_takes_too_long_is_given_up(page: RunningPage, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:

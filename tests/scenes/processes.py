@@ -1,5 +1,6 @@
 """The processes that record, as the system lists them."""
 
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -44,3 +45,8 @@ def is_over(what: Callable[[], bool]) -> bool:
     while not what() and time.monotonic() < patience:
         time.sleep(0.05)
     return what()
+
+
+def resident_bytes() -> int:
+    """Memory of this process."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")

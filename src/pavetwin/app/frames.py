@@ -9,7 +9,6 @@ from typing import Any, Final
 
 from pavetwin.app.requests import FramePart
 from pavetwin.app.task_pool import KeptProcess, Said
-from pavetwin.errors import PaveTwinError
 
 KEPT: Final = 160
 """Frames in memory; each is below about 150 kB."""
@@ -66,7 +65,7 @@ class FrameRenderer:
             self._rendered = None if task.get("part") == FramePart.PREVIEW else (page, said)
             try:
                 result = await self._process.run(task, said=said)
-            except PaveTwinError as error:
+            except Exception as error:  # whoever asked is told, and the next one is rendered
                 if not rendered.done():
                     rendered.set_exception(error)
                 continue

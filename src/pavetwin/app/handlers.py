@@ -55,7 +55,7 @@ class GuardedHandler(RequestHandler):
     def tell(self, content: Any) -> None:
         """Answer with JSON."""
         self.set_header("Content-Type", "application/json; charset=utf-8")
-        self.finish(json.dumps(content, ensure_ascii=False))
+        self.finish(json.dumps(content))
 
     def write_error(self, status_code: int, **how: Any) -> None:  # noqa: ARG002 - Tornado's
         error = how.get("exc_info", (None, None, None))[1]

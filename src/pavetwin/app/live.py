@@ -2,24 +2,27 @@
 
 The page sends `{"id": 7, "do": "fly", "world": "w0", "request": {…}}` and gets `{"id": 7, "share": 0.4, "what": …}` as
 often as it reads, `{"id": 7, "ready": {…}}` when a mission can be played, and then `{"id": 7, "done": {…}}` or
-`{"id": 7, "error": "…"}`. `{"id": 7, "do": "cancel"}` ends a task. Of the frames that a page asks for only the latest
-waits; `{"id": 7, "cancelled": true}` answers the one before it. A flight or a drive by hand tells
+`{"id": 7, "error": "…"}`. `{"id": 7, "do": "cancel"}` ends a task; a mission that is ready stays, and is `done` without
+the pictures that were not drawn yet. Of the frames that a page asks for only the latest waits, to be rendered or to be
+sent; `{"id": 7, "cancelled": true}` answers the one before it. A flight or a drive by hand tells
 `{"id": 7, "live": {…}}` ten times a second, as often as the page reads, with all that is new since, and takes
 `{"id": 7, "do": "say", "stick": {…}}`, the latest first. A page that goes away ends all of its tasks.
 """
 
 import asyncio
 import json
+import traceback
 from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any, Final
 
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
+from pavetwin.app.failures import failure_words
 from pavetwin.app.guard import Guard
 from pavetwin.app.handlers import check_request
 from pavetwin.app.requests import StickRequest
-from pavetwin.app.session import Session
+from pavetwin.app.session import BY_HAND, Session
 from pavetwin.app.task_pool import Said
 from pavetwin.errors import PaveTwinError
 
@@ -30,6 +33,13 @@ TASKS: Final = 4
 """Of one page at a time, frames aside."""
 
 FRAME: Final = "frame"
+
+FLOWN: Final = ("fly", "fly_missed")
+FLIGHTS: Final = (*FLOWN, "play", *BY_HAND)
+"""Of which a page has one at a time."""
+
+UNREAD: Final = 1 << 22
+"""Bytes that may wait for a page; one that reads so late is closed."""
 
 PAGES: Final = 64
 """Open at a time."""
@@ -62,6 +72,13 @@ class LiveHandler(WebSocketHandler):
         self.session, self.guard = session, guard
         self._tasks: dict[int, asyncio.Task[None]] = {}
         self._frames: set[int] = set()
+        self._unsent: set[int] = set()
+        """Frames that wait until the page has read what it was sent before."""
+        self._flight: int | None = None
+        """The flight that is going on, until it is ready."""
+        self._ready: dict[int, Mapping[str, Any]] = {}
+        """Missions whose pictures are being drawn."""
+        self._unread = 0
         self._said: dict[int, Said] = {}
         self._untold: dict[int, dict[str, Any]] = {}
         """What of flights and drives by hand the page could not be told yet."""
@@ -105,12 +122,27 @@ class LiveHandler(WebSocketHandler):
                 task.cancel()
         elif asked.get("do") == "say":
             self._say(number, asked.get("stick"))
-        elif number in self._tasks or (asked.get("do") != FRAME and len(self._tasks.keys() - self._frames) >= TASKS):
-            self._send({"id": number, "error": "Too much is being done already; wait for it, or cancel it."})
+        elif words := self._refusal(number, asked.get("do")):
+            self._send({"id": number, "error": words})
         else:
-            if asked.get("do") == FRAME:
-                self._frames.add(number)
-            self._tasks[number] = asyncio.create_task(self._do(number, asked))
+            self._begin(number, asked)
+
+    def _refusal(self, number: int, do: Any) -> str | None:
+        """Why a task is not begun."""
+        if number in self._tasks or (do != FRAME and len(self._tasks.keys() - self._frames) >= TASKS):
+            return "Too much is being done already; wait for it, or cancel it."
+        if do in FLIGHTS and self._flight is not None:
+            return "This page has a flight that is going on; wait for it, or cancel it."
+        return None
+
+    def _begin(self, number: int, asked: dict[str, Any]) -> None:
+        if asked.get("do") == FRAME:
+            for before in self._unsent:
+                self._tasks[before].cancel()
+            self._frames.add(number)
+        elif asked.get("do") in FLIGHTS:
+            self._flight = number
+        self._tasks[number] = asyncio.create_task(self._do(number, asked))
 
     def _say(self, number: int, values: Any) -> None:
         """Pass on what a pilot does; too late where the flight is over."""
@@ -124,25 +156,48 @@ class LiveHandler(WebSocketHandler):
 
     async def _do(self, number: int, asked: dict[str, Any]) -> None:
         try:
-            if asked.get("do") == FRAME:
-                done = await self.session.frame(self, asked)
-            else:
-                said = self._said[number] = Said()
-                done = await self.session.run(asked, lambda told: self._report(number, told), said)
-            self._tell_live(number)
-            self._send({"id": number, "done": done})
-        except PaveTwinError as error:
-            self._send({"id": number, "error": str(error)})
-        except asyncio.CancelledError:
-            self._send({"id": number, "cancelled": True})
+            self._send({"id": number, **await self._answer(number, asked)})
         finally:
             del self._tasks[number]
             self._said.pop(number, None)
             self._untold.pop(number, None)
+            self._ready.pop(number, None)
             self._frames.discard(number)
+            if self._flight == number:
+                self._flight = None
 
-    def _report(self, number: int, told: Mapping[str, Any]) -> None:
+    async def _answer(self, number: int, asked: dict[str, Any]) -> dict[str, Any]:
+        """The last message of a task."""
+        try:
+            if asked.get("do") == FRAME:
+                return {"done": await self._frame(number, asked)}
+            said = self._said[number] = Said()
+            done = await self.session.run(asked, lambda told: self._report(number, told, asked.get("do")), said)
+        except asyncio.CancelledError:
+            return {"done": self._ready[number]} if number in self._ready else {"cancelled": True}
+        except Exception as error:
+            if not isinstance(error, PaveTwinError):
+                traceback.print_exception(error)
+            return {"error": failure_words(error)}
+        self._tell_live(number)
+        return {"done": done}
+
+    async def _frame(self, number: int, asked: dict[str, Any]) -> Mapping[str, Any]:
+        """A frame, once the page has read all that it was sent before: frames are large."""
+        frame = await self.session.frame(self, asked)
+        self._unsent.add(number)
+        try:
+            while self._sending is not None and not self._sending.done():
+                await asyncio.wait([self._sending])
+        finally:
+            self._unsent.discard(number)
+        return frame
+
+    def _report(self, number: int, told: Mapping[str, Any], do: Any) -> None:
         """Progress; while the page has not taken what it was sent before, it is left out, and what is live is kept."""
+        if "ready" in told and do in FLOWN:
+            self._ready[number] = told["ready"]
+            self._flight = None
         if "live" in told:
             self._untold[number] = joined(self._untold.get(number, {}), told["live"])
         is_ready = self._sending is None or self._sending.done()
@@ -156,5 +211,15 @@ class LiveHandler(WebSocketHandler):
             self._send({"id": number, "live": live})
 
     def _send(self, message: dict[str, Any]) -> None:
+        if self._unread > UNREAD:
+            self.close(1008, "The page does not read what it asks for.")
+            return
+        text = json.dumps(message)
         with suppress(WebSocketClosedError):
-            self._sending = self.write_message(json.dumps(message, ensure_ascii=False))
+            self._sending = self.write_message(text)
+            self._unread += len(text)
+            self._sending.add_done_callback(lambda sent: self._has_read(len(text), sent))
+
+    def _has_read(self, count: int, sent: asyncio.Future[None]) -> None:
+        self._unread -= count
+        sent.cancelled() or sent.exception()  # the page may have gone

@@ -269,7 +269,9 @@ class KeptProcess:
     async def _run_in(self, process: TaskProcess, task: Mapping[str, Any], said: Said | None) -> Mapping[str, Any]:
         try:
             return await process.run(task, lambda _: None, said)
-        except asyncio.CancelledError:
+        except PaveTwinError:
+            raise
+        except BaseException:
             await asyncio.shield(self.end())  # its answer would be taken for that of the next task
             raise
 

@@ -44,16 +44,12 @@ def main() -> None:
 
 
 def _reply(known: Any, task: Mapping[str, Any], progress: "_Progress") -> Mapping[str, Any]:
-    from pavetwin.errors import PaveTwinError
+    from pavetwin.app.failures import failure_words
 
     try:
         return {"result": known.run(task, progress)}
-    except PaveTwinError as error:
-        return {"error": str(error)}
-    except MemoryError:
-        return {"error": "It needs more memory than the page may use."}
     except Exception as error:
-        return {"error": f"Unexpected failure: {type(error).__name__}: {error}. Please report it."}
+        return {"error": failure_words(error)}
 
 
 class _Progress:
@@ -85,7 +81,7 @@ class _Progress:
 
 def _write(replies: IO[str], message: Mapping[str, Any]) -> None:
     with suppress(BrokenPipeError):  # the server is gone; the end of the input ends this process
-        replies.write(json.dumps(message, ensure_ascii=False) + "\n")
+        replies.write(json.dumps(message) + "\n")  # in ASCII: a browser may have sent half a pair of surrogates
         replies.flush()
 
 

@@ -33,10 +33,16 @@ class Upload:
     """A map on its way into a file, up to its announced size."""
 
     def __init__(self, path: Path, size: int, on_progress: OnReport) -> None:
+        """Raises:
+        PaveTwinError: the file cannot be made.
+        """
         self.size = size
         self._on_progress = on_progress
         self._taken = self._told = 0
-        self._file: BinaryIO | None = path.open("wb")
+        try:
+            self._file: BinaryIO | None = path.open("wb")
+        except OSError as error:
+            raise unwritable(Path("the map"), error) from error
         self._is_begun = False
         self.arrived: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
@@ -143,8 +149,11 @@ class Uploads:
         """A folder for one map, which is gone afterwards."""
         if self._count >= AT_ONCE:
             raise PaveTwinError("Other maps are being built; wait for one of them to end.")
+        try:
+            folder = Path(tempfile.mkdtemp(prefix="map-", dir=self._folder))
+        except OSError as error:
+            raise unwritable(Path("the map"), error) from error
         self._count += 1
-        folder = Path(tempfile.mkdtemp(prefix="map-", dir=self._folder))
         try:
             yield folder
         finally:
