@@ -90,6 +90,58 @@ def test_what_cannot_be_chosen_is_told_in_one_line(
     assert "\n" not in str(told.value)
 
 
+def bomb(entry: str) -> str:
+    """Nine levels, of which each has the one below nine times."""
+    levels = [f"a{level}: &a{level} {entry.format(', '.join([f'*a{level - 1}'] * 9))}" for level in range(1, 9)]
+    return "\n".join(["a0: &a0 {x: 1}", *levels, ""])
+
+
+@pytest.mark.parametrize("entry", ["[{}]", "{{<<: [{}]}}"])
+def test_what_names_and_repeats_its_parts_is_refused_unread(
+    world: Path, spec: MissionSpec, monkeypatch: pytest.MonkeyPatch, entry: str
+) -> None:
+    monkeypatch.setattr(described, "parse_yaml", lambda *_: pytest.fail("it was read"))
+    text = bomb(entry) + yaml.safe_dump(spec.as_values())
+    with pytest.raises(PaveTwinError, match="repeats a part by its name, 'a0'"):
+        choices_of({"text": text, "worlds": {"w0": str(world)}})
+
+
+@pytest.mark.parametrize("text", ["[" * 20_000, "- " * 40_000, "? " * 40_000, "{a: " * 20_000])
+def test_what_is_nested_deeply_is_refused_unread(world: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+    monkeypatch.setattr(described, "parse_yaml", lambda *_: pytest.fail("it was read"))
+    with pytest.raises(PaveTwinError, match="nested too deeply"):
+        choices_of({"text": text, "worlds": {"w0": str(world)}})
+
+
+ENDLESS = f"0x{'f' * 50_000}"
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("seed: 7", f"seed: {ENDLESS}"),
+        ("clouds: 0.4", f"clouds: {ENDLESS}"),
+        ("clouds: 0.4", f"clouds: -1{':59' * 20_000}"),
+        ("altitude_m: 12.5", f"altitude_m: !!int '{ENDLESS}'"),
+        ("date: '2026-06-21'", f"date: {ENDLESS}"),
+        ("targets:", f"other: [{{? {ENDLESS} : 1}}]\ntargets:"),
+        ("name: skip", f"name: {ENDLESS}"),
+    ],
+)
+def test_a_number_that_is_too_long_to_be_written_is_refused(
+    world: Path, spec: MissionSpec, before: str, after: str
+) -> None:
+    text = yaml.safe_dump(spec.as_values())
+    assert before in text
+    with pytest.raises(PaveTwinError, match="a number in it is above"):
+        choices_of({"text": text.replace(before, after, 1), "worlds": {"w0": str(world)}})
+
+
+@pytest.mark.parametrize("base", [["a", "b"], "ab", [1], [[1], [2]], {"x": 1, "y": 2}, 7])
+def test_a_base_that_is_no_place_is_left_out(world: Path, spec: MissionSpec, base: Any) -> None:
+    assert "base" in chosen(world, {**spec.as_values(), "base": base})["left_out"]
+
+
 @pytest.mark.parametrize("text", ["", "{", "- 1", "7", None, 7, "[" * 20_000, "a: !!python/object:os.system x"])
 def test_what_is_no_mission_is_refused(world: Path, text: Any) -> None:
     with pytest.raises(PaveTwinError, match=r"mission\.yaml"):

@@ -2,7 +2,8 @@
 taken as a path, loaded, or opened; what the form has no field for is named and left out.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from datetime import date
 from math import hypot
 from pathlib import Path
 from typing import Any, Final
@@ -25,8 +26,11 @@ WHERE: Final = "the mission.yaml"
 LARGEST: Final = 100_000
 """Characters."""
 
-_MOST_BRACKETS: Final = 1000
-"""That open something: reading text that nests them deeply takes minutes, and no mission.yaml has as many."""
+_DEEPEST: Final = 32
+"""Lists and mappings within each other: a mission.yaml has a few, and reading many takes minutes."""
+
+_LARGEST: Final = 10**18
+"""Of whole numbers."""
 
 _SAME_M: Final = 0.01
 
@@ -48,7 +52,7 @@ def choices_of(task: Mapping[str, Any]) -> dict[str, Any]:
     key, folder = _world_of(_part(values, "world"), task["worlds"])
     world = kept_world(Path(folder))
     segments = _known_segments(values.get("targets"), world)
-    density, _, mix = str(traffic.get("density") or "").partition(MIXED)
+    density, _, mix = _text(traffic.get("density")).partition(MIXED)
     request = FlightRequest.of(
         _without_none(
             {
@@ -76,15 +80,48 @@ def choices_of(task: Mapping[str, Any]) -> dict[str, Any]:
 def _parsed(text: Any) -> Mapping[str, Any]:
     if not isinstance(text, str) or len(text) > LARGEST:
         raise PaveTwinError(f"{WHERE} is a text of up to {LARGEST} characters.")
-    if text.count("[") + text.count("{") > _MOST_BRACKETS:
-        raise PaveTwinError("This is no mission.yaml: it is nested too deeply.")
     try:
+        _check_plain(text)
         values = parse_yaml(text, WHERE)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise PaveTwinError("This is no mission.yaml: it cannot be read.") from error
+    _check_numbers(values)
     if not isinstance(values, Mapping) or values.get("format") not in READABLE:
         raise PaveTwinError(f"This is no mission.yaml of format {' or '.join(map(str, READABLE))}.")
     return values
+
+
+def _check_plain(text: str) -> None:
+    """Refuse what a few characters can make endless, before anything is made of the text.
+
+    Raises:
+        PaveTwinError: it repeats a part by an anchor and aliases, or is nested too deeply.
+        yaml.YAMLError: it is not valid YAML.
+    """
+    depth = 0
+    for event in yaml.parse(text, Loader=yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader):
+        if isinstance(event, yaml.NodeEvent) and event.anchor is not None:
+            raise PaveTwinError(f"This is no mission.yaml: it repeats a part by its name, '{event.anchor[:40]}'.")
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > _DEEPEST:
+            raise PaveTwinError("This is no mission.yaml: it is nested too deeply.")
+
+
+def _check_numbers(values: Any) -> None:
+    """Refuse whole numbers that are longer than Python writes.
+
+    Raises:
+        PaveTwinError: there is one.
+    """
+    waiting = [values]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, Mapping):
+            waiting += [*value.keys(), *value.values()]
+        elif isinstance(value, list | tuple | set):
+            waiting += value
+        elif isinstance(value, int) and abs(value) > _LARGEST:
+            raise PaveTwinError(f"This is no mission.yaml: a number in it is above {_LARGEST:.0e}.")
 
 
 def _part(values: Mapping[str, Any], name: str) -> Mapping[str, Any]:
@@ -111,7 +148,7 @@ def _world_of(named: Mapping[str, Any], worlds: Mapping[str, str]) -> tuple[str,
     alike = [key for key, folder in worlds.items() if Path(folder).name == named.get("name")]
     if not same + alike:
         raise PaveTwinError(
-            f"{WHERE} is of the town '{str(named.get('name'))[:60]}', which is none of those that the page shows."
+            f"{WHERE} is of the town '{_text(named.get('name'))[:60]}', which is none of those that the page shows."
         )
     key = (same + alike)[0]
     return key, worlds[key]
@@ -129,8 +166,15 @@ def _known_segments(targets: Any, world: World) -> list[str]:
 
 
 def _conditions(given: Mapping[str, Any]) -> dict[str, Any]:
-    texts = {name: str(given[name]).removesuffix(":00") for name in ("date", "time") if name in given}
+    texts = {name: _text(given[name]).removesuffix(":00") for name in ("date", "time") if name in given}
     return texts | {name: given[name] for name in ("clouds", "wind_mps", "wind_from_deg") if name in given}
+
+
+def _text(value: Any) -> str:
+    """A text or a date; of anything else, however long it would be, only that it is something else."""
+    if isinstance(value, str | date):
+        return str(value)
+    return "" if value is None else "?"
 
 
 def _without_none(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -148,9 +192,14 @@ def _left_out(values: Mapping[str, Any], request: FlightRequest, world: World) -
         left.append("seeds of traffic or parking")
     settings = request.settings()
     own = with_roadside_base(world, settings.uav.radius_m).base
-    if not (isinstance(base, Sequence) and len(base) == 2 and hypot(base[0] - own.x, base[1] - own.y) < _SAME_M):
+    if not _is_at(base, own.x, own.y):
         left.append("base")
     return left + sorted(_differing(_part(values, "settings"), settings.model_dump(mode="json"), "settings"))
+
+
+def _is_at(place: Any, x_m: float, y_m: float) -> bool:
+    is_place = isinstance(place, list) and len(place) == 2 and all(isinstance(each, int | float) for each in place)
+    return is_place and hypot(place[0] - x_m, place[1] - y_m) < _SAME_M
 
 
 def _differing(given: Any, own: Any, place: str) -> list[str]:
