@@ -1,6 +1,8 @@
 """Who is answered: every request without the token, under another address or from another page is refused."""
 
 import asyncio
+import base64
+import hashlib
 import http.client
 import re
 import socket
@@ -10,8 +12,10 @@ from pathlib import Path
 import pytest
 from tornado.httpclient import HTTPClientError
 
+from pavetwin.app.addresses import name_for_others, own_name
 from pavetwin.app.guard import COOKIE, Guard
 from pavetwin.app.handlers import STATIC
+from pavetwin.app.refusal import refusal_page
 from scenes.page import RunningPage, running_page
 
 ADDRESSES = (
@@ -56,6 +60,63 @@ def test_without_the_token_nothing_is_answered(page: RunningPage, path: str, coo
 def test_a_wrong_token_opens_no_page(page: RunningPage) -> None:
     for query in ("", "?token=", "?token=x", f"?token={page.guard.token[:-1]}"):
         assert page.get(f"/{query}", Cookie="").status == 403
+
+
+BROWSER = {"Cookie": "", "Accept": "text/html,application/xhtml+xml,*/*;q=0.8"}
+
+
+def test_a_browser_without_the_token_is_told_what_to_open(page: RunningPage) -> None:
+    for path, host in (("/", ""), ("/?token=x", ""), ("/", f"evil.example:{page.port}")):
+        answer = page.get(path, **BROWSER, **({"Host": host} if host else {}))
+        assert answer.status == (421 if host else 403)
+        assert answer.headers["Content-Type"].startswith("text/html")
+        text = answer.body.decode()
+        assert "open the address that the command printed" in text or "open the one that the command printed" in text
+        assert page.guard.token not in text
+        assert not re.search("src=|href=|url\\(|<script", text), "it asks for nothing"
+        (style,) = re.findall("<style>(.*)</style>", text)
+        assert "color-scheme:light dark" in style
+        hashed = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
+        rules = dict(rule.strip().split(" ", 1) for rule in answer.headers["Content-Security-Policy"].split(";"))
+        assert rules["default-src"] == "'none'"
+        assert rules["style-src"] == f"'sha256-{hashed}'"
+        assert rules["frame-ancestors"] == "'none'"
+
+
+def test_other_addresses_and_other_clients_get_no_such_page(page: RunningPage) -> None:
+    for path in ADDRESSES:
+        assert b"opens from its address" not in page.get(path, **BROWSER).body
+    assert page.get("/api/start", **BROWSER).values["error"]
+    assert page.get("/nothing", Accept="text/html").values["error"]
+    assert page.get("/", Cookie="").values["error"]
+
+
+def test_a_refusal_shows_no_markup_of_others() -> None:
+    assert "<b>" not in refusal_page("<b>")
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::"])
+def test_other_machines_get_an_address_that_is_answered(host: str) -> None:
+    name = name_for_others(host)
+    assert name is not None
+    assert not name.startswith("127.")
+    assert Guard(host).is_host(f"{name}:8765", 8765)
+    assert Guard(host).is_host(f"{own_name(host)}:8765", 8765)
+
+
+def test_a_machine_without_a_way_to_others_is_named_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise OSError
+
+    monkeypatch.setattr(socket.socket, "connect", fail)
+    name = name_for_others("0.0.0.0")
+    assert name == socket.gethostname()
+    assert Guard("0.0.0.0").is_host(f"{name}:1", 1)
+
+
+def test_where_one_address_is_listened_at_there_is_no_other() -> None:
+    assert [name_for_others(host) for host in ("127.0.0.1", "localhost", "::1", "192.168.1.5")] == [None] * 4
+    assert [own_name(host) for host in ("::1", "box")] == ["[::1]", "box"]
 
 
 @pytest.mark.parametrize("path", ["/", *ADDRESSES])

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from urllib.error import HTTPError
-from urllib.request import urlopen
+from urllib.request import Request, urlopen
 
 import pytest
 
@@ -51,6 +51,17 @@ def test_it_answers_who_has_the_address_and_ends_with_its_processes(tmp_path: Pa
         process.send_signal(how)
         assert process.wait(30) == {signal.SIGTERM: 143, signal.SIGINT: 130, signal.SIGKILL: -9}[how]
     assert is_over(lambda: all(map(is_gone, mine)))
+
+
+def test_other_machines_are_told_an_address_of_their_own(tmp_path: Path) -> None:
+    with started(tmp_path, "--host", "0.0.0.0") as (process, address):
+        assert process.stdout is not None
+        found = re.search(r"Other machines open http://(.+:\d+)(/\?token=[\w-]{20,})$", process.stdout.readline())
+        assert found is not None
+        assert not found[1].startswith("127.")
+        asked = Request(address.partition("/?")[0] + found[2], headers={"Host": found[1]})
+        with urlopen(asked, timeout=20) as answer:
+            assert b"PaveTwin" in answer.read()
 
 
 def test_what_a_killed_server_leaves_goes_with_the_next_start(tmp_path: Path) -> None:

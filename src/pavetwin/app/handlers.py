@@ -11,6 +11,7 @@ from tornado.iostream import StreamClosedError
 from tornado.web import HTTPError, RequestHandler, StaticFileHandler, stream_request_body
 
 from pavetwin._core import __version__
+from pavetwin.app import refusal
 from pavetwin.app.guard import COOKIE, REFUSING, REPORT_POLICY, Guard
 from pavetwin.app.requests import check_size
 from pavetwin.app.session import Session
@@ -109,6 +110,16 @@ class PageHandler(GuardedHandler):
         if given is not None:
             self.set_cookie(f"{COOKIE}-{port}", self.guard.token, httponly=True, samesite="Strict", path="/")
         await self.send_file(STATIC / "index.html", "text/html; charset=utf-8")
+
+    def write_error(self, status_code: int, **how: Any) -> None:
+        """A browser gets a page that says what to do."""
+        error = how.get("exc_info", (None, None, None))[1]
+        if not isinstance(error, RefusedError) or "text/html" not in self.request.headers.get("Accept", ""):
+            super().write_error(status_code, **how)
+            return
+        self.set_header("Content-Type", "text/html; charset=utf-8")
+        self.set_header("Content-Security-Policy", refusal.POLICY)
+        self.finish(refusal.refusal_page(error.words))
 
 
 class FileHandler(StaticFileHandler):

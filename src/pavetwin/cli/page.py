@@ -58,16 +58,18 @@ async def _serve(folders: Sequence[Path], host: str, port: int, *, opens_browser
 
 
 async def _serve_with(tasks: "TaskPool", folders: Sequence[Path], host: str, port: int, *, opens_browser: bool) -> None:
+    from pavetwin.app.addresses import name_for_others, own_name
     from pavetwin.app.guard import Guard
     from pavetwin.app.server import serve_forever
     from pavetwin.app.session import Session
 
     session, guard = Session.of(folders, tasks), Guard(host)
-    named = "127.0.0.1" if host == "0.0.0.0" else "[::1]" if host == "::" else f"[{host}]" if ":" in host else host
 
     def tell(at: int) -> None:
-        address = f"http://{named}:{at}/?token={guard.token}"
+        address = f"http://{own_name(host)}:{at}/?token={guard.token}"
         out.line(f"The page is at {address}; Ctrl-C ends it.")
+        if name := name_for_others(host):
+            out.line(f"Other machines open http://{name}:{at}/?token={guard.token}")
         sys.stdout.flush()  # whoever started it with a pipe waits for this line
         if opens_browser:
             import webbrowser
