@@ -72,8 +72,12 @@ def test_a_mission_is_the_command_lines_byte_for_byte(page: RunningPage, world: 
 
 
 @pytest.mark.slow
-def test_two_policies_fly_over_the_same_traffic(page: RunningPage, ids: list[str]) -> None:
+def test_two_policies_fly_over_the_same_traffic(page: RunningPage, world: Path, ids: list[str]) -> None:
     done = fly(page, segments=ids[:1], policies=["baseline", "hover"])
+    before = digests(Path(done["folder"]))
+    again = pavetwin("fly", world, *SHORT, "--segment", ids[0], "--policy", "baseline", "--policy", "hover")
+    assert again.returncode == 0, again.stderr
+    assert digests(Path(done["folder"])) == before
     flight = played(page, done["key"])
     assert [mission["policy"] for mission in flight["missions"]] == ["baseline", "hover"]
     table = pl.read_parquet(Path(done["folder"]) / "mission.parquet")
