@@ -17,6 +17,7 @@ from pavetwin.experiments.design import Design, placed_at, preset_names, preset_
 from pavetwin.experiments.plan import Plan, cells_of, units_of, world_of_study
 from pavetwin.experiments.planning import load_worlds, plan
 from pavetwin.experiments.store import Store
+from pavetwin.sensing.detector import DetectorSensor
 from pavetwin.uav import find_camera
 from pavetwin.world.model import World
 from pavetwin.world.store import save_world
@@ -381,3 +382,40 @@ def test_a_study_notices_that_a_population_of_the_package_changed(
     monkeypatch.setattr(populations, "population", lambda name: denser if name == "survey" else survey)
     with pytest.raises(PaveTwinError, match=r"begun with the damage population 'survey' of other content than it has"):
         store.check(plan(made, load_worlds(made)))
+
+
+def test_a_study_goes_on_with_the_models_that_it_was_begun_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save_world(damaged("cross", 2), tmp_path / "cross")
+    sensors = ["recall", "detector", "calibrated"]
+    made = design(worlds=[str(tmp_path / "cross")], altitudes_m=[10], densities=["low"], sensors=sensors)
+    store, begun = Store(tmp_path / "study"), plan(made, load_worlds(made))
+    store.check_models(begun)
+    store.begin(begun)
+    named = {"detector": {"model": "synthetic-5"}, "calibrated": {"fitted": "synthetic-5"}}
+    assert store.models() == yaml.safe_load((store.folder / "design.yaml").read_text())["models"] == named
+    store.check_models(begun)
+    monkeypatch.setattr(DetectorSensor, "default_options", {**DetectorSensor.default_options, "model": "synthetic-1"})
+    later = plan(made, load_worlds(made))
+    with pytest.raises(PaveTwinError, match=r"begun with the model synthetic-5 of the sensor 'detector' \(now synth"):
+        store.check_models(later)
+    store.begin(later)
+    assert store.models() == named, "what was flown stays what it was"
+    chosen = plan(made.model_copy(update={"set": {"sensing.options.model": "synthetic-5"}}), load_worlds(made))
+    assert chosen.models == {"calibrated": {"fitted": "synthetic-5"}}
+
+
+def test_a_study_that_does_not_say_its_models_is_not_flown_on(tmp_path: Path) -> None:
+    save_world(damaged("cross", 2), tmp_path / "cross")
+    made = design(worlds=[str(tmp_path / "cross")], altitudes_m=[10], densities=["low"], sensors=["detector"])
+    store, begun = Store(tmp_path / "study"), plan(made, load_worlds(made))
+    store.begin(replace(begun, models={}))
+    store.check(begun)
+    with pytest.raises(PaveTwinError, match=r"does not say which model its sensor 'detector' had; choose") as told:
+        store.check_models(begun)
+    path = store.folder / "design.yaml"
+    line = str(told.value).split("`")[1]
+    assert line == "models: {detector: {model: synthetic-5}}"
+    path.write_text(f"{path.read_text()}{line}\n")
+    store.check_models(begun)

@@ -6,16 +6,20 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+import yaml
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.files import file_sha256
 from pavetwin.inventory.condition import with_detected
 from pavetwin.inventory.entry import Entry, entry_of
 from pavetwin.inventory.listing import entries_of
 from pavetwin.inventory.of_mission import NO_CROPS, flown
 from pavetwin.mission.condition import ConditionReport, street_condition, unit_table
 from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.look_table import LOOKS, read_looks
 from pavetwin.mission.results import save_mission
 from pavetwin.pci import Survey, sample_units
+from pavetwin.perception.shipped import DEFAULT, model_path
 from pavetwin.world.georeference import from_wgs84
 from scenes.spots import Spot, fly_over_spots
 from scenes.survey import photograph
@@ -165,3 +169,31 @@ def test_the_condition_index_by_measured_sizes_stands_beside_the_true_one(
     nothing = empty_street((20, 1)).fly("baseline")
     save_mission(nothing, tmp_path / "m")
     assert with_detected(report, flown(tmp_path / "m")).detected is None
+
+
+def test_a_mission_that_does_not_name_its_detector_is_judged_by_none_until_it_is_told(
+    mission: tuple[Path, MissionResult], tmp_path: Path
+) -> None:
+    """Earlier versions named none that was the default, and the default is another now."""
+    copied = tmp_path / "m"
+    copied.mkdir()
+    (copied / "detections.parquet").write_bytes((mission[0] / "detections.parquet").read_bytes())
+    said = yaml.safe_load((mission[0] / "mission.yaml").read_text())
+    assert flown(mission[0]).detector == file_sha256(model_path(DEFAULT))
+    del said["settings"]["sensing"]["options"]["model"]
+    (copied / "mission.yaml").write_text(yaml.safe_dump(said))
+    reading = flown(copied)
+    assert (reading.detector, reading.entry_model) == (None, None)
+    assert f"'{copied}' does not say which detector looked at its images" in reading.remarks[-1]
+    told = flown(copied, model=model_path("synthetic-1"))
+    assert told.detector == file_sha256(model_path("synthetic-1"))
+    assert told.entry_model is not None
+    assert told.remarks == (NO_CROPS,)
+    with pytest.raises(PaveTwinError, match="does not say which detector looked at its images; name it with `model`"):
+        read_looks(with_looks(copied, mission[0]))
+    assert read_looks(copied, model_path("synthetic-1")).detector.sha256 == told.detector
+
+
+def with_looks(folder: Path, other: Path) -> Path:
+    (folder / LOOKS).write_bytes((other / LOOKS).read_bytes())
+    return folder

@@ -1,6 +1,7 @@
 """A mission's description: read from anywhere, after a move, in its former format, and compared with what comes out."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -232,3 +233,19 @@ def test_defects_placed_before_there_were_populations_are_the_papers(described: 
         assert former.spec.defects.options == DefectOptions(population=of, **found)
     assert read_mission(described).spec.defects.options is None, "the world's own"
     assert DefectInput(seed=5).options == DefectOptions()
+
+
+def test_a_mission_of_before_models_were_named_says_so(described: Path, tmp_path: Path) -> None:
+    """Which fitted sensor it had cannot be known; what is flown again names that of now, and is not another mission."""
+    former = read_mission(described)
+    assert former.unnamed_models() is None
+    settings = yaml.safe_load(described.read_text())["settings"]
+    path = changed(described, tmp_path, settings={**settings, "sensing": {"sensor": "calibrated"}})
+    old = read_mission(path)
+    assert old.unnamed_models() == (
+        f"'{path}' does not say which model its sensor 'calibrated' had; now it is synthetic-5."
+    )
+    spec = old.planned(load_world(described.parents[2] / "town"))
+    assert spec.settings.sensing.options == {"fitted": "synthetic-5"}
+    result = replace(flown_again(former), spec=spec)
+    assert old.verdict(result) == "The same as the first time."

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shapely import box
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission import fly_over
@@ -12,7 +13,9 @@ from pavetwin.mission.fly import fly
 from pavetwin.mission.inputs import MissionInputs, aircraft_of
 from pavetwin.mission.replay import Replay
 from pavetwin.mission.spec import AircraftTrack, MissionSpec
+from pavetwin.sensing.detector import DetectorSensor
 from scenes.recordings import recording
+from scenes.spots import fly_over_spots
 from scenes.tiny import Scene, straight
 
 EMPTY = recording(("van",), lambda *_: (20.0, 40.0, 0.0, 0.0), frames=1200)
@@ -74,3 +77,21 @@ def test_the_renderers_version_is_named_where_images_were_taken(tmp_path: Path) 
             image_source=lambda frame: np.zeros((*frame.camera.image_px[::-1], 3), dtype=np.uint8),
         )
         assert ("wgpu" in result.spec.versions) is named
+
+
+def test_a_spec_names_the_model_that_its_sensor_has_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that a mission stays one of the detector that looked, when another one becomes the default."""
+    wall = box(30, 0, 31, 1)
+    result, _ = fly_over_spots(Scene(straight((30, 0))), [("Pothole", wall)], aboard=False)
+    assert result.spec.settings.sensing.options == {"aboard": False, "model": DetectorSensor.default_options["model"]}
+    assert result.spec.with_policy("baseline", result.settings).settings.sensing.options["model"] == "synthetic-5"
+    scene = Scene(straight(), altitude_m=10.0)
+    for sensor, options in (("calibrated", {"fitted": "synthetic-5"}), ("recall", {})):
+        settings = scene.settings(f"sensing.sensor={sensor}")
+        assert settings.sensing.options == {}
+        spec = fly_over(scene.environment(settings), scene.traffic(), settings, [0], "baseline").spec
+        assert spec.settings.sensing.options == options
+    other = {**DetectorSensor.default_options, "model": "synthetic-9"}
+    monkeypatch.setattr(DetectorSensor, "default_options", other)
+    read = MissionSpec.parse(result.spec.as_values(), where="it")
+    assert read.with_models() == read == result.spec

@@ -86,13 +86,21 @@ def inventory(
     with progress("Reading", lines=True) as tell:
         if (source / MISSION).is_file():
             from pavetwin.inventory.of_mission import flown, flown_together
+            from pavetwin.mission.look_table import names_no_detector
 
-            _refuse(model=model, gsd_mm=gsd_mm, height_m=height_m, tiled=tiled, overview=overview or None)
-            error_m = position_error_m or 0.0
+            unnamed = any(map(names_no_detector, sources))
+            _refuse(
+                model=None if unnamed else model,
+                gsd_mm=gsd_mm,
+                height_m=height_m,
+                tiled=tiled,
+                overview=overview or None,
+            )
+            error_m, looked = position_error_m or 0.0, None if model is None else named(model)
             reading = (
-                flown_together(sources, position_error_m=error_m, fitted=fitted)
+                flown_together(sources, position_error_m=error_m, fitted=fitted, model=looked)
                 if others
-                else flown(source, position_error_m=error_m, fitted=fitted)
+                else flown(source, position_error_m=error_m, fitted=fitted, model=looked)
             )
         else:
             inner = sorted(path.parent.name for path in source.glob(f"*/{MISSION}"))

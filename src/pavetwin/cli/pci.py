@@ -36,6 +36,7 @@ def pci(
     """
     from pavetwin.draw.pci_map import save_pci_map
     from pavetwin.mission.condition import write_condition
+    from pavetwin.mission.look_table import names_no_detector
     from pavetwin.pci import rating_of
 
     target = output or folder / "pci"
@@ -71,6 +72,11 @@ def pci(
     if small := sum(not condition.unit.has_usual_size for condition in report.true):
         units = "unit is" if small == 1 else "units are"
         out.line(f"{small} {units} smaller than the 135 m² of the standard, as the segments are.")
+    if report.detected is not None and names_no_detector(folder):
+        out.line(
+            "The mission does not say which detector looked at its images: all its detections count, as likely a "
+            "defect or not."
+        )
     for name, number in report.not_counted.items():
         defects = "a defect" if number == 1 else f"{number} defects"
         out.line(f"Not counted: {defects} of the class '{name}', for which the standard's distress is not known here.")

@@ -105,6 +105,8 @@ def tell(results: Sequence["MissionResult"], inputs: "MissionInputs", former: "F
     for line in (sentence(results), *remarks(results)):
         out.line(line)
     if former is not None:
+        if unnamed := former.unnamed_models():
+            out.print(f"[yellow]Note:[/] {unnamed}", soft_wrap=True)
         if changes := former.version_changes():
             out.print(f"[yellow]Note:[/] flown before with {', '.join(changes)}.", soft_wrap=True)
         out.print(former.verdict(results[0]), markup=False, soft_wrap=True)

@@ -144,6 +144,8 @@ class Plan:
     """Versions by name of the installed packages that give a policy, a sensor or the like."""
     populations: Mapping[str, str] = field(default_factory=dict)
     """Hashes by name of the damage populations of the package that defects are placed by."""
+    models: Mapping[str, Mapping[str, OptionValue]] = field(default_factory=dict)
+    """By sensor, the models that the design leaves to it: by option, those of now."""
     traffic_area_m: float | None = None
     """Traffic is recorded within this distance of a unit's segments; None: in the whole town."""
     image_source_factory: ImageSourceFactory | None = None

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from pavetwin.config import MissionSettings
+from pavetwin.config.options import OptionValue
 from pavetwin.defects import DefectOptions
 from pavetwin.defects.population import population_names, population_sha256
 from pavetwin.defects.registry import DEFECT_CLASSES, kinds
@@ -21,6 +22,7 @@ from pavetwin.mission.spec import PolicyInput, files_of_settings
 from pavetwin.mission.targets import short_tour
 from pavetwin.mission.versions import packages_in_use
 from pavetwin.plugins import load_plugins, registered_in
+from pavetwin.sensing.registered import unnamed_models
 from pavetwin.traffic.demand import density_named
 from pavetwin.traffic.own_demand import own_demand
 from pavetwin.traffic.recording_file import load_recording
@@ -74,6 +76,7 @@ def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = 
         used={cell: tuple(files) for cell, files in used.items()},
         packages=_packages(design, worlds, cells),
         populations={name: population_sha256(name) for name in named if name not in own},
+        models=_models(design, cells),
         traffic_area_m=traffic_area_m(design, cells),
     )
 
@@ -140,6 +143,12 @@ def _populations(design: Design, worlds: Sequence[World]) -> list[str]:
         return [design.defects.population]
     folders = [world.folder for world in worlds if world.folder is not None]
     return sorted({DefectOptions.of_record(load_record(folder)).population for folder in folders})
+
+
+def _models(design: Design, cells: Sequence[Cell]) -> dict[str, dict[str, OptionValue]]:
+    """By sensor, the models that the design leaves to it."""
+    found = ((cell.sensor, unnamed_models(cell.settings(design).sensing)) for cell in cells)
+    return {sensor: models for sensor, models in found if models}
 
 
 def _packages(design: Design, worlds: Sequence[World], cells: Sequence[Cell]) -> dict[str, str]:

@@ -97,6 +97,8 @@ def _run(
         store.check(made)
         missing = store.missing(made, failed=retry)
         flying = sum(len(made.cells_of(unit)) for unit in missing)
+        if missing:
+            store.check_models(made)
         done, recorded = made.missions - flying, 0
         if outdated := store.outdated(made):
             files = listed(store.changed_files(made)) or "A file"

@@ -17,6 +17,7 @@ import numpy as np
 import polars as pl
 import yaml
 
+from pavetwin.config.options import OptionValue
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design, as_flown
 from pavetwin.experiments.fly_unit import part_of, schema
@@ -61,7 +62,7 @@ class Store:
         if not self._holds_anything():
             return
         self._check_renderer()
-        there, wanted = self.description()["worlds"], _description(plan)["worlds"]
+        there, wanted = self.description()["worlds"], _description(plan, {})["worlds"]
         for name in (name for name, content in wanted.items() if there.get(name) != content):
             raise PaveTwinError(
                 f"'{self.folder}' was begun with another world than '{name}' is now; choose another folder."
@@ -73,6 +74,31 @@ class Store:
                 "choose another folder."
             )
         _check_owners(self.folder, self.owners(), plan)
+
+    def check_models(self, plan: Plan) -> None:
+        """Whether what is to be flown has the models of sensors that the rest was flown with.
+
+        Raises:
+            PaveTwinError: it has others, or the folder does not say which they were.
+        """
+        there = self.models()
+        for sensor, models in plan.models.items() if self._holds_anything() else ():
+            if sensor not in there:
+                raise PaveTwinError(
+                    f"'{self.folder}' does not say which model its sensor '{sensor}' had; choose another folder. If it "
+                    f"was {' and '.join(map(str, models.values()))}, as now, add the line `models: "
+                    f"{_as_written({sensor: dict(models)})}` to its {DESIGN}."
+                )
+            if there[sensor] != models:
+                before, now = (", ".join(map(str, each.values())) for each in (there[sensor], models))
+                raise PaveTwinError(
+                    f"'{self.folder}' was begun with the model {before} of the sensor '{sensor}' (now {now}); choose "
+                    "another folder."
+                )
+
+    def models(self) -> Mapping[str, Mapping[str, OptionValue]]:
+        """By sensor, the models that it had where the design names none; not in studies of earlier versions."""
+        return (self.description().get("models") or {}) if self._holds_anything() else {}
 
     def missing(self, plan: Plan, *, failed: bool = False) -> list[Unit]:
         """What is to be flown: units without a part or with a damaged one, and of the others the cells that are not
@@ -86,7 +112,7 @@ class Store:
     def changed_files(self, plan: Plan) -> list[str]:
         """Names of the user's own files that are not what they were when the study was last begun."""
         there = self.description().get("files", {}) if self._holds_anything() else {}
-        wanted = _description(plan)["files"]
+        wanted = _description(plan, {})["files"]
         return [Path(path).name for path, content in wanted.items() if there.get(path, content) != content]
 
     def outdated(self, plan: Plan) -> int:
@@ -98,9 +124,14 @@ class Store:
         return count
 
     def begin(self, plan: Plan) -> None:
-        """Make the folder ready for a design that was checked; rows of files that have changed are set apart."""
+        """Make the folder ready for a design that was checked; rows of files that have changed are set apart.
+
+        The models that a study was begun with stay.
+        """
+        models = self.models() if self._holds_anything() else plan.models
+        description = _description(plan, models)
         with writing(self.folder / DESIGN) as path:
-            path.write_text(yaml.safe_dump(_description(plan), sort_keys=False, allow_unicode=True), encoding="utf-8")
+            path.write_text(yaml.safe_dump(description, sort_keys=False, allow_unicode=True), encoding="utf-8")
         for unit in plan.units if plan.files else ():
             self._set_apart(plan, unit)
 
@@ -290,13 +321,14 @@ def _outdated(plan: Plan, unit: Unit, rows: pl.DataFrame) -> pl.DataFrame:
     return rows.filter(pl.col(FILES).ne_missing(pl.Series(hashes, dtype=pl.String)))
 
 
-def _description(plan: Plan) -> dict[str, Any]:
+def _description(plan: Plan, models: Mapping[str, Mapping[str, OptionValue]]) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "versions": software_versions(packages=plan.packages),
         "worlds": dict(zip(plan.names, (content[:SHOWN] for content in plan.hashes), strict=True)),
         "files": {path: content[:SHOWN] for path, content in plan.files.items()},
         **({"populations": dict(plan.populations)} if plan.populations else {}),
+        **({"models": {sensor: dict(each) for sensor, each in models.items()}} if models else {}),
         **({"owners": {key: list(names) for key, names in plan.owners.items()}} if plan.owners else {}),
         "design": plan.design.model_dump(mode="json"),
     }

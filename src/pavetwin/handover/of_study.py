@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from pavetwin.config import MissionSettings
+from pavetwin.config.options import OptionValue
 from pavetwin.defects import DefectOptions
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import OWN_ROUTES, Design, WorldEntry
@@ -67,7 +68,7 @@ def fly_recommended(folder: Path, advice: StreetAdvice, images: ImagesOf, tell: 
     entry, world = _world(design, advice.world, store.description()["worlds"])
     check_place(world)
     cell = _cell(store, design, advice)
-    settings = cell.settings(design)
+    settings = _with_models(cell.settings(design), store.models().get(cell.sensor, {}))
     tell(0.0, "Preparing the flight domain")
     spec, inputs = _planned(design, entry, world, cell, settings, advice, tell)
     inputs.on_extend(lambda share: tell(share, "Recording more traffic"))
@@ -115,6 +116,12 @@ def _planned(
     spec = planned.model_copy(update={"defects": defects})
     inputs = load_inputs(spec, world=world, environment=environment, on_progress=tell)
     return inputs.flown(spec), inputs
+
+
+def _with_models(settings: MissionSettings, models: Mapping[str, OptionValue]) -> MissionSettings:
+    """With the models that the study was flown with, where its design leaves them to the sensor."""
+    sensing = settings.sensing.model_copy(update={"options": {**models, **settings.sensing.options}})
+    return settings.model_copy(update={"sensing": sensing})
 
 
 def _defects(design: Design, world: World) -> DefectInput:

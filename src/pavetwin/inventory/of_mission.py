@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from shlex import quote
 from typing import Any, Final
 
 import numpy as np
@@ -19,7 +20,7 @@ from pavetwin.inventory.observation import SIZES, Observation
 from pavetwin.inventory.probability import entry_model
 from pavetwin.inventory.reading import Reading, check_size
 from pavetwin.labels.classes import label_name
-from pavetwin.mission.look_table import detector_sha256
+from pavetwin.mission.look_table import detector_sha256, names_no_detector
 from pavetwin.perception.inference.detector import pixels_of
 from pavetwin.perception.results.measuring import NOT_RESOLVABLE
 from pavetwin.perception.results.photograph import pose_of
@@ -39,7 +40,9 @@ LATER: Final = ("footprint", "is_cut", "pixel_mm", "severity", *SIZES)
 """Columns that missions of earlier versions do not have."""
 
 
-def flown_together(folders: Sequence[Path], *, position_error_m: float = 0.0, fitted: str | None = None) -> Reading:
+def flown_together(
+    folders: Sequence[Path], *, position_error_m: float = 0.0, fitted: str | None = None, model: Path | None = None
+) -> Reading:
     """What the sensors of several missions over one place reported, in the frame of the first; see `flown`.
 
     A mission that cannot be read is a remark.
@@ -52,7 +55,7 @@ def flown_together(folders: Sequence[Path], *, position_error_m: float = 0.0, fi
     frame: GeoReference | None = None
     for folder in folders:
         try:
-            mine = flown(folder, position_error_m=position_error_m, frame=frame, fitted=fitted)
+            mine = flown(folder, position_error_m=position_error_m, frame=frame, fitted=fitted, model=model)
         except PaveTwinError as error:
             wrong.append(error)
             continue
@@ -79,6 +82,7 @@ def flown(
     position_error_m: float = 0.0,
     frame: GeoReference | None = None,
     fitted: str | None = None,
+    model: Path | None = None,
 ) -> Reading:
     """What the sensor of a mission reported: all its detections of defects, as an agency gets them, without the
     judgement of what is there.
@@ -88,6 +92,7 @@ def flown(
         position_error_m: standard deviation of the camera's position, east and north each; 0 in the simulation.
         frame: of the places; unless given, one whose origin is the first detection.
         fitted: the sensor that tells how likely entries are defects, see `pavetwin.inventory.probability.entry_model`.
+        model: the file of its detector, for a mission that does not name it.
 
     Raises:
         PaveTwinError: its detections are gone, its table of images is damaged, the mission is of an earlier version,
@@ -104,13 +109,24 @@ def flown(
     rows = [row for row in table.iter_rows(named=True) if row["class"] not in OTHER_CLASSES]
     images = _images(folder)
     captures = table["capture"].n_unique()
-    detector = detector_sha256(folder)
-    known = entry_model(detector, fitted)
+    remarks = () if images or not rows else (NO_CROPS,)
+    detector = detector_sha256(folder, model)
+    if detector is None and names_no_detector(folder):
+        remarks, known = (*remarks, _unnamed(folder)), None
+    else:
+        known = entry_model(detector, fitted)
     if not rows:
-        return Reading((), None, captures, detector=detector, entry_model=known)
+        return Reading((), None, captures, remarks, detector=detector, entry_model=known)
     frame = frame or anchored(rows[0]["latitude"], rows[0]["longitude"])
     observations = tuple(_observed(row, frame, images, position_error_m) for row in rows)
-    return Reading(observations, frame, captures, () if images else (NO_CROPS,), detector, known)
+    return Reading(observations, frame, captures, remarks, detector, known)
+
+
+def _unnamed(folder: Path) -> str:
+    return (
+        f"'{folder}' does not say which detector looked at its images: its entries are without a probability; "
+        f"`pavetwin inventory {quote(str(folder))} model=NAME` tells."
+    )
 
 
 def _images(folder: Path) -> Mapping[int, Path]:

@@ -22,6 +22,7 @@ from pavetwin.mission.plan import defect_input
 from pavetwin.mission.results import TOTALS, totals
 from pavetwin.mission.spec import FORMAT, FileInput, MissionSpec, TrafficInput, WorldInput
 from pavetwin.mission.versions import version_changes
+from pavetwin.sensing.registered import unnamed_models
 from pavetwin.world.folder import DESCRIPTION, read_description
 from pavetwin.world.model import World
 
@@ -103,12 +104,12 @@ class FormerMission:
             changes["world"] = WorldInput.of(world)
         if defect_seed is not None:
             changes["defects"] = defect_input(world, defect_seed)
-        spec = self.spec.model_copy(update=changes)
+        spec = self.spec.model_copy(update=changes).with_models()
         return spec if policy is None else spec.with_policy(policy)
 
     def verdict(self, result: MissionResult) -> str:
         """Whether a mission that was flown again gave the same results, as a sentence."""
-        if not _is_same(result.spec, self.spec):
+        if not _is_same(result.spec, self.spec.with_models()):
             return "Not the same mission as before: an option changed it."
         if different := self.differences(result):
             return f"Not the same as the first time ({', '.join(different)})."
@@ -116,7 +117,7 @@ class FormerMission:
 
     def is_contradicted_by(self, result: MissionResult) -> bool:
         """Whether the same mission, flown again, gave other results."""
-        return _is_same(result.spec, self.spec) and bool(self.differences(result))
+        return _is_same(result.spec, self.spec.with_models()) and bool(self.differences(result))
 
     def differences(self, result: MissionResult) -> list[str]:
         """Names of what came out differently; empty when all is the same."""
@@ -125,6 +126,17 @@ class FormerMission:
         if self.detections is not None and not _same_captures(self.detections, detections_geojson(result)):
             other.append("captures")
         return other
+
+    def unnamed_models(self) -> str | None:
+        """A sentence where it does not say which model its sensor had; None where it does, or the sensor has none.
+
+        Earlier versions named no model that was the default.
+        """
+        sensing = self.spec.settings.sensing
+        now = ", ".join(map(str, unnamed_models(sensing).values()))
+        if not now:
+            return None
+        return f"'{self.path}' does not say which model its sensor '{sensing.sensor}' had; now it is {now}."
 
     def version_changes(self) -> list[str]:
         """Software that is another now than when the mission was flown, in words."""

@@ -181,6 +181,7 @@ def fly(
         spec = spec.model_copy(update={"policy": PolicyInput(name=HANDED_IN)})
     elif spec.policy.name == HANDED_IN:
         raise PaveTwinError("The mission's policy was handed in as a value; give it as `policy` again.")
+    spec = spec.with_models()
     chosen = policy or load_policy(spec.policy.name, spec.settings.policy)
     looking = sensor or load_sensor(spec.settings.sensing, spec.seed)
     loaded = inputs or load_inputs(spec)

@@ -59,11 +59,15 @@ def look_table(result: MissionResult) -> pl.DataFrame:
     return pl.DataFrame(rows, schema=LOOK_SCHEMA)
 
 
-def read_looks(folder: Path) -> LookSource:
+def read_looks(folder: Path, model: Path | None = None) -> LookSource:
     """What a mission's folder tells of its detector.
 
+    Args:
+        model: the file of its detector, for a mission that does not name it.
+
     Raises:
-        PaveTwinError: the mission was flown with another sensor, is damaged, or of an earlier version.
+        PaveTwinError: the mission was flown with another sensor, is damaged, of an earlier version, or does not name
+            its detector.
     """
     said, table, detections = (
         _yaml(folder / "mission.yaml"),
@@ -75,8 +79,10 @@ def read_looks(folder: Path) -> LookSource:
         if sensing["sensor"] != "detector":
             raise ValueError(f"the sensor is {sensing['sensor']}")
         options = {**DetectorSensor.default_options, **sensing["options"]}
+        if (sha256 := _detector_of(said, model)) is None:
+            raise PaveTwinError(f"'{folder}' does not say which detector looked at its images; name it with `model`.")
         detector = FittedDetector(
-            sha256=_detector_of(said),
+            sha256=sha256,
             confidence=options["confidence"],
             image_px=int(table["image_px"].max()),  # type: ignore[arg-type]
         )
@@ -107,20 +113,39 @@ def read_looks(folder: Path) -> LookSource:
     )
 
 
-def detector_sha256(folder: Path) -> str | None:
+def detector_sha256(folder: Path, model: Path | None = None) -> str | None:
     """SHA-256 of the model file that looked at a mission's images; None where another sensor was flown, or the mission
-    does not say."""
+    does not say.
+
+    Args:
+        model: the file of its detector, for a mission that does not name it.
+    """
     try:
         said = _yaml(folder / "mission.yaml")
-        return _detector_of(said) if said["settings"]["sensing"]["sensor"] == "detector" else None
+        return _detector_of(said, model) if said["settings"]["sensing"]["sensor"] == "detector" else None
     except (KeyError, TypeError, PaveTwinError):
         return None
 
 
-def _detector_of(said: Any) -> str:
-    options = {**DetectorSensor.default_options, **said["settings"]["sensing"]["options"]}
+def names_no_detector(folder: Path) -> bool:
+    """Whether a detector looked at a mission's images, and the mission does not say which: earlier versions named none
+    that was the default, which has been another since."""
+    try:
+        sensing = _yaml(folder / "mission.yaml")["settings"]["sensing"]
+        return bool(sensing["sensor"] == "detector" and "model" not in sensing["options"])
+    except (KeyError, TypeError, PaveTwinError):
+        return False
+
+
+def _detector_of(said: Any, unnamed: Path | None) -> str | None:
+    """Args:
+    unnamed: the model file where the mission names none.
+    """
+    model = said["settings"]["sensing"]["options"].get("model")
+    if model is None:
+        return None if unnamed is None else file_sha256(unnamed)
     own = {each["path"]: each["sha256"] for each in said["plugins"]}
-    return own.get(options["model"]) or file_sha256(model_path(options["model"]))
+    return own.get(model) or file_sha256(model_path(model))
 
 
 def _sides_m(outlines: Sequence[bytes]) -> list[float]:

@@ -20,6 +20,7 @@ from pavetwin.mission.airspace import Aircraft
 from pavetwin.mission.versions import packages_in_use, software_versions
 from pavetwin.plugins import files_of, plugin_hashes
 from pavetwin.policies import policy_class
+from pavetwin.sensing.registered import with_models
 from pavetwin.traffic.area import TrafficArea
 from pavetwin.traffic.demand import USER, Density
 from pavetwin.traffic.mix import DEFAULT_MIX
@@ -261,7 +262,16 @@ class MissionSpec(Settings):
             has = policy_class(name).default_options
             options = {option: value for option, value in own.policy.options.items() if option in has}
             own = own.model_copy(update={"policy": own.policy.model_copy(update={"options": options})})
-        return self.model_copy(update={"policy": PolicyInput.of(name), "settings": own}).with_versions()
+        return self.model_copy(update={"policy": PolicyInput.of(name), "settings": own}).with_models().with_versions()
+
+    def with_models(self) -> Self:
+        """The same mission, with the names of the models that its settings leave to the sensor.
+
+        Raises:
+            PaveTwinError: there is no such sensor.
+        """
+        settings = self.settings.model_copy(update={"sensing": with_models(self.settings.sensing)})
+        return self.model_copy(update={"settings": settings})
 
     def with_versions(self, *, images: bool = False, defect_classes: Iterable[str] = ()) -> Self:
         """The same mission, with the versions of now.
@@ -275,12 +285,12 @@ class MissionSpec(Settings):
 
     @classmethod
     def of(cls, settings: MissionSettings, **given: Any) -> Self:
-        """A spec with the hashes of the files that the settings name.
+        """A spec with the hashes of the files that the settings name, and the names of the models of its sensor.
 
         Raises:
-            PaveTwinError: a file cannot be read.
+            PaveTwinError: a file cannot be read, or there is no such sensor.
         """
-        return cls(settings=settings, plugins=files_of_settings(settings), **given).with_versions()
+        return cls(settings=settings, plugins=files_of_settings(settings), **given).with_models().with_versions()
 
     def as_values(self) -> dict[str, Any]:
         """In plain values, as `mission.yaml` holds them."""

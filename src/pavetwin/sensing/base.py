@@ -42,6 +42,9 @@ class Sensor(ABC):
     default_options: ClassVar[Mapping[str, OptionValue]] = MappingProxyType({})
     """The options that it has, with the values that hold where `sensing.options` gives none. A value must have the type
     of its default; a whole number is a number too."""
+    model_options: ClassVar[tuple[str, ...]] = ()
+    """Options whose default names a model that ships, which another version may replace by another: missions and
+    studies write down the one that they were flown with."""
 
     def __init__(self, settings: SensingSettings, seed: int) -> None:
         """Raises:

@@ -42,6 +42,7 @@ class Calibrated(Sensor):
     sees_confirmed = True
     is_fitted = True
     default_options: ClassVar[Mapping[str, OptionValue]] = MappingProxyType({"fitted": DEFAULT, "model": ""})
+    model_options = ("fitted",)
 
     def __init__(self, settings: SensingSettings, seed: int, model: SensorModel | None = None) -> None:
         """Args:

@@ -74,6 +74,7 @@ class DetectorSensor(Sensor):
     default_options: ClassVar[Mapping[str, OptionValue]] = MappingProxyType(
         {"model": DEFAULT, "confidence": 0.25, "image_px": 0, "aboard": False}
     )
+    model_options = ("model",)
 
     def __init__(self, settings: SensingSettings, seed: int, detector: ImageDetector | None = None) -> None:
         """Args:

@@ -1,6 +1,7 @@
 """Where sensors are registered, and how one is found by its name or its file."""
 
 from pavetwin.config.mission import SensingSettings
+from pavetwin.config.options import OptionValue
 from pavetwin.plugins import find_class
 from pavetwin.registry import Registry
 from pavetwin.sensing.base import Sensor
@@ -44,6 +45,26 @@ def reused_sensor(settings: SensingSettings, seed: int) -> Sensor | None:
         PaveTwinError: as `load_sensor`.
     """
     return load_sensor(settings, seed) if sensor_class(settings.sensor).is_reused else None
+
+
+def unnamed_models(settings: SensingSettings) -> dict[str, OptionValue]:
+    """The models of a sensor (`Sensor.model_options`) that the settings do not name: by option, those of now.
+
+    Raises:
+        PaveTwinError: as `sensor_class`.
+    """
+    kind = sensor_class(settings.sensor)
+    return {option: kind.default_options[option] for option in kind.model_options if option not in settings.options}
+
+
+def with_models(settings: SensingSettings) -> SensingSettings:
+    """The same settings, with the names of the models that they leave to the sensor.
+
+    Raises:
+        PaveTwinError: as `sensor_class`.
+    """
+    unnamed = unnamed_models(settings)
+    return settings.model_copy(update={"options": {**settings.options, **unnamed}}) if unnamed else settings
 
 
 def sensor_class(name: str) -> type[Sensor]:
