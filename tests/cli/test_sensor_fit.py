@@ -89,3 +89,26 @@ def test_the_fitted_sensor_that_ships_is_named_as_its_detector() -> None:
     other = pavetwin("fly", "--sensor", "detector", "--model", "synthetic-1", "--settings")
     assert "model: synthetic-1" in other.stdout
     assert "fitted" not in other.stdout
+
+
+def test_missions_that_cannot_be_used_are_named_and_the_rest_is_fitted_to(tmp_path: Path) -> None:
+    """One of another sensor, one whose looks are gone, and one that does not say which detector looked."""
+    flown = tmp_path / "missions"
+    for seed, name in enumerate(("a", "b", "unnamed", "recall", "gone"), 1):
+        mission(flown / name, seed)
+    for name, sensing in (("unnamed", {"sensor": "detector", "options": {}}), ("recall", {"sensor": "recall"})):
+        file = flown / name / "mission.yaml"
+        file.write_text(yaml.safe_dump(yaml.safe_load(file.read_text()) | {"settings": {"sensing": sensing}}))
+    (flown / "gone" / LOOKS).unlink()
+    done = pavetwin("sensor", "fit", flown, "-o", tmp_path / "sensor.json")
+    assert done.returncode == 0, done.stderr
+    gone, recall, unnamed = (line for line in done.stdout.splitlines() if line.startswith("Left out: "))
+    assert f"'{flown / 'gone' / LOOKS}' is not there" in gone
+    assert "the sensor is recall" in recall
+    assert unnamed.endswith(
+        f"'{flown / 'unnamed'}' does not say which detector looked at its images; name it with --model."
+    )
+    assert SensorModel.read(tmp_path / "sensor.json").fitted_to.sources == ("a", "b")
+    alone = pavetwin("sensor", "fit", flown / "recall", flown / "gone", "-o", tmp_path / "none.json")
+    assert "the sensor is recall" in plain_refusal(alone)
+    assert "None of 2 missions can be used." in plain_refusal(alone)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -33,7 +33,8 @@ def fit(
         str | None,
         typer.Option(
             metavar="NAME|FILE.onnx",
-            help="The detector that searches datasets: one that ships, or a file; synthetic-5 unless given.",
+            help="The detector that searches datasets, and that searched missions which do not name theirs: one that "
+            "ships, or a file; for datasets synthetic-5 unless given.",
         ),
     ] = None,
     check: Annotated[
@@ -55,8 +56,13 @@ def fit(
     pavetwin fly worlds/town --sensor calibrated --model sensor.json
 
     What defects keep from look to look shows in missions alone, where many captures show one defect. Beside the file, a
-    figure of the same name (.png) compares chances and repeated looks with what was found.
+    figure of the same name (.png) compares chances and repeated looks with what was found. Missions that cannot be used
+    are named and left out.
     """
+    from typer.main import get_group
+
+    from pavetwin.cli import app
+    from pavetwin.cli.flags import with_flags
     from pavetwin.draw.sensor_figure import save_sensor_figure
     from pavetwin.sensing.fit.fitting import fit_sensor
 
@@ -75,33 +81,45 @@ def fit(
         read = _read(sources, model, confidence, tell)
         others = _read(check or [], model, confidence, tell)
         tell(1.0, "Fitting")
-        fitted = fit_sensor(read)
-        for other in others:
+        fitted = fit_sensor(read.looks)
+        for other in others.looks:
             if other.detector.sha256 != fitted.detector.sha256:
                 raise PaveTwinError(f"`check`: '{other.name}' was searched by another detector.")
-        entries, unread = _entries(sources)
+        entries, unread = _entries(read.missions)
         fitted = fitted.model_copy(update={"entries": entries})
         fitted.save(output)
-        save_sensor_figure(fitted, others or read, output.with_suffix(".png"), are_others=bool(others))
-    _tell(fitted, others or read, are_others=bool(others))
+        compared, are_others = others.looks or read.looks, bool(others.looks)
+        save_sensor_figure(fitted, compared, output.with_suffix(".png"), are_others=are_others)
+    for reason in (*read.left_out, *others.left_out):
+        out.line(with_flags(f"Left out: {reason}", ["sensor", "fit"], get_group(app)))
+    _tell(fitted, compared, are_others=are_others)
     if unread:
         missions = "a mission tells" if len(unread) == 1 else f"{len(unread)} missions tell"
         out.line(f"Of inventories {missions} nothing: {unread[0]}")
     out.line(f"Sensor: {output}; figure: {output.with_suffix('.png')}.")
 
 
-def _read(
-    sources: Sequence[Path], model: str | None, confidence: float, tell: Callable[[float, str], None]
-) -> list["LookSource"]:
+class _Read(NamedTuple):
+    looks: list["LookSource"]
+    missions: list[Path]
+    """Folders of those among them that are missions."""
+    left_out: list[str]
+    """Why others are not."""
+
+
+def _read(sources: Sequence[Path], model: str | None, confidence: float, tell: Callable[[float, str], None]) -> _Read:
+    """Raises:
+    PaveTwinError: there is no such folder, a dataset cannot be searched, or none of the missions can be used.
+    """
     from pavetwin.capture.looks import is_capture, looks_of
     from pavetwin.mission.look_table import read_looks
 
-    found: list[LookSource] = []
+    read = _Read([], [], [])
     for source in sources:
         if not source.is_dir():
             raise PaveTwinError(f"There is no folder '{source}'; name that of a mission or of a dataset.")
         if is_capture(source):
-            found.append(looks_of(source, named(model), confidence, partial(_searched, tell, source.name)))
+            read.looks.append(looks_of(source, named(model), confidence, partial(_searched, tell, source.name)))
             continue
         missions = sorted(path.parent for path in source.rglob(MISSION))
         if not missions:
@@ -109,18 +127,25 @@ def _read(
                 f"'{source}' holds no {MISSION} and no capture.yaml; name missions of `pavetwin fly sensor=detector`, "
                 "or a dataset of `pavetwin capture`."
             )
-        found += [read_looks(folder) for folder in missions]
-    return found
+        for folder in missions:
+            try:
+                read.looks.append(read_looks(folder, None if model is None else named(model)))
+                read.missions.append(folder)
+            except PaveTwinError as error:
+                read.left_out.append(str(error))
+    if read.left_out and not read.looks:
+        more = f" None of {len(read.left_out)} missions can be used." if len(read.left_out) > 1 else ""
+        raise PaveTwinError(f"{read.left_out[0]}{more}")
+    return read
 
 
-def _entries(sources: Sequence[Path]) -> tuple["EntryModel | None", list[str]]:
-    """What the missions among the sources tell of entries of inventories, and why some of them tell nothing."""
-    from pavetwin.capture.looks import is_capture
+def _entries(missions: Sequence[Path]) -> tuple["EntryModel | None", list[str]]:
+    """What missions tell of entries of inventories, and why some of them tell nothing."""
     from pavetwin.inventory.entry_fit import JudgedInventory, fit_entries, judged_inventory
 
     found: list[JudgedInventory] = []
     unread: list[str] = []
-    for folder in (path.parent for each in sources if not is_capture(each) for path in sorted(each.rglob(MISSION))):
+    for folder in missions:
         try:
             found.append(judged_inventory(folder))
         except PaveTwinError as error:
