@@ -11,6 +11,7 @@ from PIL import Image
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.inventory.entry import Entry
+from pavetwin.inventory.files import write_inventory
 from pavetwin.inventory.listing import entries_of
 from pavetwin.inventory.of_photographs import photographed
 from pavetwin.inventory.reading import Reading
@@ -177,3 +178,20 @@ def test_real_photographs_without_position_are_listed_in_pixels(shared_file: Cal
     sized = photographed(detector, folder, gsd_mm=2.5)
     assert len(sized.observations) == len(reading.observations)
     assert any(each.sizes for each in sized.observations)
+
+
+@pytest.mark.parametrize("where", ["inventory", ".", "results/monday"])
+def test_pictures_that_an_inventory_wrote_are_no_photographs(tmp_path: Path, where: str) -> None:
+    folder = photographs(tmp_path / "p")
+    output = folder / where
+    first = photographed(SpotDetector(), folder, output=output)
+    assert first.frame is not None
+    write_inventory(entries_of(first), first.frame, output)
+    assert list(output.glob("crops/*.jpg"))
+    assert list(output.glob("crops-*.jpg"))
+    assert photographed(SpotDetector(), folder).images == first.images
+    Image.new("RGB", (64, 64)).save(output / "photograph.png")
+    assert photographed(SpotDetector(), folder).images == first.images + 1, "what else lies there is looked at"
+    (output / "inventory.csv").unlink()
+    if where != ".":
+        assert photographed(SpotDetector(), folder, output=output).images == first.images, "one that was interrupted"

@@ -108,7 +108,7 @@ def inventory(
                 names = ", ".join(str(source / name) for name in inner)
                 raise PaveTwinError(f"'{source}' holds a mission for each policy; name one: {names}.")
             reading = _photographs(
-                source, model, confidence, tiled, overview, gsd_mm, height_m, position_error_m, fitted, tell
+                source, target, model, confidence, tiled, overview, gsd_mm, height_m, position_error_m, fitted, tell
             )
         tell(1.0, "Writing")
         entries = entries_of(reading, confidence)
@@ -121,6 +121,7 @@ def inventory(
 
 def _photographs(
     source: Path,
+    output: Path,
     model: str | None,
     confidence: float,
     tiled: bool | None,
@@ -142,7 +143,13 @@ def _photographs(
     known = entry_model(sha256, fitted) if fitted or not overview else None
     detector = Detector(file, confidence=confidence, tiled=tiled, overview=overview)
     reading = photographed(
-        detector, source, gsd_mm=gsd_mm, height_m=height_m, position_error_m=position_error_m, tell=tell
+        detector,
+        source,
+        gsd_mm=gsd_mm,
+        height_m=height_m,
+        position_error_m=position_error_m,
+        output=output,
+        tell=tell,
     )
     return replace(reading, detector=sha256, entry_model=known)
 

@@ -35,14 +35,16 @@ def photographed(
     gsd_mm: float | None = None,
     height_m: float | None = None,
     position_error_m: float | None = None,
+    output: Path | None = None,
     tell: Callable[[float, str], None] = lambda share, what: None,  # noqa: ARG005
 ) -> Reading:
-    """Look at every picture of a folder.
+    """Look at every picture of a folder, but those that an inventory wrote into it.
 
     Args:
         gsd_mm: ground resolution of all pictures, for sizes; counts for more than what photographs say.
         height_m: of all pictures above the ground, likewise.
         position_error_m: standard deviation of all positions, likewise; 0 unless a photograph states one.
+        output: folder of the results, whose pictures are left out where it lies in the folder.
         tell: is called with the share that is done, and words.
 
     Raises:
@@ -58,7 +60,7 @@ def photographed(
     missing: dict[str, list[str]] = defaultdict(list)
     unreadable: list[str] = []
     images = 0
-    for image in source_images(folder):
+    for image in source_images(folder, output=output):
         tell(image.share, f"Looking at photograph {images + 1}")
         try:
             pixels, pose = image.read()

@@ -60,7 +60,7 @@ def detect_source(
         raise PaveTwinError(f"`gsd_mm` {gsd_mm:g}: it is above 0.")
     done: list[DetectedImage] = []
     unreadable: list[str] = []
-    for image in source_images(source, every_s):
+    for image in source_images(source, every_s, output):
         tell(image.share, f"Detecting in image {len(done) + 1}")
         try:
             pixels, pose = image.read()

@@ -17,6 +17,9 @@ from pavetwin.perception.results.photograph import PhotographPose, pose_of
 
 VIDEOS: Final = frozenset({".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm"})
 
+_WRITTEN: Final = {("inventory.csv",): ("crops", "crops-*.jpg"), ("detections.csv", "coco.json"): ("pictures",)}
+"""Pictures that `pavetwin inventory` and `pavetwin detect` write, by the files beside them."""
+
 
 @dataclass(frozen=True, slots=True)
 class SourceImage:
@@ -30,12 +33,13 @@ class SourceImage:
     """Of the source that is done before it, 0 … 1."""
 
 
-def source_images(source: Path, every_s: float = 1.0) -> Iterator[SourceImage]:
-    """The images of a source, one at a time.
+def source_images(source: Path, every_s: float = 1.0, output: Path | None = None) -> Iterator[SourceImage]:
+    """The images of a source, one at a time; of a folder without those that an inventory or a detection wrote into it.
 
     Args:
         source: a picture, a video, or a folder of pictures.
         every_s: seconds between the frames of a video; 0 takes every frame.
+        output: folder of the results, whose pictures are left out where it lies in the source.
 
     Raises:
         PaveTwinError: there is no such source, or nothing in it.
@@ -43,7 +47,7 @@ def source_images(source: Path, every_s: float = 1.0) -> Iterator[SourceImage]:
     if every_s < 0:
         raise PaveTwinError(f"`every_s` {every_s:g}: 0 or more seconds.")
     if source.is_dir():
-        return _of_folder(source)
+        return _of_folder(source, output)
     if not source.is_file():
         raise PaveTwinError(f"There is no picture, video or folder '{source}'.")
     if source.suffix.lower() in VIDEOS:
@@ -51,8 +55,15 @@ def source_images(source: Path, every_s: float = 1.0) -> Iterator[SourceImage]:
     return iter((SourceImage(source.name, lambda: _read(source), 0.0),))
 
 
-def _of_folder(folder: Path) -> Iterator[SourceImage]:
-    files = sorted(each for each in folder.rglob("*") if each.suffix.lower() in PICTURE_SUFFIXES and each.is_file())
+def _of_folder(folder: Path, output: Path | None) -> Iterator[SourceImage]:
+    written = _written(folder)
+    if output is not None and folder.resolve() in output.resolve().parents:
+        written.add(folder / output.resolve().relative_to(folder.resolve()))
+    files = sorted(
+        each
+        for each in folder.rglob("*")
+        if each.suffix.lower() in PICTURE_SUFFIXES and written.isdisjoint((each, *each.parents)) and each.is_file()
+    )
     if not files:
         kinds = ", ".join(sorted(each.removeprefix(".") for each in PICTURE_SUFFIXES))
         raise PaveTwinError(f"There is no picture in '{folder}' or the folders within ({kinds}).")
@@ -60,6 +71,18 @@ def _of_folder(folder: Path) -> Iterator[SourceImage]:
         SourceImage(file.relative_to(folder).as_posix(), lambda file=file: _read(file), at / len(files))  # type: ignore[misc]
         for at, file in enumerate(files)
     )
+
+
+def _written(folder: Path) -> set[Path]:
+    """Results in a folder: pictures, and folders of such."""
+    return {
+        path
+        for beside, patterns in _WRITTEN.items()
+        for first in folder.rglob(beside[0])
+        if all(first.with_name(name).is_file() for name in beside)
+        for pattern in patterns
+        for path in first.parent.glob(pattern)
+    }
 
 
 def _read(file: Path) -> tuple[UInt8Array, PhotographPose]:

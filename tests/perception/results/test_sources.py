@@ -1,0 +1,18 @@
+"""Which pictures of a folder are looked at."""
+
+from pathlib import Path
+
+from pavetwin.perception.inference import Detector
+from pavetwin.perception.results.detect_folder import detect_source
+from pavetwin.perception.results.sources import source_images
+from scenes.drawn_detector import FILE, drawn
+
+
+def test_annotated_pictures_are_no_photographs(tmp_path: Path) -> None:
+    drawn((96, 96), ("Pothole", (30, 10, 60, 90))).save(tmp_path / "a.png")
+    (tmp_path / "pictures").mkdir()
+    drawn((96, 96)).save(tmp_path / "pictures" / "b.png")
+    assert [each.name for each in source_images(tmp_path)] == ["a.png", "pictures/b.png"], "a folder of that name"
+    detect_source(Detector(FILE), tmp_path, tmp_path / "found")
+    assert list(tmp_path.glob("found/pictures/**/*.jpg"))
+    assert [each.name for each in source_images(tmp_path)] == ["a.png", "pictures/b.png"]
