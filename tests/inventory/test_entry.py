@@ -89,3 +89,11 @@ def test_the_place_is_the_mean_of_the_looks() -> None:
 def test_the_severity_is_what_most_looks_allow(said: list[str], told: str) -> None:
     looks = [look(severity=each, confidence=0.5 + 0.01 * image) for image, each in enumerate(said)]
     assert entry_of(1, looks).severity == told
+
+
+@pytest.mark.parametrize("name", ["mean_width_mm", "diameter_mm"])
+def test_errors_of_sizes_in_millimetres_are_in_millimetres(name: str) -> None:
+    """Two looks that differ by less than their pixels of 1 cm: the error is that of the pixels."""
+    entry = entry_of(1, [look(**{name: 40.0}), look(1.0, **{name: 42.0})])
+    assert entry.sizes[name].value == pytest.approx(41.0)
+    assert entry.sizes[name].error == pytest.approx(10.0 / sqrt(2) / sqrt(2))

@@ -109,9 +109,10 @@ def _sizes(observations: Sequence[Observation], *, is_cut: bool) -> Mapping[str,
 
 
 def _size_error(observation: Observation, name: str) -> float:
+    """In the unit of the size."""
     pixel_m = observation.pixel_m or _LEAST_M
     if name != "area_m2":
-        return pixel_m / sqrt(2)
+        return pixel_m / sqrt(2) * (1000.0 if name.endswith("_mm") else 1.0)
     length = observation.sizes.get("length_m")
     edge_m = 2 * length if length else 4 * sqrt(observation.sizes[name])
     return 0.5 * pixel_m * edge_m
