@@ -145,3 +145,27 @@ def test_files_without_polygons_are_refused(tmp_path: Path) -> None:
         check_limits(plan(), WORLD, PlanLimits(no_fly=tmp_path))
     with pytest.raises(PaveTwinError, match=r"^`no_fly` .*: there is no such file"):
         check_limits(plan(), WORLD, PlanLimits(no_fly=tmp_path / "gone.gpkg"))
+
+
+def test_zones_that_are_not_where_the_flights_are_are_refused(tmp_path: Path) -> None:
+    """Across the flight on the map that was meant; nothing would be checked against them."""
+    across = shapely.box(30, -2, 40, 3)
+    lonlat = shapely.transform(across, PLACE.to_wgs84)
+    swapped = shapely.transform(lonlat, lambda xy: xy[:, ::-1])
+    with pytest.raises(PaveTwinError, match=r"no zone lies within 20 km of the flights.* the other way round\.$"):
+        check_limits(plan(), WORLD, PlanLimits(no_fly=zones(tmp_path / "swapped.geojson", swapped)))
+    elsewhere = shapely.transform(lonlat, lambda xy: xy + (0.0, 0.2))
+    with pytest.raises(PaveTwinError, match=r"within 20 km of the flights, so that nothing .*; check its coordinates"):
+        check_limits(plan(), WORLD, PlanLimits(no_fly=zones(tmp_path / "elsewhere.geojson", elsewhere)))
+    near = shapely.transform(lonlat, lambda xy: xy + (0.25, 0.0))
+    check_limits(plan(), WORLD, PlanLimits(no_fly=zones(tmp_path / "near.geojson", near, elsewhere, swapped)))
+
+
+def test_zones_in_metres_that_say_that_they_are_degrees_are_refused(tmp_path: Path) -> None:
+    metres = shapely.transform(shapely.box(30, -2, 40, 3), PLACE.to_projected)
+    path = zones(tmp_path / "metres.geojson", zone(0, 50), metres)
+    with pytest.raises(PaveTwinError, match=r"feature 2 of 'metres' has a corner at .*, which are no longitude and"):
+        check_limits(plan(), WORLD, PlanLimits(no_fly=path))
+    nowhere = shapely.Polygon([(13.44, 52.46), (float("inf"), 52.46), (13.45, 52.48)])
+    with pytest.raises(PaveTwinError, match=r"feature 1 of 'nowhere' has a corner at inf, 52.46, which are no"):
+        check_limits(plan(), WORLD, PlanLimits(no_fly=zones(tmp_path / "nowhere.gpkg", nowhere)))

@@ -2,8 +2,9 @@
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from math import hypot
+from math import cos, hypot, radians
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 import shapely
@@ -11,11 +12,18 @@ from pyproj import Transformer
 from shapely import LineString, Point, STRtree
 
 from pavetwin import geo_files
+from pavetwin.arrays import BoolArray
 from pavetwin.errors import PaveTwinError
 from pavetwin.flightplan.model import FlightPlan, PlannedFlight
 from pavetwin.flightplan.parts import parts_of
 from pavetwin.world.georeference import WGS84, GeoReference, from_wgs84
 from pavetwin.world.model import World
+
+NEAR_M: Final = 20_000.0
+"""A file without a zone as near to the flights as this is not of their place: our assumption."""
+
+_M_PER_DEGREE: Final = 111_200.0
+"""Of latitude."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +45,10 @@ def check_limits(plan: FlightPlan, world: World, limits: PlanLimits, most: Colle
         most: waypoints that the files may hold which will be written: parts of flights keep the limits too.
 
     Raises:
-        PaveTwinError: the plan breaks a limit, or the file of the zones cannot be read; the message names the place.
+        PaveTwinError: the plan breaks a limit, or the file of the zones cannot be read or has none near the flights;
+            the message names the place.
     """
-    zones = [] if limits.no_fly is None else read_zones(limits.no_fly, world.georeference)
+    zones = [] if limits.no_fly is None else _zones_near(plan, limits.no_fly, world.georeference)
     for number, flight in _flown(plan, most):
         _check_height(number, flight, limits.highest_m)
         legs = list(_legs(flight, world.georeference))
@@ -106,11 +115,46 @@ def _place(shape: shapely.Geometry, place: GeoReference) -> str:
     return f"{latitude:.6f},{longitude:.6f}"
 
 
-def read_zones(path: Path, place: GeoReference) -> list[tuple[str, shapely.Geometry]]:
-    """The polygons of a file, in the world frame, each with what messages call it.
+def _zones_near(plan: FlightPlan, path: Path, place: GeoReference) -> list[tuple[str, shapely.Geometry]]:
+    """The zones of a file that may be in the way, in the world frame.
 
     Raises:
-        PaveTwinError: it cannot be read, or holds no polygon, or something else beside polygons.
+        PaveTwinError: as `read_zones`, or none is within `NEAR_M` of the flights: what is checked against zones of
+            another place, or with longitude and latitude swapped, is not checked.
+    """
+    lonlat = np.concatenate([flight.lonlat for flight in plan.flights])
+    around = _widened(*lonlat.min(axis=0), *lonlat.max(axis=0))
+    zones = read_zones(path)
+    bounds = shapely.bounds(np.array([zone for _, zone in zones]))
+    near = [zones[at] for at in np.flatnonzero(_overlap(bounds, around))]
+    if not near:
+        swapped = _overlap(bounds[:, [1, 0, 3, 2]], around).any()
+        why = "longitude comes before latitude, and it has them the other way round" if swapped else ""
+        raise PaveTwinError(
+            f"`no_fly` {path}: no zone lies within {NEAR_M / 1000:g} km of the flights, so that nothing would be "
+            f"checked; {why or 'check its coordinates, or leave it out where there are no zones'}."
+        )
+    return [(name, shapely.transform(zone, lambda xy: from_wgs84(place, xy))) for name, zone in near]
+
+
+def _widened(west: float, south: float, east: float, north: float) -> np.ndarray:
+    """(4,) Bounds in degrees that reach `NEAR_M` farther to each side."""
+    up = NEAR_M / _M_PER_DEGREE
+    aside = up / max(0.01, cos(radians(max(abs(south), abs(north)))))
+    return np.array([west - aside, south - up, east + aside, north + up])
+
+
+def _overlap(bounds: np.ndarray, around: np.ndarray) -> BoolArray:
+    """(n,) Whether each of the bounds (n, 4) meets those."""
+    return np.asarray(np.all((bounds[:, :2] <= around[2:]) & (around[:2] <= bounds[:, 2:]), axis=1))
+
+
+def read_zones(path: Path) -> list[tuple[str, shapely.Geometry]]:
+    """The polygons of a file, in WGS 84, each with what messages call it.
+
+    Raises:
+        PaveTwinError: it cannot be read, or holds no polygon, or something else beside polygons, or coordinates that
+            are no degrees.
     """
     pyogrio = geo_files.pyogrio()
 
@@ -124,8 +168,8 @@ def read_zones(path: Path, place: GeoReference) -> list[tuple[str, shapely.Geome
             names = dict(zip(meta["fields"], fields, strict=True)).get("name")
             to_wgs84 = Transformer.from_crs(meta["crs"] or WGS84, WGS84, always_xy=True)
 
-            def to_world(xy: np.ndarray, to_wgs84: Transformer = to_wgs84) -> np.ndarray:
-                return from_wgs84(place, np.column_stack(to_wgs84.transform(xy[:, 0], xy[:, 1])))
+            def to_lonlat(xy: np.ndarray, to_wgs84: Transformer = to_wgs84) -> np.ndarray:
+                return np.column_stack(to_wgs84.transform(xy[:, 0], xy[:, 1]))
 
             for number, shape in enumerate(shapely.force_2d(shapely.from_wkb(shapes)), 1):
                 feature = f"feature {number} of '{layer}'"
@@ -133,9 +177,10 @@ def read_zones(path: Path, place: GeoReference) -> list[tuple[str, shapely.Geome
                     is_empty = shape is None or shape.is_empty
                     holds = "has no geometry" if is_empty else f"({shape.geom_type}) is not made of polygons alone"
                     raise PaveTwinError(f"`no_fly` {path}: {feature} {holds}; draw each zone as a polygon.")
+                _check_degrees(to_lonlat(shapely.get_coordinates(shape)), f"`no_fly` {path}: {feature}")
                 name = None if names is None else names[number - 1]
                 called = feature if name is None or name != name else f"'{name}'"  # GDAL's null is None or NaN
-                zones += [(called, shapely.transform(shapely.make_valid(each), to_world)) for each in polygons]
+                zones += [(called, shapely.transform(shapely.make_valid(each), to_lonlat)) for each in polygons]
     except (
         pyogrio.errors.DataSourceError,
         pyogrio.errors.DataLayerError,
@@ -146,6 +191,19 @@ def read_zones(path: Path, place: GeoReference) -> list[tuple[str, shapely.Geome
     if not zones:
         raise PaveTwinError(f"`no_fly` {path}: it holds no polygon.")
     return zones
+
+
+def _check_degrees(lonlat: np.ndarray, what: str) -> None:
+    """Raises:
+    PaveTwinError: one is no place on the earth.
+    """
+    wrong = ~(np.isfinite(lonlat).all(axis=1) & (np.abs(lonlat) <= (180.0, 90.0)).all(axis=1))
+    if wrong.any():
+        x, y = lonlat[wrong][0]
+        raise PaveTwinError(
+            f"{what} has a corner at {x:g}, {y:g}, which are no longitude and latitude in degrees; GeoJSON is in WGS "
+            "84, and another file must state its coordinate system."
+        )
 
 
 def check_file(path: Path) -> None:
