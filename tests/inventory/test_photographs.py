@@ -1,6 +1,7 @@
 """The inventory of a folder of photographs, whose places are known from what they say of themselves."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -195,3 +196,18 @@ def test_pictures_that_an_inventory_wrote_are_no_photographs(tmp_path: Path, whe
     (output / "inventory.csv").unlink()
     if where != ".":
         assert photographed(SpotDetector(), folder, output=output).images == first.images, "one that was interrupted"
+
+
+def test_an_inventory_that_is_replaced_leaves_nothing_behind(tmp_path: Path) -> None:
+    reading = photographed(SpotDetector(), photographs(tmp_path / "p"))
+    entries = [replace(entry, number=number) for number, entry in enumerate(entries_of(reading) * 9, 1)]
+    folder = tmp_path / "inventory"
+    folder.mkdir()
+    (folder / "crops-plan.txt").write_text("mine")
+    write_inventory(entries, reading.frame, folder)
+    assert len(list(folder.glob("crops-*.jpg"))) == 2
+    write_inventory(entries[:3], reading.frame, folder)
+    assert sorted(path.name for path in folder.glob("crops*/*")) == ["0001.jpg", "0002.jpg", "0003.jpg"]
+    assert sorted(path.name for path in folder.glob("crops-*")) == ["crops-01.jpg", "crops-plan.txt"]
+    write_inventory([], None, folder)
+    assert sorted(path.name for path in folder.iterdir()) == ["crops", "crops-plan.txt", "inventory.csv"]

@@ -52,12 +52,17 @@ def write_crops(entries: Sequence[Entry], folder: Path) -> dict[int, str]:
         cells.append(_cell(entry, picture))
     named = sorted({entry.kind for entry in entries if entry.number in names})
     colour_of = {name: colour for name, colour in category_colours().items() if name in named}
-    for start in range(0, len(cells), A_PAGE):
+    for start, page in zip(range(0, len(cells), A_PAGE), page_names(len(cells)), strict=True):
         shown = cells[start : start + A_PAGE]
         title = f"Inventory   {start + 1} to {start + len(shown)} of {len(cells)} entries with a picture"
-        with writing(folder / f"crops-{start // A_PAGE + 1:02}.jpg") as temporary:
+        with writing(folder / page) as temporary:
             assembled(shown, title, colour_of, ignored="").save(temporary, "JPEG", quality=_QUALITY)
     return names
+
+
+def page_names(crops: int) -> list[str]:
+    """Files of the pages of so many crops."""
+    return [f"crops-{page + 1:02}.jpg" for page in range(-(-crops // A_PAGE))]
 
 
 def _crop(entry: Entry) -> Image.Image | None:

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from pavetwin.files import writing
-from pavetwin.inventory.crops import write_crops
+from pavetwin.inventory.crops import page_names, write_crops
 from pavetwin.inventory.entry import Entry
 from pavetwin.inventory.observation import SIZES
 from pavetwin.inventory.style import STYLES
@@ -50,7 +50,8 @@ _FLAGS: Final = ("is_cut",)
 
 
 def write_inventory(entries: Sequence[Entry], frame: GeoReference | None, folder: Path) -> tuple[Path, ...]:
-    """Write all files of an inventory; returns those that are not crops.
+    """Write all files of an inventory; returns those that are not crops. Of a former inventory in the folder nothing is
+    left.
 
     Args:
         frame: of the entries' places; None where none is known.
@@ -58,6 +59,7 @@ def write_inventory(entries: Sequence[Entry], frame: GeoReference | None, folder
     Raises:
         PaveTwinError: a file cannot be written.
     """
+    former = _files_of(folder) if (folder / TABLE).is_file() else set()
     crops = write_crops(entries, folder)
     rows = [_row(entry, frame, crops.get(entry.number, "")) for entry in entries]
     with writing(folder / TABLE) as temporary:
@@ -71,7 +73,16 @@ def write_inventory(entries: Sequence[Entry], frame: GeoReference | None, folder
         with writing(folder / GEOJSON) as temporary:
             temporary.write_text(_geojson(kept), encoding="utf-8")
         written += [folder / GEOPACKAGE, folder / GEOJSON]
+    pages = (folder / name for name in page_names(len(crops)))
+    for path in former.difference(written, pages, (folder / name for name in crops.values())):
+        path.unlink(missing_ok=True)
     return tuple(written)
+
+
+def _files_of(folder: Path) -> set[Path]:
+    """Those that an inventory may have written into a folder."""
+    patterns = (GEOPACKAGE, GEOJSON, "crops/[0-9][0-9][0-9][0-9]*.jpg", "crops-[0-9][0-9]*.jpg")
+    return {path for pattern in patterns for path in folder.glob(pattern)}
 
 
 def _row(entry: Entry, frame: GeoReference | None, crop: str) -> dict[str, Any]:
