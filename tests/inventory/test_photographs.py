@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -67,17 +68,22 @@ def test_one_without_exif_among_others_is_told_and_the_rest_goes_on(tmp_path: Pa
     assert all(entry.best.image == "bare.png" and not entry.sizes for entry in found if entry.place is None)
 
 
-def written(folder: Path, **dji: float) -> Path:
-    folder.mkdir()
+def written(folder: Path, name: str = "one.jpg", **said: Any) -> Path:
+    folder.mkdir(exist_ok=True)
     picture = Image.fromarray(captures()[1].image()).resize((640, 480), Image.Resampling.NEAREST)
-    (folder / "one.jpg").write_bytes(aerial_photograph(picture, **dji))
+    (folder / name).write_bytes(aerial_photograph(picture, **said))
     return folder
 
 
 @pytest.mark.parametrize(
     ("dji", "words"),
     [
-        ({"GimbalPitchDegree": -20.0}, "the gimbal looks ahead, more than 30° from straight down"),
+        ({"GimbalPitchDegree": -20.0}, "the gimbal looks more than 30° from straight down"),
+        ({"GimbalPitchDegree": -170.0}, "the gimbal looks more than 30° from straight down"),
+        ({"RelativeAltitude": 0.0}, "a height above the ground of 0 m or less; give it by `height_m`, sizes with"),
+        ({"RelativeAltitude": -3.0}, "a height above the ground of 0 m or less; give it by `height_m`, sizes with"),
+        ({"orientation": 6}, "stored turned (EXIF Orientation), so that its direction of view is not known; give it"),
+        ({"latitude": 88.0}, "a position beyond 84° north or 80° south"),
         (
             {"RelativeAltitude": 431.0},
             "no height above the ground but one above the sea, or none; give it by `height_m`",
@@ -91,6 +97,7 @@ def test_what_a_place_needs_and_a_photograph_does_not_say_is_told(
     (remark,) = reading.remarks
     assert remark.startswith(f"1 of 1 photographs, such as 'one.jpg': {words}")
     assert reading.frame is None
+    assert reading.observations
     assert all(each.footprint is None for each in reading.observations)
 
 
@@ -211,3 +218,33 @@ def test_an_inventory_that_is_replaced_leaves_nothing_behind(tmp_path: Path) -> 
     assert sorted(path.name for path in folder.glob("crops-*")) == ["crops-01.jpg", "crops-plan.txt"]
     write_inventory([], None, folder)
     assert sorted(path.name for path in folder.iterdir()) == ["crops", "crops-plan.txt", "inventory.csv"]
+
+
+@pytest.mark.parametrize("said", [{"AbsoluteAltitude": 12.3}, {"above_sea_m": 11.7}])
+def test_a_height_that_is_the_one_above_the_sea_is_told(tmp_path: Path, said: dict[str, float]) -> None:
+    folder = written(tmp_path / "p", RelativeAltitude=12.0, **said)
+    reading = photographed(SpotDetector(), folder)
+    (remark,) = reading.remarks
+    assert "'one.jpg': the same height above the ground as above the sea" in remark
+    assert all(each.footprint is not None for each in reading.observations), "the ground may lie at sea level"
+    assert photographed(SpotDetector(), folder, height_m=10.0).remarks == ()
+    for other in ({"AbsoluteAltitude": 43.0}, {"above_sea_m": -12.0}):
+        assert photographed(SpotDetector(), written(tmp_path / "p", RelativeAltitude=12.0, **other)).remarks == ()
+
+
+def test_a_photograph_far_from_the_others_is_told_and_the_rest_goes_on(tmp_path: Path) -> None:
+    """Whether it comes first or last; the others are where they are without it."""
+    folder = written(tmp_path / "p", "b.jpg")
+    written(folder, "c.jpg", latitude=52.5003)
+    (alone, *_) = photographed(SpotDetector(), folder).observations
+    for name, latitude in (("a.jpg", 17.0), ("d.jpg", 88.0)):
+        written(folder, name, latitude=latitude)
+    reading = photographed(SpotDetector(), folder)
+    assert [remark.partition(";")[0] for remark in reading.remarks] == [
+        "1 of 4 photographs, such as 'a.jpg': taken more than 20 km from the middle of all positions",
+        "1 of 4 photographs, such as 'd.jpg': a position beyond 84° north or 80° south, where no map in metres is",
+    ]
+    placed = {each.image for each in reading.observations if each.footprint is not None}
+    assert placed == {"b.jpg", "c.jpg"}
+    same = next(each for each in reading.observations if each.image == alone.image)
+    assert same.footprint == alone.footprint

@@ -11,8 +11,20 @@ FOCAL_PX = FOCAL_MM / SENSOR_MM * 640
 """Of pictures that are 640 px wide."""
 
 
-def aerial_photograph(picture: Image.Image, *, orientation: int = 1, **dji: float) -> bytes:
-    """A JPEG taken straight down, heading north, from `HEIGHT_M`, unless DJI's tags are given."""
+def aerial_photograph(
+    picture: Image.Image,
+    *,
+    orientation: int = 1,
+    latitude: float = LATITUDE,
+    above_sea_m: float | None = None,
+    **dji: float,
+) -> bytes:
+    """A JPEG taken straight down, heading north, from `HEIGHT_M`, unless DJI's tags are given.
+
+    Args:
+        latitude: north, in degrees.
+        above_sea_m: EXIF's height above the sea; none unless given.
+    """
     exif, tag = Image.Exif(), ExifTags.Base
     exif[tag.Orientation] = orientation
     photo = exif.get_ifd(ExifTags.IFD.Exif)
@@ -20,8 +32,10 @@ def aerial_photograph(picture: Image.Image, *, orientation: int = 1, **dji: floa
     photo[tag.FocalPlaneXResolution] = 640 / SENSOR_MM
     photo[tag.FocalPlaneResolutionUnit] = 4
     gps = exif.get_ifd(ExifTags.IFD.GPSInfo)
-    gps.update({ExifTags.GPS.GPSLatitudeRef: "N", ExifTags.GPS.GPSLatitude: (52.0, 30.0, 0.0)})
+    gps.update({ExifTags.GPS.GPSLatitudeRef: "N", ExifTags.GPS.GPSLatitude: (latitude, 0.0, 0.0)})
     gps.update({ExifTags.GPS.GPSLongitudeRef: "E", ExifTags.GPS.GPSLongitude: (13.0, 24.0, 0.0)})
+    if above_sea_m is not None:
+        gps.update({ExifTags.GPS.GPSAltitude: abs(above_sea_m), ExifTags.GPS.GPSAltitudeRef: bytes([above_sea_m < 0])})
     said = {"RelativeAltitude": HEIGHT_M, "GimbalYawDegree": 0.0, "GimbalPitchDegree": -90.0} | dji
     tags = " ".join(f'drone-dji:{name}="{value:+.2f}"' for name, value in said.items())
     xmp = f'<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:Description {tags}/></x:xmpmeta>'

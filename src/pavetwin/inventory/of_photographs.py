@@ -4,7 +4,7 @@ from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from shapely import Polygon
@@ -21,11 +21,27 @@ from pavetwin.perception.results.detected_image import sizes_of
 from pavetwin.perception.results.photograph import PhotographPose
 from pavetwin.perception.results.sources import SourceImage, source_images
 from pavetwin.sensing.detector import ImageDetector
-from pavetwin.world.georeference import GeoReference, anchored, from_wgs84
+from pavetwin.world.georeference import (
+    ELLIPSOID,
+    NORTHERNMOST_DEG,
+    SOUTHERNMOST_DEG,
+    GeoReference,
+    anchored,
+    from_wgs84,
+)
 
 HIGHEST_M: Final = 150.0
 """A photograph that says that it was taken higher above the ground gives its height above the sea: most countries allow
 120 m. Our assumption."""
+
+FARTHEST_M: Final = 20_000.0
+"""A photograph that was taken farther from the median of all positions is of another place, or its position is damaged;
+our assumption."""
+
+_AS_ABOVE_SEA: Final = (
+    "the same height above the ground as above the sea, so that places and sizes are wrong unless the ground lies at "
+    "sea level; else give the height by `height_m`"
+)
 
 
 def photographed(
@@ -55,9 +71,7 @@ def photographed(
             check_size(name, value)
     if position_error_m is not None:
         check_size("position_error_m", position_error_m, may_be_zero=True)
-    frame: GeoReference | None = None
-    found: list[Observation] = []
-    missing: dict[str, list[str]] = defaultdict(list)
+    taken: list[_Taken] = []
     unreadable: list[str] = []
     images = 0
     for image in source_images(folder, output=output):
@@ -71,22 +85,60 @@ def photographed(
         known = pose or PhotographPose((pixels.shape[1], pixels.shape[0]))
         if height_m is not None:
             known = replace(known, height_m=height_m)
-        if reason := _why_without_place(known, has_scale=gsd_mm is not None):
-            missing[reason].append(image.name)
-        elif frame is None and known.lonlat is not None:
-            frame = anchored(known.lonlat[1], known.lonlat[0])
+        reason = _why_without_place(known, has_scale=gsd_mm is not None)
         (seen,) = detector.detect([pixels])
+        taken.append(_Taken(image, known, seen, reason))
+    if not images:
+        raise PaveTwinError(unreadable[0])
+    taken = _without_far(taken)
+    places = [each.pose.lonlat for each in taken if each.has_place and each.pose.lonlat is not None]
+    frame = anchored(places[0][1], places[0][0]) if places else None
+    found: list[Observation] = []
+    missing: dict[str, list[str]] = defaultdict(list)
+    for image, known, seen, reason in taken:
+        if reason:
+            missing[reason].append(image.name)
+        elif height_m is None and known.is_height_above_sea:
+            missing[_AS_ABOVE_SEA].append(image.name)
         error_m = position_error_m if position_error_m is not None else known.position_error_m or 0.0
         where = None if reason else frame
         found += [
             _observed(seen, int(at), image, known, where, gsd_mm, error_m) for at in np.flatnonzero(seen.is_defect)
         ]
-    if not images:
-        raise PaveTwinError(unreadable[0])
     remarks = counted_remarks(missing, images)
     if unreadable:
         remarks += (f"Left out: {len(unreadable)} that cannot be read, such as this: {unreadable[0]}",)
     return Reading(tuple(found), frame, images, remarks)
+
+
+class _Taken(NamedTuple):
+    """A photograph that was looked at."""
+
+    image: SourceImage
+    pose: PhotographPose
+    seen: Detections
+    reason: str
+    """Why its defects have no place on the ground; empty where they have."""
+
+    @property
+    def has_place(self) -> bool:
+        return not self.reason
+
+
+def _without_far(taken: list[_Taken]) -> list[_Taken]:
+    """The photographs, those without their place that were taken far from the others."""
+    placed = [at for at, each in enumerate(taken) if each.has_place]
+    if not placed:
+        return taken
+    lon, lat = np.array([taken[at].pose.lonlat for at in placed], dtype=np.float64).T
+    lon = lon[0] + (lon - lon[0] + 180.0) % 360.0 - 180.0  # across the date line too
+    middle = (np.full(len(placed), np.median(lon)), np.full(len(placed), np.median(lat)))
+    _, _, away_m = ELLIPSOID.inv(lon, lat, *middle)
+    far = {at for at, each_m in zip(placed, away_m, strict=True) if each_m > FARTHEST_M}
+    reason = (
+        f"taken more than {FARTHEST_M / 1000:g} km from the middle of all positions; its defects are given in pixels"
+    )
+    return [each._replace(reason=reason) if at in far else each for at, each in enumerate(taken)]
 
 
 def _why_without_place(pose: PhotographPose, *, has_scale: bool) -> str:
@@ -94,6 +146,15 @@ def _why_without_place(pose: PhotographPose, *, has_scale: bool) -> str:
     sizes = "" if has_scale else ", sizes with `gsd_mm` only"
     if pose.lonlat is None:
         return f"no position; its defects are given in pixels{sizes if pose.gsd_mm(0, 0) is None else ''}"
+    if not SOUTHERNMOST_DEG <= pose.lonlat[1] <= NORTHERNMOST_DEG:
+        return "a position beyond 84° north or 80° south, where no map in metres is; its defects are given in pixels"
+    if pose.is_turned:
+        return (
+            "stored turned (EXIF Orientation), so that its direction of view is not known; give it as the camera took "
+            f"it; its defects are given in pixels{sizes}"
+        )
+    if pose.height_m is not None and pose.height_m <= 0:
+        return f"a height above the ground of 0 m or less; give it by `height_m`{sizes}"
     if pose.height_m is None or pose.height_m > HIGHEST_M:
         return f"no height above the ground but one above the sea, or none; give it by `height_m`{sizes}"
     if pose.focal_px is None:
@@ -101,7 +162,7 @@ def _why_without_place(pose: PhotographPose, *, has_scale: bool) -> str:
     if pose.pitch_deg is None or pose.heading_deg is None:
         return f"no direction of view; its defects are given in pixels{sizes}"
     if not pose.is_nadir:
-        return "the gimbal looks ahead, more than 30° from straight down; its defects are given in pixels"
+        return "the gimbal looks more than 30° from straight down; its defects are given in pixels"
     return ""
 
 
@@ -134,7 +195,7 @@ def _observed(
 
 
 def _has_height(pose: PhotographPose) -> bool:
-    return pose.height_m is not None and pose.height_m <= HIGHEST_M
+    return pose.height_m is not None and 0 < pose.height_m <= HIGHEST_M
 
 
 def _corners(box: FloatBox) -> Float64Array:

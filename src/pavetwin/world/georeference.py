@@ -17,6 +17,9 @@ DEFAULT_ANCHOR_DEG = (0.0, 0.0)
 
 WGS84 = 4326
 
+SOUTHERNMOST_DEG, NORTHERNMOST_DEG = -80.0, 84.0
+"""Latitudes that UTM reaches to."""
+
 ELLIPSOID: Final = Geod(ellps="WGS84")
 """For distances and directions between places in degrees."""
 
@@ -53,7 +56,7 @@ def anchored(latitude: float, longitude: float) -> GeoReference:
     Raises:
         PaveTwinError: the place is not on the earth, or outside the range of UTM (80° S to 84° N).
     """
-    if not (-80.0 <= latitude <= 84.0 and -180.0 <= longitude <= 180.0):
+    if not (SOUTHERNMOST_DEG <= latitude <= NORTHERNMOST_DEG and -180.0 <= longitude <= 180.0):
         raise PaveTwinError(
             f"The anchor {latitude:g},{longitude:g} is not a place for a world: "
             "latitude must be -80 … 84 and longitude -180 … 180 degrees, as in 52.47,13.44."

@@ -25,6 +25,12 @@ MOST_TILT_DEG: Final = 30.0
 FARTHEST: Final = 10.0
 """Distance on the ground, as a multiple of the height, up to which places are given; our assumption."""
 
+SAME_HEIGHT_M: Final = 0.5
+"""Heights above the ground and above the sea that differ by no more are the same; our assumption."""
+
+_OF_WORLDS: Final = "PaveTwin"
+"""The software of rendered photographs, whose worlds lie at sea level."""
+
 _FULL_FRAME_MM: Final = (36.0, 24.0)
 """Frame that 35 mm equivalent focal lengths refer to."""
 
@@ -48,11 +54,23 @@ class PhotographPose:
     focal_px: float | None = None
     position_error_m: float | None = None
     """Standard deviation of the position, east and north each, where the receiver states it."""
+    above_sea_m: float | None = None
+    """Height above the sea."""
+    is_turned: bool = False
+    """Whether EXIF says that it is stored turned or mirrored: where its camera's upper edge pointed is not known then,
+    and its view is left out."""
 
     @property
     def is_nadir(self) -> bool:
         """Whether it looks near enough straight down for sizes."""
-        return self.pitch_deg is not None and self.pitch_deg <= MOST_TILT_DEG - 90.0
+        return self.pitch_deg is not None and abs(self.pitch_deg + 90.0) <= MOST_TILT_DEG
+
+    @property
+    def is_height_above_sea(self) -> bool:
+        """Whether the height above the ground is the one above the sea: the ground lies at sea level, or it is the
+        wrong height."""
+        heights = (self.height_m, self.above_sea_m)
+        return None not in heights and abs(heights[0] - heights[1]) <= SAME_HEIGHT_M  # type: ignore[operator]
 
     def gsd_mm(self, x: float, y: float) -> float | None:
         """Side of a square on the ground as large as the pixel there, in mm; None where it is not known."""
@@ -129,8 +147,8 @@ def _pose(image: Image.Image) -> PhotographPose:
     turned = exif.get(ExifTags.Base.Orientation, 1) in (5, 6, 7, 8)
     size = (image.height, image.width) if turned else image.size
     gps = exif.get_ifd(ExifTags.IFD.GPSInfo)
-    if exif.get(ExifTags.Base.Orientation, 1) != 1:  # which way its camera's upper edge points is not known then
-        return PhotographPose(size, _lonlat(gps, dji))
+    if exif.get(ExifTags.Base.Orientation, 1) != 1:
+        return PhotographPose(size, _lonlat(gps, dji), is_turned=True)
     heading, pitch = dji.get("GimbalYawDegree"), dji.get("GimbalPitchDegree")
     return PhotographPose(
         size,
@@ -140,7 +158,16 @@ def _pose(image: Image.Image) -> PhotographPose:
         pitch,
         _focal_px(exif.get_ifd(ExifTags.IFD.Exif), size),
         _position_error_m(gps, dji),
+        None if exif.get(ExifTags.Base.Software) == _OF_WORLDS else _above_sea_m(gps, dji),
     )
+
+
+def _above_sea_m(gps: Mapping[int, Any], dji: Mapping[str, float]) -> float | None:
+    if (stated := dji.get("AbsoluteAltitude")) is not None:
+        return stated
+    altitude = _number(gps.get(ExifTags.GPS.GPSAltitude))
+    below = gps.get(ExifTags.GPS.GPSAltitudeRef) in (1, b"\x01")
+    return -altitude if altitude is not None and below else altitude
 
 
 def _position_error_m(gps: Mapping[int, Any], dji: Mapping[str, float]) -> float | None:
