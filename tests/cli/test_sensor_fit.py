@@ -7,6 +7,7 @@ import pytest
 import yaml
 
 from pavetwin.mission.look_table import LOOKS
+from pavetwin.mission.spec import FORMAT
 from pavetwin.sensing.fit.tables import GROUP, LOOK_SCHEMA
 from pavetwin.sensing.sensor_model import SensorModel
 from scenes.command_line import pavetwin, plain_refusal
@@ -28,6 +29,7 @@ def mission(folder: Path, seed: int, sha256: str = stated().detector.sha256) -> 
     detections = {"outcome": pl.String, "capture": pl.Int64, "class": pl.String, "footprint": pl.Binary}
     pl.DataFrame(schema={**detections, "pixel_mm": pl.Float64}).write_parquet(folder / "detections.parquet")
     content = {
+        "format": FORMAT,
         "world": {"content_hash": "w"},
         "defects": {"content_hash": f"d{seed}"},
         "plugins": [{"path": "/models/model.onnx", "sha256": sha256}],

@@ -197,3 +197,17 @@ def test_a_mission_that_does_not_name_its_detector_is_judged_by_none_until_it_is
 def with_looks(folder: Path, other: Path) -> Path:
     (folder / LOOKS).write_bytes((other / LOOKS).read_bytes())
     return folder
+
+
+@pytest.mark.parametrize("given", ["format: 9", "format: 2", "[]"])
+def test_a_mission_of_another_version_is_refused(
+    mission: tuple[Path, MissionResult], tmp_path: Path, given: str
+) -> None:
+    """Also one without a detection, of which nothing would show it."""
+    empty = pl.read_parquet(mission[0] / "detections.parquet").clear()
+    empty.write_parquet(tmp_path / "detections.parquet")
+    assert flown(tmp_path).observations == ()
+    (tmp_path / "mission.yaml").write_text(f"{given}\n")
+    for read in (flown, read_looks):
+        with pytest.raises(PaveTwinError, match=r"mission.yaml' is not a mission.yaml of format 3 or 4 or 5"):
+            read(with_looks(tmp_path, mission[0]))

@@ -20,7 +20,7 @@ from pavetwin.inventory.observation import SIZES, Observation
 from pavetwin.inventory.probability import entry_model
 from pavetwin.inventory.reading import Reading, check_size
 from pavetwin.labels.classes import label_name
-from pavetwin.mission.look_table import detector_sha256, names_no_detector
+from pavetwin.mission.look_table import check_version, detector_sha256, names_no_detector
 from pavetwin.perception.inference.detector import pixels_of
 from pavetwin.perception.results.measuring import NOT_RESOLVABLE
 from pavetwin.perception.results.photograph import pose_of
@@ -99,6 +99,8 @@ def flown(
             the error is out of its bounds, or `fitted` does not fit.
     """
     check_size("position_error_m", position_error_m, may_be_zero=True)
+    if (folder / "mission.yaml").is_file():
+        check_version(folder)
     path = folder / TABLE
     try:
         table = pl.read_parquet(path)

@@ -20,7 +20,8 @@ from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.inspected_defects import MissReason
 from pavetwin.mission.plan import defect_input
 from pavetwin.mission.results import TOTALS, totals
-from pavetwin.mission.spec import FORMAT, FileInput, MissionSpec, TrafficInput, WorldInput
+from pavetwin.mission.spec import FORMAT, FileInput, MissionSpec, TrafficInput, WorldInput, check_format
+from pavetwin.mission.spec import READABLE as READABLE
 from pavetwin.mission.versions import version_changes
 from pavetwin.sensing.registered import unnamed_models
 from pavetwin.world.folder import DESCRIPTION, read_description
@@ -31,8 +32,6 @@ MISSION: Final = "mission.yaml"
 
 DEFECTS: Final = "defects.csv"
 """Beside it: what became of each defect."""
-
-READABLE: Final = (3, 4, FORMAT)
 
 OF_ROTOR: Final = ("capacity_wh", "hover_endurance_s", "mass_kg")
 """Keys of `settings.energy` that described the aircraft before format 5."""
@@ -190,11 +189,7 @@ def read_mission(path: str | Path, *, other_policy: bool = False) -> FormerMissi
     """
     path = Path(path)
     values = dict(_read(path))
-    if values.get("format") not in READABLE:
-        raise PaveTwinError(
-            f"'{path}' is not a mission.yaml of format {' or '.join(map(str, READABLE))}, which this version reads; "
-            "fly the mission again from its options."
-        )
+    check_format(path, values.get("format"))
     if values["format"] == 3:
         values["settings"] = overlay({"uav": {"base": "street"}}, values.get("settings", {}))  # there was no other
     if values["format"] < FORMAT:

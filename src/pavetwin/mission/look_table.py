@@ -14,6 +14,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.inspected_defects import captured_frame
+from pavetwin.mission.spec import check_format
 from pavetwin.perception.shipped import model_path
 from pavetwin.sensing import Outcome
 from pavetwin.sensing.detector import DetectorSensor
@@ -69,6 +70,7 @@ def read_looks(folder: Path, model: Path | None = None) -> LookSource:
         PaveTwinError: the mission was flown with another sensor, is damaged, of an earlier version, or does not name
             its detector.
     """
+    check_version(folder)
     said, table, detections = (
         _yaml(folder / "mission.yaml"),
         _table(folder / LOOKS),
@@ -125,6 +127,15 @@ def detector_sha256(folder: Path, model: Path | None = None) -> str | None:
         return _detector_of(said, model) if said["settings"]["sensing"]["sensor"] == "detector" else None
     except (KeyError, TypeError, PaveTwinError):
         return None
+
+
+def check_version(folder: Path) -> None:
+    """Raises:
+    PaveTwinError: the `mission.yaml` of a folder cannot be read, or is of a format that this version does not read.
+    """
+    path = folder / "mission.yaml"
+    said = _yaml(path)
+    check_format(path, said.get("format") if isinstance(said, dict) else None)
 
 
 def names_no_detector(folder: Path) -> bool:

@@ -15,6 +15,7 @@ from pavetwin.config import MissionSettings
 from pavetwin.config.base import Settings
 from pavetwin.config.options import option_files
 from pavetwin.defects import DefectOptions
+from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256
 from pavetwin.mission.airspace import Aircraft
 from pavetwin.mission.versions import packages_in_use, software_versions
@@ -31,8 +32,21 @@ from pavetwin.world.model import World
 FORMAT: Final = 5
 """Of `mission.yaml`. Formats 3 and 4 knew no aircraft; of them, missions with the linear battery are read as well."""
 
+READABLE: Final = (3, 4, FORMAT)
+
 HANDED_IN: Final = "handed in"
 """The path of an input that a Python caller gave as a value: it cannot be found again from the spec alone."""
+
+
+def check_format(path: Path, given: Any) -> None:
+    """Raises:
+    PaveTwinError: a `mission.yaml` is of a format that this version does not read.
+    """
+    if given not in READABLE:
+        raise PaveTwinError(
+            f"'{path}' is not a mission.yaml of format {' or '.join(map(str, READABLE))}, which this version reads; "
+            "fly the mission again from its options."
+        )
 
 
 class FileInput(Settings):
