@@ -62,3 +62,36 @@ def test_what_is_not_in_it_is_refused(long: Recording, tmp_path: Path) -> None:
     assert not list(tmp_path.glob("x.*"))
     done = pavetwin("traffic", "export", file, tmp_path / "x.csv", "--from", 10, "--to", 12)
     assert "10 rows in" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("start_s", "end_s", "times"), [(0.25, 1.2, [0.5, 1.0]), (0.3, 0.9, [0.5]), (0.5, 0.5, [0.5]), (0.0, 0.49, [0.0])]
+)
+def test_a_stretch_holds_the_moments_within_it_alone(
+    long: Recording, tmp_path: Path, start_s: float, end_s: float, times: list[float]
+) -> None:
+    export_fcd(long, tmp_path / "some.csv", start_s, end_s)
+    some = pl.read_csv(tmp_path / "some.csv").filter(pl.col("type") == "man")
+    assert some["time"].to_list() == some["y"].to_list() == times
+
+
+def test_a_stretch_between_two_moments_is_refused(long: Recording, tmp_path: Path) -> None:
+    with pytest.raises(PaveTwinError, match=r"No moment of the recording lies from 0.3 to 0.4 s: it has one every 0.5"):
+        export_fcd(long, tmp_path / "x.csv", 0.3, 0.4)
+    assert not list(tmp_path.glob("x.*"))
+
+
+def test_a_recording_and_other_files_are_not_replaced_by_themselves(long: Recording, tmp_path: Path) -> None:
+    assert long.path is not None
+    before = long.path.read_bytes()
+    (tmp_path / "link.parquet").symlink_to(long.path)
+    (tmp_path / "there.csv").write_text("mine")
+    for target in (long.path, tmp_path / "there.csv"):
+        told = plain_refusal(pavetwin("traffic", "export", long.path, target))
+        assert "exists; choose another name, or add --force" in told
+    for target in (long.path, tmp_path / "link.parquet"):
+        with pytest.raises(PaveTwinError, match="it is the recording itself, which this would replace"):
+            export_fcd(long, target)
+    assert (tmp_path / "there.csv").read_text() == "mine"
+    assert long.path.read_bytes() == before
+    assert pavetwin("traffic", "export", long.path, tmp_path / "there.csv", "--force").returncode == 0

@@ -118,6 +118,7 @@ def export(
     target: Annotated[Path, typer.Argument(help="The file to write, ending in .parquet or .csv.")],
     start: Annotated[float, typer.Option("--from", help="First moment, in seconds of the recording.")] = 0.0,
     end: Annotated[float | None, typer.Option("--to", help="Last moment; the recording's end unless given.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace the file.")] = False,
 ) -> None:
     """Write a stretch of a recording as a table with a row for each agent and moment, as SUMO's floating car data.
 
@@ -128,6 +129,8 @@ def export(
     from pavetwin.traffic.fcd import export_fcd
     from pavetwin.traffic.recording_file import load_recording
 
+    if target.exists() and not force:
+        raise PaveTwinError(f"`target` '{target}' exists; choose another name, or add `force`.")
     recording = load_recording(file)
     with progress("Writing") as tell:
         count = export_fcd(recording, target, start, end, tell)

@@ -5,6 +5,7 @@ Columns as in SUMO's `fcd-output` (`time`, `id`, `type`, `x`, `y`, `angle`, `spe
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager
+from math import ceil, floor
 from pathlib import Path
 from typing import Any, Final
 
@@ -48,7 +49,8 @@ def export_fcd(
     end_s: float | None = None,
     on_progress: Callable[[float], None] | None = None,
 ) -> int:
-    """Write the poses from `start_s` to `end_s`, both included, to a `.parquet` or `.csv` file, whole or not at all.
+    """Write the poses at the moments from `start_s` to `end_s`, both included, to a `.parquet` or `.csv` file, whole or
+    not at all.
 
     Parts of the recording are read one after another, so memory does not grow with its length.
 
@@ -59,7 +61,8 @@ def export_fcd(
         The number of rows.
 
     Raises:
-        PaveTwinError: the recording does not hold the stretch, is damaged, or the file cannot be written.
+        PaveTwinError: the recording does not hold the stretch or a moment of it, is damaged, or is the file itself, or
+            the file cannot be written.
     """
     target, last_s = Path(target), recording.duration_s if end_s is None else end_s
     if target.suffix not in WRITERS:
@@ -69,9 +72,19 @@ def export_fcd(
             f"The recording lasts from 0 to {recording.duration_s:g} s; a stretch from {start_s:g} to {last_s:g} s is "
             "not in it."
         )
-    stretch = recording.until(max(last_s, recording.step_s)).after(start_s)
-    count, frames = 0, int((last_s - start_s) / recording.step_s + 1e-9) + 1
-    begin_s = round(start_s / recording.step_s) * recording.step_s
+    if recording.path is not None and target.exists() and target.samefile(recording.path):
+        raise PaveTwinError(
+            f"`target` {target}: it is the recording itself, which this would replace; give another name."
+        )
+    first_frame, last_frame = ceil(start_s / recording.step_s - 1e-9), floor(last_s / recording.step_s + 1e-9)
+    if first_frame > last_frame:
+        raise PaveTwinError(
+            f"No moment of the recording lies from {start_s:g} to {last_s:g} s: it has one every "
+            f"{recording.step_s:g} s."
+        )
+    begin_s = first_frame * recording.step_s
+    stretch = recording.until(max(last_frame, 1) * recording.step_s).after(begin_s)
+    count, frames = 0, last_frame - first_frame + 1
     with writing(target) as temporary, WRITERS[target.suffix](temporary) as writer:
         for first, rows in _up_to(stretch.tracks.pieces(), frames):
             table = _table(stretch, rows, begin_s + first * recording.step_s)
