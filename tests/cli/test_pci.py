@@ -76,3 +76,16 @@ def test_what_is_neither_world_nor_mission_is_refused(world: Path, tmp_path: Pat
     assert f"name one: {tmp_path / 'hover'}" in plain_refusal(pavetwin("pci", tmp_path))
     (tmp_path / "taken").write_text("", encoding="utf-8")
     assert "--output" in plain_refusal(pavetwin("pci", world, "-o", tmp_path / "taken"))
+
+
+def test_a_place_that_cannot_be_written_is_one_line(world: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    for target in (Path("/proc/pci"), tmp_path / "file" / "pci"):
+        assert plain_refusal(pavetwin("pci", world, "-o", target)).startswith(f"Error: Cannot write '{target}")
+
+
+def test_maps_of_a_former_survey_do_not_stay(world: Path, tmp_path: Path) -> None:
+    for name in ("pci-found.png", "pci-detected.png", "mine.png"):
+        (tmp_path / name).write_text("", encoding="utf-8")
+    assert pavetwin("pci", world, "-o", tmp_path).returncode == 0
+    assert sorted(path.name for path in tmp_path.glob("*.png")) == ["mine.png", "pci.png"]

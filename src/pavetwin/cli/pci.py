@@ -7,12 +7,15 @@ import typer
 
 from pavetwin.cli.console import note_fonts, out, progress
 from pavetwin.errors import PaveTwinError
+from pavetwin.files import check_writable, unwritable
 
 if TYPE_CHECKING:
     import polars as pl
     from rich.table import Table
 
     from pavetwin.mission.condition import ConditionReport
+
+MAP, MAP_FOUND, MAP_DETECTED = "pci.png", "pci-found.png", "pci-detected.png"
 
 SHOWN: Final = 20
 """Streets in the printed table; the file has all."""
@@ -42,19 +45,25 @@ def pci(
     target = output or folder / "pci"
     if target.exists() and not target.is_dir():
         raise PaveTwinError(f"--output {target}: a file of that name is in the way; name a folder.")
+    check_writable(target / MAP)
     with progress("Surveying") as tell:
         report = _report(folder)
         tell(0.5)
-        target.mkdir(parents=True, exist_ok=True)
+        try:
+            target.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise unwritable(target, error) from error
         write_condition(report, target)
         tell(0.7)
-        save_pci_map(report.world, report.true, target / "pci.png", subtitle=f"as it is: {report.pci:.0f} on average")
+        for other in (MAP_FOUND, MAP_DETECTED):  # of a former survey in the folder
+            (target / other).unlink(missing_ok=True)
+        save_pci_map(report.world, report.true, target / MAP, subtitle=f"as it is: {report.pci:.0f} on average")
         if report.found is not None:
             words = f"as the mission found it: {report.pci_found:.0f} on average, as it is: {report.pci:.0f}"
-            save_pci_map(report.world, report.found, target / "pci-found.png", subtitle=words)
+            save_pci_map(report.world, report.found, target / MAP_FOUND, subtitle=words)
         if report.detected is not None:
             words = f"as its sensor measured it: {report.pci_detected:.0f} on average, as it is: {report.pci:.0f}"
-            save_pci_map(report.world, report.detected, target / "pci-detected.png", subtitle=words)
+            save_pci_map(report.world, report.detected, target / MAP_DETECTED, subtitle=words)
         tell(1.0)
     out.print(_table(report))
     out.line(f"PCI {report.pci:.1f}, {rating_of(report.pci).value}, over {len(report.true)} sample units.")
