@@ -2,8 +2,10 @@
 
 import io
 import re
+import time
 import zipfile
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import pytest
 from hypothesis import given
@@ -140,3 +142,15 @@ def test_headings_are_true_and_times_follow_speeds() -> None:
     flight = straight()
     assert flight.headings_deg == pytest.approx([90, 90], abs=0.01)
     assert flight.duration_s == pytest.approx(flight.distance_m / 5)
+
+
+def test_equal_plans_are_equal_bytes_whenever_they_are_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    """DJI's plans say when they were made: when the mission is flown, by its conditions."""
+    written = []
+    for now_s in (1.7e9, 1.8e9):
+        monkeypatch.setattr(time, "time", lambda now_s=now_s: now_s)
+        made = replace(plan(straight()), flown_at=datetime(2026, 5, 4, 8, tzinfo=UTC))
+        written.append({name: PLAN_FORMATS.get(name)().write(made, straight()) for name in PLAN_FORMATS.names()})
+    assert written[0] == written[1]
+    created_s = datetime(2026, 5, 4, 8, tzinfo=UTC).timestamp()
+    assert values_of_wpml(written[0]["wpml"], "createTime") == [f"{1000 * created_s:.0f}"]

@@ -70,6 +70,7 @@ def test_a_pass_is_photographed_and_the_ways_to_it_are_not(tmp_path: Path) -> No
     assert {each.height_m for each in flight.waypoints} == {10}
     assert {each.corner_m for each in flight.waypoints} == {0}
     assert plan.spacing_m == pytest.approx(5 * plan.interval_s)
+    assert plan.flown_at == load_settings().conditions.utc(flight.home.longitude)
     assert plan.remarks == ()
 
 

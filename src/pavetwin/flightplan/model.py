@@ -1,7 +1,8 @@
 """A flight plan: waypoints in WGS 84, a flight for each set of batteries."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from datetime import datetime
 from enum import StrEnum
 from functools import cached_property
 from typing import Final
@@ -9,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from pavetwin.arrays import Float64Array
+from pavetwin.config.conditions import Conditions
 from pavetwin.world.georeference import ELLIPSOID
 
 STRAIGHT_DOWN_DEG: Final = -90.0
@@ -109,5 +111,7 @@ class FlightPlan:
     trigger: Trigger = Trigger.DISTANCE
     remarks: Sequence[str] = ()
     """What of the mission is not in the plan, as sentences."""
+    flown_at: datetime = field(default_factory=lambda: Conditions().utc(0.0))
+    """When the mission begins, by its conditions."""
     way_home: WayHome | None = None
     """For parts of a flight; straight ways where it is None."""

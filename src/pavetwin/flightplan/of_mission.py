@@ -97,6 +97,7 @@ def plan_of_track(
         spacing_m=inspect_mps * interval_s,
         trigger=trigger,
         remarks=tuple(_remarks(rows)),
+        flown_at=settings.conditions.utc(flights[0].home.longitude if flights else 0.0),
         way_home=_way_home(world, settings),
     )
 

@@ -5,7 +5,6 @@ Elements, their order and their values are those of "DJI WPML" in DJI's Cloud AP
 """
 
 import io
-import time
 import zipfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -64,8 +63,10 @@ class Wpml(PlanFormat):
         _check_speeds(flight)
         file = io.BytesIO()
         with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-            archive.writestr("wpmz/template.kml", _xml(_template(plan, flight, drone)))
-            archive.writestr("wpmz/waylines.wpml", _xml(_waylines(plan, flight, drone)))
+            for name, nodes in (("template.kml", _template), ("waylines.wpml", _waylines)):
+                entry = zipfile.ZipInfo(f"wpmz/{name}")  # of 1980, so that equal plans are equal bytes
+                entry.external_attr = 0o600 << 16
+                archive.writestr(entry, _xml(nodes(plan, flight, drone)), zipfile.ZIP_DEFLATED)
         return file.getvalue()
 
 
@@ -92,7 +93,7 @@ def _check_speeds(flight: PlannedFlight) -> None:
 
 
 def _template(plan: FlightPlan, flight: PlannedFlight, drone: Drone) -> Sequence[Node]:
-    now_ms = str(round(1000 * time.time()))
+    created_ms = str(max(0, round(1000 * plan.flown_at.timestamp())))
     height, speed = number_text(flight.home.height_m), number_text(flight.home.speed_mps)
     folder: list[Node] = [
         ("templateType", "waypoint"),
@@ -133,8 +134,8 @@ def _template(plan: FlightPlan, flight: PlannedFlight, drone: Drone) -> Sequence
     folder.append(("payloadParam", [("payloadPositionIndex", "0"), ("imageFormat", drone.lens)]))
     return [
         ("author", "PaveTwin"),
-        ("createTime", now_ms),
-        ("updateTime", now_ms),
+        ("createTime", created_ms),
+        ("updateTime", created_ms),
         ("missionConfig", _configuration(flight, drone)),
         ("Folder", folder),
     ]
