@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 
 from pavetwin.files import file_sha256
-from pavetwin.sensing.fit.tables import ALARM_SCHEMA, GROUP, LOOK_COLUMNS, LookSource
+from pavetwin.sensing.fit.tables import ALARM_SCHEMA, CAPTURE, GROUP, LOOK_COLUMNS, LookSource
 from pavetwin.sensing.fitted_number import FittedNumber
 from pavetwin.sensing.looks import Look
 from pavetwin.sensing.sensor_model import (
@@ -102,7 +102,7 @@ def drawn_looks(model: SensorModel, defects: int, looks: int, seed: int = 0, nam
     per_image = 150.0
     images = pl.DataFrame(
         {"area_m2": [per_image] * defects, "pixel_mm": [float(mm) for mm in rng.uniform(3, 14, defects)]}
-    )
+    ).with_columns(pl.lit(None, pl.String).alias(CAPTURE))
     alarms = [
         (image, kind, each.size_px)
         for kind, each in model.false_alarms.items()

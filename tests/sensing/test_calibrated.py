@@ -270,3 +270,24 @@ def test_what_is_found_is_what_the_first_version_found() -> None:
     assert sum(is_found << look for look, is_found in enumerate(found)) == 193818787611322
     assert (sum(found), sum(alarms)) == (25, 71)
     assert alarms[:16] == [1, 2, 1, 3, 2, 2, 1, 1, 1, 0, 1, 2, 2, 2, 1, 2]
+
+
+def test_captures_that_policies_share_have_one_name(tmp_path: Path) -> None:
+    """Two missions that differ in their policy alone, and one under another light."""
+    names = []
+    for folder, policy in (("a", "baseline"), ("b", "hover"), ("c", "hover")):
+        result, _ = fly_over_spots(STORY, SPOTS, aboard=False, policy=policy)
+        if folder == "c":
+            clouded = result.settings.conditions.model_copy(update={"clouds": 0.9})
+            settings = result.spec.settings.model_copy(update={"conditions": clouded})
+            result = replace(result, spec=result.spec.model_copy(update={"settings": settings}))
+        save_mission(result, tmp_path / folder)
+        names.append(read_looks(tmp_path / folder).images["capture"].to_list())
+    assert len(set(names[0])) == len(names[0])
+    shared = set(names[0]) & set(names[1])
+    assert shared
+    assert names[0][: len(shared)] == names[1][: len(shared)], "until the policies part"
+    assert not set(names[1]) & set(names[2])
+    table = pl.read_parquet(tmp_path / "a" / LOOKS).drop("t_s", "x_m", "y_m", "yaw_rad")
+    table.write_parquet(tmp_path / "a" / LOOKS)
+    assert read_looks(tmp_path / "a").images["capture"].is_null().all(), "of an earlier version"

@@ -224,3 +224,23 @@ def test_the_correlation_is_that_of_the_copula() -> None:
     score = 0.7
     hits = score + 2.0 * rng.standard_normal((200_000, 1)) + rng.standard_normal((200_000, 2)) > 0
     assert hits.mean() == pytest.approx(ndtr(score / 5**0.5), abs=0.005)
+
+
+def test_false_alarms_in_captures_that_missions_share_count_once() -> None:
+    """The second mission flew the first half of the captures of the first, and others after it."""
+    first, other = (drawn_looks(stated(alarms_per_m2=0.02), 200, seed) for seed in (1, 2))
+    named = replace(first, images=first.images.with_columns(capture=pl.int_range(200).cast(pl.String)))
+    half = named.images.head(100), named.alarms.filter(pl.col("image") < 100)
+    rest = other.images.head(100).with_columns(capture=pl.int_range(200, 300).cast(pl.String))
+    alarms = other.alarms.filter(pl.col("image") < 100).with_columns(pl.col("image") + 100)
+    second = replace(named, images=pl.concat([half[0], rest]), alarms=pl.concat([half[1], alarms]))
+    both = fit_sensor([named, second])
+    alone = replace(other, images=rest, alarms=other.alarms.filter(pl.col("image") < 100), looks=other.looks.clear())
+    assert both.false_alarms == fit_sensor([named, alone]).false_alarms
+    assert both.fitted_to.images == 300
+    unknown = [
+        replace(each, images=each.images.with_columns(capture=pl.lit(None, pl.String))) for each in (named, second)
+    ]
+    assert fit_sensor(unknown).fitted_to.images == 400
+    errors = [made.false_alarms["pothole"].level.standard_error for made in (both, fit_sensor(unknown))]
+    assert errors[0] > errors[1]

@@ -19,7 +19,7 @@ from pavetwin.labels.outlines import hull
 from pavetwin.labels.rle import decode
 from pavetwin.perception.inference import Detections, Detector
 from pavetwin.sensing.detector import default_image_px
-from pavetwin.sensing.fit.tables import ALARM_SCHEMA, GROUP, LOOK_COLUMNS, LookSource
+from pavetwin.sensing.fit.tables import ALARM_SCHEMA, CAPTURE, GROUP, LOOK_COLUMNS, LookSource
 from pavetwin.sensing.looks import Look
 from pavetwin.sensing.matching import Shape, match_shapes
 from pavetwin.sensing.sensor_model import FittedDetector
@@ -74,7 +74,9 @@ def looks_of(folder: Path, model: Path, confidence: float, tell: Callable[[float
         name=folder.name,
         detector=FittedDetector(sha256=file_sha256(model), confidence=confidence, image_px=default_image_px(detector)),
         looks=pl.DataFrame(looks, schema=schema, orient="row"),
-        images=pl.DataFrame(images, schema={"area_m2": pl.Float64, "pixel_mm": pl.Float64}, orient="row"),
+        images=pl.DataFrame(images, schema={"area_m2": pl.Float64, "pixel_mm": pl.Float64}, orient="row").with_columns(
+            pl.lit(None, pl.String).alias(CAPTURE)
+        ),
         alarms=pl.DataFrame(alarms, schema=ALARM_SCHEMA, orient="row"),
     )
 

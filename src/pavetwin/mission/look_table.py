@@ -1,7 +1,9 @@
 """`looks.parquet`: what every capture showed of the defects, and what a sensor that looks at images found of it."""
 
+import json
 from collections.abc import Sequence
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,7 +20,7 @@ from pavetwin.mission.spec import check_format
 from pavetwin.perception.shipped import model_path
 from pavetwin.sensing import Outcome
 from pavetwin.sensing.detector import DetectorSensor
-from pavetwin.sensing.fit.tables import ALARM_SCHEMA, GROUP, LOOK_COLUMNS, LOOK_SCHEMA, LookSource
+from pavetwin.sensing.fit.tables import ALARM_SCHEMA, CAPTURE, GROUP, LOOK_COLUMNS, LOOK_SCHEMA, POSE_SCHEMA, LookSource
 from pavetwin.sensing.looks import LookMeter
 from pavetwin.sensing.sensor_model import FittedDetector
 from pavetwin.world.georeference import anchored, from_wgs84
@@ -28,7 +30,7 @@ LOOKS: Final = "looks.parquet"
 
 def look_table(result: MissionResult) -> pl.DataFrame:
     """One row for each defect that a capture saw, and one with `defect` null for a capture that saw none, in the order
-    of captures; the columns of `LOOK_SCHEMA`.
+    of captures; the columns of `LOOK_SCHEMA` and `POSE_SCHEMA`.
 
     Defects count that the mission counts: enough of them is visible, and their centre is in the inspection window.
 
@@ -51,13 +53,17 @@ def look_table(result: MissionResult) -> pl.DataFrame:
             "image_px": min(result.looked_px, max(frame.camera.image_px)),
             "area_m2": float(frame.footprint.area),
             "pixel_mm": 1000.0 * meter.pixel_m(frame),
+            "t_s": frame.time_s,
+            "x_m": frame.position[0],
+            "y_m": frame.position[1],
+            "yaw_rad": frame.yaw_rad,
         }
         for defect, fraction in seen.get(capture, ()):
             look = meter.look(frame, environment.sighting(defect, fraction, 0))
             rows.append({**image, "defect": defect, "found": (capture, defect) in found, **look._asdict()})
         if capture not in seen:
             rows.append(image)
-    return pl.DataFrame(rows, schema=LOOK_SCHEMA)
+    return pl.DataFrame(rows, schema={**LOOK_SCHEMA, **POSE_SCHEMA})
 
 
 def read_looks(folder: Path, model: Path | None = None) -> LookSource:
@@ -81,15 +87,17 @@ def read_looks(folder: Path, model: Path | None = None) -> LookSource:
         if sensing["sensor"] != "detector":
             raise ValueError(f"the sensor is {sensing['sensor']}")
         options = {**DetectorSensor.default_options, **sensing["options"]}
-        if (sha256 := _detector_of(said, model)) is None:
+        if (content := _detector_of(said, model)) is None:
             raise PaveTwinError(f"'{folder}' does not say which detector looked at its images; name it with `model`.")
         detector = FittedDetector(
-            sha256=sha256,
+            sha256=content,
             confidence=options["confidence"],
             image_px=int(table["image_px"].max()),  # type: ignore[arg-type]
         )
         place = f"{said['world']['content_hash']} {said['defects']['content_hash']}"
-        table = table.select(pl.col(name).cast(kind) for name, kind in LOOK_SCHEMA.items())
+        has_poses = set(POSE_SCHEMA) <= set(table.columns)
+        schema = {**LOOK_SCHEMA, **POSE_SCHEMA} if has_poses else LOOK_SCHEMA
+        table = table.select(pl.col(name).cast(kind) for name, kind in schema.items())
         images = table.unique("capture", keep="first", maintain_order=True)
         number = {capture: row for row, capture in enumerate(images["capture"])}
         alarms = detections.filter(pl.col("outcome") == Outcome.FALSE_ALARM.value)
@@ -110,9 +118,20 @@ def read_looks(folder: Path, model: Path | None = None) -> LookSource:
         name=folder.name,
         detector=detector,
         looks=looks.select(GROUP, "found", *LOOK_COLUMNS),
-        images=images.select("area_m2", "pixel_mm"),
+        images=images.select(
+            "area_m2", "pixel_mm", (_captured(said) if has_poses else pl.lit(None, pl.String)).alias(CAPTURE)
+        ),
         alarms=alarms.select(pl.col(name).cast(kind) for name, kind in ALARM_SCHEMA.items()),
     )
+
+
+def _captured(said: Any) -> pl.Expr:
+    """What names captures: all that decides an image, the policy that led there aside, and the pose."""
+    names = ("defects", "traffic", "aircraft", "seed", "parking_seed", "parking_mix")
+    same = {name: said.get(name) for name in names} | {"world": said["world"]["content_hash"]}
+    same["settings"] = {name: value for name, value in said["settings"].items() if name != "policy"}
+    mission = sha256(json.dumps(same, sort_keys=True, default=str).encode()).hexdigest()
+    return pl.concat_str(pl.lit(mission), *POSE_SCHEMA, separator=" ")
 
 
 def detector_sha256(folder: Path, model: Path | None = None) -> str | None:

@@ -13,7 +13,7 @@ from scipy.special import ndtr, ndtri
 from pavetwin.arrays import Float64Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.sensing.fit.mixed_probit import fit_mixed_probit
-from pavetwin.sensing.fit.tables import GROUP, LOOK_COLUMNS, LookSource
+from pavetwin.sensing.fit.tables import CAPTURE, GROUP, LOOK_COLUMNS, LookSource
 from pavetwin.sensing.fitted_number import FittedNumber
 from pavetwin.sensing.looks import Look
 from pavetwin.sensing.sensor_model import (
@@ -59,7 +59,7 @@ def fit_sensor(sources: Sequence[LookSource]) -> SensorModel:
     """
     detector = _one_detector(sources)
     looks = pl.concat([each.looks for each in sources]).unique(maintain_order=True)
-    images = pl.concat([each.images for each in sources])
+    images, alarms = _distinct(sources)
     found = looks["found"].to_numpy()
     if len(looks) < FEWEST or found.all() or not found.any():
         raise PaveTwinError(
@@ -88,7 +88,7 @@ def fit_sensor(sources: Sequence[LookSource]) -> SensorModel:
         terms={name: _estimate(*pair) for name, *pair in zip(terms, made.beta, errors[:-1], strict=True)},
         log_spread=_estimate(made.log_spread, errors[-1]),
         covariance=tuple(tuple(float(f"{value:.4g}") for value in row) for row in made.covariance),
-        false_alarms=_false_alarms(sources, images),
+        false_alarms=_false_alarms(alarms, images),
     )
 
 
@@ -151,16 +151,26 @@ def _design(
     return variables, knots, np.column_stack(columns), term_names(kinds)
 
 
-def _false_alarms(sources: Sequence[LookSource], images: pl.DataFrame) -> dict[str, FalseAlarms]:
+def _distinct(sources: Sequence[LookSource]) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """The images of all sources, those of one capture once, and the false alarms in them, with the images' new rows."""
+    numbered = [
+        (each.images.with_row_index("image").with_columns(source=number), each.alarms.with_columns(source=number))
+        for number, each in enumerate(sources)
+    ]
+    images = pl.concat([images for images, _ in numbered])
+    images = images.filter(pl.col(CAPTURE).is_null() | pl.col(CAPTURE).is_first_distinct()).with_row_index("row")
+    alarms = pl.concat([alarms for _, alarms in numbered]).with_columns(pl.col("image").cast(pl.UInt32))
+    kept = alarms.join(images, on=["source", "image"], how="inner", maintain_order="left")
+    return images, kept.select(pl.col("row").alias("image"), "kind", "size_px")
+
+
+def _false_alarms(alarms: pl.DataFrame, images: pl.DataFrame) -> dict[str, FalseAlarms]:
     """By class: a Poisson regression of the images' counts on the logarithm of their ground resolution."""
     found: dict[str, tuple[list[int], list[float]]] = {}
-    before = 0
-    for source in sources:
-        for image, kind, size_px in source.alarms.select("image", "kind", "size_px").iter_rows():
-            at, sizes = found.setdefault(kind, ([], []))
-            at.append(before + image)
-            sizes.append(size_px)
-        before += len(source.images)
+    for image, kind, size_px in alarms.iter_rows():
+        at, sizes = found.setdefault(kind, ([], []))
+        at.append(image)
+        sizes.append(size_px)
     area_m2, steps = images["area_m2"].to_numpy(), np.log2(images["pixel_mm"].to_numpy())
     made = {}
     for kind, (at, sizes) in sorted(found.items()):

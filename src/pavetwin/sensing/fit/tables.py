@@ -26,6 +26,13 @@ LOOK_SCHEMA: Final = {
 defect's id, whether it was found, and the look. A capture that sees no defect is a row too, of whose look only
 `pixel_mm` is not null."""
 
+POSE_SCHEMA: Final = dict.fromkeys(("t_s", "x_m", "y_m", "yaw_rad"), pl.Float64)
+"""When and where a capture was taken: further columns of a table of looks, which those of earlier versions lack."""
+
+CAPTURE: Final = "capture"
+"""Column of a table of images: what names the capture among all sources; null where nothing tells whether another is
+the same."""
+
 GROUP: Final = "group"
 """Column of a table of looks: what names the defect among all sources."""
 
@@ -43,6 +50,6 @@ class LookSource:
     looks: pl.DataFrame
     """A row a look: `GROUP`, `found`, and `LOOK_COLUMNS`."""
     images: pl.DataFrame
-    """A row an image: `area_m2` of its ground, `pixel_mm`."""
+    """A row an image: `area_m2` of its ground, `pixel_mm`, `CAPTURE`."""
     alarms: pl.DataFrame
     """A row a false alarm, see `ALARM_SCHEMA`."""
