@@ -297,10 +297,14 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     save_world(damaged("cross", 6), folder / "cross")
     (folder / "d.yaml").write_text(
         "worlds: [cross]\ndensities: [low]\naltitudes_m: [10]\npolicies: [baseline, hover]\nreplicates: 2\n"
-        "presets: [paper]\n"
+        "presets: [paper]\nsensors: [calibrated]\n"
     )
     done = pavetwin("experiment", "run", "d.yaml", "-o", "s", "--jobs", "1", cwd=folder)
     assert done.returncode == 0, done.stderr
+    text = (folder / "s" / "design.yaml").read_text()
+    assert "fitted: synthetic-5" in text
+    # As if another fitted sensor had been the default when it was flown.
+    (folder / "s" / "design.yaml").write_text(text.replace("fitted: synthetic-5", "fitted: synthetic-1"))
     return folder / "s"
 
 
@@ -317,6 +321,7 @@ def test_a_study_hands_over_what_it_recommends(study: Path) -> None:
     assert set(streets["fly"]) == {f"{policy} at 10\u00a0m"}
     flown = pl.read_parquet(made / "mission" / "mission.parquet")
     assert set(flown["policy"]) == {policy}
+    assert "fitted: synthetic-1" in (made / "mission" / "mission.yaml").read_text(), "the study's, not today's default"
     assert set(flown["segment"]) == set(" ".join(streets["segments"]).split())
     assert set(flown["segment"]) == set(pl.read_parquet(study / "segments.parquet")["segment"])
     reader = Words()
