@@ -5,10 +5,12 @@ from pathlib import Path
 import pytest
 import yaml
 
+from pavetwin.cli import report
 from pavetwin.config import load_settings
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission import MissionInputs, fly, plan_mission, prepare, replay_of
+from pavetwin.traffic.area import TrafficArea
 from pavetwin.world.build import BuildOptions, build_world
 from pavetwin.world.store import load_world, save_world
 from scenes.command_line import pavetwin, plain_refusal
@@ -46,6 +48,19 @@ def test_a_mission_says_its_area_keeps_it_and_is_flown_again(grid: Path, tmp_pat
     assert whole.returncode == 0, whole.stderr
     assert "km of lanes" not in whole.stdout
     assert settings_of(tmp_path / "all")["traffic_area_m"] is None
+
+
+def test_of_a_large_town_it_is_said_how_much_less_an_area_is(grid: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    world, targets = load_world(grid), [corner(grid)]
+    assert report.whole_town_line(world, targets) == "", "a small one is recorded soon enough"
+    monkeypatch.setattr(report, "CITY_KM", 1.0)
+    monkeypatch.setattr(report, "STATED_AREA_M", 100.0)
+    area = TrafficArea.around(world, targets, 100.0)
+    assert area is not None
+    said = report.whole_town_line(world, targets)
+    assert f"With --traffic-area 100 it is that of {area.length_km(world):.1f} km around" in said
+    monkeypatch.setattr(report, "STATED_AREA_M", 10_000.0)
+    assert report.whole_town_line(world, targets) == "", "an area that is most of the town is the town"
 
 
 @pytest.mark.parametrize(

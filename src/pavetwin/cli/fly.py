@@ -257,7 +257,8 @@ def fly(
 
         if output is not None or not specs[0].traffic.or_nearest:  # else its name depends on what can be recorded
             checked_folder()
-        inputs = load_inputs(specs[0], world=loaded, environment=environment, on_progress=tell)
+        told = report.telling_of_areas(tell, specs[0], loaded)
+        inputs = load_inputs(specs[0], world=loaded, environment=environment, on_progress=told)
         inputs.replay.flies_once = len(specs) == 1
         specs = [inputs.flown(spec) for spec in specs]
     folder = checked_folder()

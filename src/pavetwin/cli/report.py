@@ -9,7 +9,7 @@ from rich.cells import cell_len
 from rich.table import Table
 from rich.text import Text
 
-from pavetwin.cli.console import out
+from pavetwin.cli.console import err, out
 from pavetwin.mission.environment import INSPECT_MPS, capture_interval_s, inspect_speed_mps, window_m
 from pavetwin.mission.results import save_mission, save_missions
 from pavetwin.mission.summary import (
@@ -27,11 +27,17 @@ if TYPE_CHECKING:
     from pavetwin.config import MissionSettings
     from pavetwin.mission.again import FormerMission
     from pavetwin.mission.fly import MissionResult
-    from pavetwin.mission.inputs import MissionInputs
+    from pavetwin.mission.inputs import MissionInputs, OnProgress
     from pavetwin.mission.spec import MissionSpec
     from pavetwin.traffic.area import TrafficArea
     from pavetwin.world.model import World
 
+
+CITY_KM: Final = 15.0
+"""Of lanes: towns with fewer are recorded soon enough as a whole."""
+
+STATED_AREA_M: Final = 200.0
+"""The distance that agrees with the traffic of whole towns: docs/explanation/traffic.md, "Area"."""
 
 LEAST_GAP_M: Final = 0.05
 """Smaller gaps between captures are not worth a word."""
@@ -57,6 +63,35 @@ def area_line(area: "TrafficArea | None", world: "World") -> str:
     return (
         f"Traffic on {area.length_km(world):.1f} km of lanes, those within {area.distance_m:g} m of what is inspected; "
         "--traffic-area all has it everywhere."
+    )
+
+
+def telling_of_areas(tell: "OnProgress", spec: "MissionSpec", world: "World") -> "OnProgress":
+    """As `tell`, and says once that the whole of a large town is recorded, where that begins."""
+    from pavetwin.mission.inputs import RECORDING
+
+    words = [whole_town_line(world, spec.targets)] if spec.area(world) is None else []
+
+    def told(share: float, what: str) -> None:
+        if what == RECORDING and words and (line := words.pop()):
+            err.line(line)
+        tell(share, what)
+
+    return told
+
+
+def whole_town_line(world: "World", targets: Sequence[str]) -> str:
+    """That the traffic of a large town is recorded as a whole, and how much less an area would be; empty for a small
+    one, and where the area would be most of it."""
+    from pavetwin.traffic.area import TrafficArea
+    from pavetwin.world.model import LaneKind
+
+    whole_km = world.length_km(LaneKind.DRIVING)
+    if whole_km < CITY_KM or (area := TrafficArea.around(world, targets, STATED_AREA_M)) is None:
+        return ""
+    return (
+        f"Recording the traffic of all {whole_km:.0f} km of lanes. With --traffic-area {STATED_AREA_M:g} it is that of "
+        f"{area.length_km(world):.1f} km around what is inspected, which takes less time and is a little less exact."
     )
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from shapely import Point
 
@@ -24,6 +24,10 @@ from pavetwin.world.store import load_world
 
 OnProgress = Callable[[float, str], None]
 """Told the share done and what is being done."""
+
+
+RECORDING: Final = "Recording traffic"
+"""What is told while SUMO records."""
 
 
 @dataclass(frozen=True)
@@ -142,7 +146,7 @@ def load_inputs(
     traffic = traffic_of(
         loaded,
         spec.traffic,
-        lambda share: tell(share, "Recording traffic"),
+        lambda share: tell(share, RECORDING),
         lambda share: tell(share, search),
         area=spec.area(loaded),
         first_s=min(FIRST_DURATION_S, FIRST_PER_TARGET_S * len(spec.targets)),
