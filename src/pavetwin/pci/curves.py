@@ -2,10 +2,11 @@
 
 The standard prints them as charts. The points are those that the Ruby library `pavement_condition_index` (Brand New
 Box, MIT) read from the charts; shoving to weathering included, `docs/explanation/pci.md` compares them with worked
-examples. Between points the curves are interpolated without overshoot, over the logarithm of the density. The charts
-are in feet; densities here are in metres and converted.
+examples. Between points the curves are interpolated without overshoot (Fritsch and Carlson 1980), over the logarithm
+of the density. The charts are in feet; densities here are in metres and converted.
 """
 
+from collections.abc import Callable
 from functools import cache
 from math import log10
 from typing import Final
@@ -14,7 +15,6 @@ import numpy as np
 
 from pavetwin.arrays import Float64Array
 from pavetwin.defects.distress import Distress
-from pavetwin.pci.monotone import MonotoneCurve
 from pavetwin.world.model import Severity
 
 FOOT_M: Final = 0.3048
@@ -118,7 +118,7 @@ def deduct_value(distress: Distress, severity: Severity, density: float) -> floa
     densities = DEDUCT_POINTS[distress][0]
     first, last = densities[0], densities[-1]
     within = min(max(charted, first), last)
-    value = _deduct_curve(distress, severity).at(log10(within))
+    value = float(_deduct_curve(distress, severity)(log10(within)))
     return min(100.0, value * min(1.0, charted / first))
 
 
@@ -142,9 +142,14 @@ def corrected_deduct_value(total: float, q: int) -> float:
 
 
 @cache
-def _deduct_curve(distress: Distress, severity: Severity) -> MonotoneCurve:
+def _deduct_curve(distress: Distress, severity: Severity) -> Callable[[float], Float64Array]:
+    from scipy.interpolate import PchipInterpolator  # a quarter of a second that most commands need not wait
+
     densities, *curves = DEDUCT_POINTS[distress]
-    return MonotoneCurve.through(np.log10(densities), _values(curves[tuple(Severity).index(severity)]))
+    curve: Callable[[float], Float64Array] = PchipInterpolator(
+        np.log10(densities), _values(curves[tuple(Severity).index(severity)])
+    )
+    return curve
 
 
 def _values(points: str) -> Float64Array:
