@@ -26,7 +26,16 @@ SAYS = {
 }
 """What an example prints, at least, as a regular expression."""
 
-SLOW = {"01_first_flight", "03_own_defect_class", "05_study", "06_dataset", "07_python_loop"}
+SLOW = {
+    "01_first_flight",
+    "02_own_policy",
+    "03_own_defect_class",
+    "04_own_demand",
+    "05_study",
+    "06_dataset",
+    "07_python_loop",
+    "08_own_agent",
+}
 DRAWS = {"06_dataset"}
 
 

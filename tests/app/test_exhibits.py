@@ -64,6 +64,7 @@ def test_the_page_lists_worlds_apart_from_studies_and_datasets(page: RunningPage
     ]
 
 
+@pytest.mark.slow
 def test_a_study_shows_the_report_that_the_command_line_writes(page: RunningPage, place: Path, tmp_path: Path) -> None:
     before = digests(place / "study")
     done = show(page, "x0")["done"]

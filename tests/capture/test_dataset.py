@@ -193,6 +193,7 @@ def test_a_process_that_dies_is_replaced_and_costs_no_image(world: Path, few: di
     assert contents(folder) == few
 
 
+@pytest.mark.slow
 def test_another_seed_takes_other_images(world: Path, dataset: Path, tmp_path: Path) -> None:
     few = UAV.model_copy(update={"images": 3, "seed": 0})
     capture(world, few, tmp_path / "other", frame_source_factory=Painter)
@@ -363,6 +364,7 @@ def test_a_car_drives_in_the_recorded_traffic_and_does_not_see_itself(world: Pat
     assert 0.05 < np.std(asides) < 0.4
 
 
+@pytest.mark.slow
 def test_where_no_hatchback_drives_another_car_gives_way(world: Path, tmp_path: Path) -> None:
     """In low traffic one street sees no hatchback for ten minutes: pictures are taken there all the same."""
     from pavetwin.traffic.record import record as record_traffic
@@ -397,6 +399,7 @@ def test_where_no_hatchback_drives_another_car_gives_way(world: Path, tmp_path: 
 # --- Two platforms --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_dataset_of_two_platforms_is_that_of_the_one_and_that_of_the_other(
     world: Path, dataset: Path, tmp_path: Path
 ) -> None:

@@ -163,6 +163,7 @@ def test_a_folder_that_holds_something_else_is_refused(world: Path, tmp_path: Pa
     assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
 
 
+@pytest.mark.slow
 def test_a_dataset_by_the_real_renderer(world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Its boxes are tight, its shares are shares, its pictures show something, and it can be shown and counted."""
     _needs_an_adapter()

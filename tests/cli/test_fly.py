@@ -346,6 +346,7 @@ def test_policies_repeat_and_what_excludes_each_other_says_so(world: Path, tmp_p
     assert "--density and --routes exclude each other" in line
 
 
+@pytest.mark.slow
 def test_missions_over_ones_own_demand_take_off_after_a_warm_up(world: Path, cache: Path, tmp_path: Path) -> None:
     edges = [segment.edges[0] for segment in load_world(world).segments]
     trips = "".join(
@@ -369,6 +370,7 @@ def test_missions_over_ones_own_demand_take_off_after_a_warm_up(world: Path, cac
     assert digests(cache) == traffic
 
 
+@pytest.mark.slow
 def test_a_mission_takes_off_beside_the_road_or_where_it_is_told(world: Path, tmp_path: Path) -> None:
     loaded = load_world(world)
     middle = loaded.segments[0].centre_line.interpolate(0.5, normalized=True)

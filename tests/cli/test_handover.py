@@ -308,6 +308,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "s"
 
 
+@pytest.mark.slow
 def test_a_study_hands_over_what_it_recommends(study: Path) -> None:
     advised = pavetwin("experiment", "recommend", study).stdout
     done = pavetwin("handover", study, cwd=study.parent)

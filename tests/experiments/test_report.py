@@ -165,6 +165,7 @@ def test_without_baseline_policies_are_compared_with_the_first() -> None:
     assert "baseline is not among them" in study.conclusions[0]
 
 
+@pytest.mark.slow
 def test_a_design_may_compare_every_pair_of_policies(tmp_path: Path) -> None:
     table = table_of({"policy": ("baseline", "hover", "skip"), "traffic": ("low", "high")}, 8)
     study = gather("Pairs", {"compare": "all"}, table, {})
@@ -277,6 +278,7 @@ def test_swept_values_are_compared_with_the_preset_s_own_or_the_first() -> None:
     assert "Over tau_o" in page_of(study)
 
 
+@pytest.mark.slow
 def test_sentences_figures_and_files_tell_the_same_differences(tmp_path: Path) -> None:
     """Some are told by a test of theirs alone and not by one of all together: nowhere are both heard."""
     table = table_of({**SMALL, "policy": ("baseline", "hover", "micro", "skip")}, 12)

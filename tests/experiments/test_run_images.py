@@ -182,6 +182,7 @@ def test_images_show_the_vehicles_that_are_parked(world: Path, tmp_path: Path) -
     assert all(parked > 0 for _, parked in TAKEN)
 
 
+@pytest.mark.slow
 def test_missions_share_the_captures_that_they_have_in_common(world: Path, tmp_path: Path) -> None:
     """Without traffic all policies fly alike: the detector looks at each capture once."""
     values: dict[str, Any] = {

@@ -173,7 +173,8 @@ def test_micro_stays_inside_the_mesh_among_houses_and_trucks(seed: int) -> None:
 # A whole town.
 
 
-@pytest.mark.parametrize(("policy", "altitude_m"), [pytest.param("micro", 6.0, marks=pytest.mark.slow), ("skip", 10.0)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("policy", "altitude_m"), [("micro", 6.0), ("skip", 10.0)])
 def test_in_a_town_the_limits_hold_and_a_mesh_read_is_flown_as_the_one_baked(
     policy: str, altitude_m: float, tmp_path: Path
 ) -> None:

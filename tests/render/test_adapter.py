@@ -75,6 +75,7 @@ def test_what_draws_is_refused_in_one_line_and_leaves_nothing(
     assert sorted(world.rglob("*")) == before
 
 
+@pytest.mark.slow
 def test_traffic_is_recorded_and_missions_fly_all_the_same(world: Path, tmp_path: Path) -> None:
     recorded = pavetwin("traffic", "record", world, "--density", "low", "--seed", 1)
     assert recorded.returncode == 0, recorded.stderr

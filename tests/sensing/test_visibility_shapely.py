@@ -213,6 +213,7 @@ surfaces = st.sampled_from(
 )
 
 
+@pytest.mark.slow
 @examples(max_examples=150)
 @given(views, surfaces, st.lists(movers(), max_size=6), st.lists(blocks(), max_size=3))
 def test_the_kernel_sees_the_cells_that_shapely_sees(
