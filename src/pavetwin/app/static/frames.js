@@ -23,8 +23,8 @@ export class Frames {
   #flight = null; #mission = null; #ready = new Map(); #wanted = null; #asked = null; #took = 2 * SOON_S; #search = false;
   #rate = 0; #ahead = 0; #restsAt = 0; #rest = 0; #failures = new Map();
 
-  /** What is asked of the server; set before the first mission. */
-  tasks = null;
+  /** @param tasks what is asked of the server; may be set later, before the first mission */
+  constructor(tasks = null) { this.tasks = tasks; }
 
   /** @param told that a frame is ready, or that none can be */
   listen(told) { this.#listeners.push(told); }
