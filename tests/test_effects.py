@@ -100,6 +100,7 @@ def test_replicates_over_other_segments_are_no_pairs() -> None:
     assert value(of_all(changed(Kind.CHANCE, now, other)).flight, "coverage", "pairs") == 2 * 12
 
 
+@pytest.mark.slow
 def test_the_largest_change_comes_first_whatever_it_is_of() -> None:
     """Of time and energy by a third, of what the decision finds by a tenth, of the surface by a fiftieth."""
     now = flown(LOW, 0.1)

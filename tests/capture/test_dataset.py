@@ -163,6 +163,7 @@ def test_every_part_of_the_work_is_told(world: Path, tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_a_smaller_dataset_is_the_beginning_of_a_larger_one(world: Path, dataset: Path, tmp_path: Path) -> None:
     small = capture(world, UAV.model_copy(update={"images": 12}), tmp_path / "grown", frame_source_factory=Painter)
     assert small.taken == 12
@@ -330,6 +331,7 @@ def test_a_contact_sheet_shows_the_labels(dataset: Path, tmp_path: Path) -> None
 # --- The car --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_car_drives_in_the_recorded_traffic_and_does_not_see_itself(world: Path, tmp_path: Path) -> None:
     settings = CaptureSettings(
         platforms=("car",),

@@ -36,6 +36,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_streets_are_compared_on_the_screen_and_in_a_file(world: Path, tmp_path: Path) -> None:
     policies = ("--policy", "baseline", "--policy", "skip")
     done = pavetwin("fly", world, *SHORT[:2], "--segments", "3", *policies, "-o", tmp_path / "m")
@@ -229,6 +230,7 @@ def test_another_mission_gets_another_folder_and_the_same_one_the_same(
         assert all(name.partition("-")[2].startswith("low-1-10m-default-seed1") for name in names)
 
 
+@pytest.mark.slow
 def test_a_mission_is_flown_again_from_its_description_alone(world: Path, tmp_path: Path) -> None:
     first = ("--density", "low", "--segments", "3", "--order", "near", "--policy", "micro", "--altitude", "9")
     done = pavetwin("fly", world, *first, "--seed", "4", "--set", "policy.max_wait_s=33", "-o", tmp_path / "m")

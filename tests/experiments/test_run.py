@@ -369,6 +369,7 @@ def flights(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return found
 
 
+@pytest.mark.slow
 def test_only_the_missions_of_an_edited_policy_are_flown_again(world: Path, tmp_path: Path, flights: list[str]) -> None:
     file, folder, notices = tmp_path / "mine.py", tmp_path / "study", []
     file.write_text(MINE.format("first"))
@@ -539,7 +540,8 @@ def test_traffic_that_cannot_be_recorded_fails_its_missions_only(
 # --- Killed ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kills", [2, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kills", [2, 20])
 def test_killed_at_many_moments_and_resumed_it_is_the_same_study(
     reference: Path, world: Path, tmp_path: Path, kills: int
 ) -> None:

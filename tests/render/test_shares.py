@@ -89,6 +89,7 @@ def test_the_kernels_share_is_that_of_the_masks(renderer: Renderer) -> None:
 # Outlines.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("altitude_m", [6.0, 10.0, 15.0])
 def test_an_outline_and_its_mask_are_one(renderer: Renderer, size: str, altitude_m: float) -> None:

@@ -127,6 +127,7 @@ def visible(seen: SceneRadiance, label: int) -> float:
     return float((seen.labels == label).sum()) / seen.amodal_px[label]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("things", ["trees", "lamps"])
 def test_prisms_hide_of_a_defect_what_the_kernel_says(things: str) -> None:
     by_kernel, by_prisms, _ = below(things)

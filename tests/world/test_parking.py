@@ -255,6 +255,7 @@ def test_places_never_overlap_and_stay_on_their_side(scene: Scene) -> None:
             assert (place.centre.y > 0) == left
 
 
+@pytest.mark.slow
 @given(SCENES)
 def test_the_other_driving_side_mirrors_every_place(scene: Scene) -> None:
     """A street seen in a mirror: y changes its sign, and so do angles; left and right of the map change places."""
@@ -278,6 +279,7 @@ def test_the_other_driving_side_mirrors_every_place(scene: Scene) -> None:
     assert np.allclose(ours, theirs, atol=2e-3)
 
 
+@pytest.mark.slow
 @given(st.floats(20, 200), st.floats(0, 60))
 def test_a_longer_street_has_as_many_places_or_more(length_m: float, more_m: float) -> None:
     short, long = replace(WIDE, length_m=length_m), replace(WIDE, length_m=length_m + more_m)

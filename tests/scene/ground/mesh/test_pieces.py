@@ -178,6 +178,7 @@ def test_kerb_stones_follow_their_kerb() -> None:
                         assert (np.abs(uv[:, a, 0] - uv[:, b, 0]) < 1.3 * ground + 0.3).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None)
 @given(
     x=st.floats(-30, 30),
