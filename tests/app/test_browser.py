@@ -133,6 +133,12 @@ def test_the_uav_is_flown_by_keys_and_the_flight_is_played(building: BrowserTab)
     building.wait(f"pavetwin.stateAt(pavetwin.time).yaw > {yaw} + 0.3")
     page.keyboard.up("q")
     captures = building.value("pavetwin.mission.captures.t_s.length")
+    page.keyboard.down("Shift")
+    page.keyboard.down("w")
+    building.wait("document.querySelector('#pilot .told').textContent.includes('no farther this way')")
+    page.keyboard.up("w")
+    page.keyboard.up("Shift")
+    building.wait("document.querySelector('#pilot .told').textContent === 'The stick is yours.'")
     page.keyboard.press("l")
     building.wait("pavetwin.mission && !pavetwin.mission.isLive && !document.querySelector('#start').disabled")
     assert building.value("pavetwin.mission.policy") == "by-hand"
@@ -668,6 +674,22 @@ def test_it_is_told_how_many_tiles_still_load(drawn: BrowserTab, server: Running
     settled(tab)
     assert not line.is_visible()
     assert tab.errors == []
+    tab.page.close()
+
+
+@pytest.mark.timeout(900)
+def test_a_long_first_drawing_is_told(drawn: BrowserTab, server: RunningPage) -> None:
+    tab = tab_of(drawn.page.context.browser, server)
+    held: list[Any] = []
+    tab.page.route("**/town/*/manifest.json", lambda route: held.append(route))
+    tab.open("#world=cross")
+    tab.ready()
+    words = tab.page.locator("#town .empty")
+    assert words.inner_text() == "The town is being drawn …"
+    tab.wait("document.querySelector('#town .empty').textContent.includes('a minute or so')")
+    held[0].continue_()
+    settled(tab)
+    assert not words.is_visible()
     tab.page.close()
 
 

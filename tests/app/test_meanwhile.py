@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from scenes.browser import NO_WEBGL, BrowserTab, chromium, tab_of
+from scenes.browser import BrowserTab, tab_of
 from scenes.page import RunningPage, running_page
 
 pytestmark = pytest.mark.slow
@@ -26,14 +26,6 @@ null)"""
 
 IDLE = "!document.querySelector('#selection').classList.contains('busy')"
 NOTICE = "(by => by.hidden ? '' : by.firstElementChild.textContent)(document.querySelector('#notice'))"
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as start:
-        started = start(*NO_WEBGL)
-        yield started
-        started.close()
 
 
 @pytest.fixture(scope="module")

@@ -188,6 +188,22 @@ def test_of_another_flight_the_same_number_is_another_agent(shown: Shown) -> Non
     shown.page.evaluate("town.forgetAgents(); town.setAgents([])")
 
 
+def test_a_graphics_processor_that_was_reset_is_told_until_it_is_back(shown: Shown) -> None:
+    message = "document.querySelector('#message').textContent"
+    shown.page.evaluate(
+        "window.lost = town.renderer.getContext().getExtension('WEBGL_lose_context'); lost.loseContext()"
+    )
+    while "reset" not in shown.page.evaluate(message):
+        shown.page.wait_for_timeout(50)
+    shown.page.evaluate("lost.restoreContext()")
+    while shown.page.evaluate("town.lost"):
+        shown.page.wait_for_timeout(50)
+    assert shown.page.evaluate(message) == ""
+    shown.settle()
+    assert shown.picture().std() > 10, "it is drawn again"
+    shown.complaints[:] = [each for each in shown.complaints if "context" not in each.lower()]
+
+
 def test_a_tile_that_does_not_come_is_asked_for_again(shown: Shown) -> None:
     x, y = shown.page.evaluate("town.manifest.base")
     shown.page.evaluate(f"town.lookAt({x}, {y}, 60)")

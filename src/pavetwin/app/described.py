@@ -15,7 +15,7 @@ from pavetwin.app.flight_request import FlightRequest
 from pavetwin.app.kept import kept_world
 from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError
-from pavetwin.mission.again import READABLE
+from pavetwin.mission.spec import READABLE
 from pavetwin.navigation.base import with_roadside_base
 from pavetwin.traffic.demand import DEFAULT_TRAFFIC, MIXED
 from pavetwin.world.folder import read_description

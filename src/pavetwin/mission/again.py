@@ -20,8 +20,7 @@ from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.inspected_defects import MissReason
 from pavetwin.mission.plan import defect_input
 from pavetwin.mission.results import TOTALS, totals
-from pavetwin.mission.spec import FORMAT, FileInput, MissionSpec, TrafficInput, WorldInput, check_format
-from pavetwin.mission.spec import READABLE as READABLE
+from pavetwin.mission.spec import FORMAT, READABLE, FileInput, MissionSpec, TrafficInput, WorldInput, check_format
 from pavetwin.mission.versions import version_changes
 from pavetwin.sensing.registered import unnamed_models
 from pavetwin.world.folder import DESCRIPTION, read_description
