@@ -81,6 +81,7 @@ def test_the_same_flight_is_compared_in_pairs_in_each_world_and_in_all() -> None
     assert value(of_all(found).flight, "time_s", "pairs") == 2 * value(found[0].flight, "time_s", "pairs") == 24
 
 
+@pytest.mark.slow
 def test_the_loss_of_a_decision_is_told_where_the_truth_is() -> None:
     """10 m are better by 30 points as it is now, 15 m by 10 where something is changed. Who leaves out what the twin
     knows loses the 30, who does not know of another day the 10."""
@@ -209,6 +210,7 @@ def typed(town: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[s
     return [str(town), "-o", str(tmp_path), "--replicates", "2", "--traffic", "low", "--jobs", "1"]
 
 
+@pytest.mark.slow
 def test_the_command_flies_compares_and_resumes(
     typed: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

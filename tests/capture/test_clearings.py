@@ -71,6 +71,7 @@ def test_no_defect_is_shown_wherever_none_is_asked_for(context: CaptureContext) 
     assert 0 < lower < 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("per_segment", "ahead"), [(24, (0.0, 0.1)), (1, (0.4, 0.9))])
 def test_a_car_s_pictures_without_a_defect_show_road(
     crowded: Built, tmp_path: Path, per_segment: int, ahead: tuple[float, float]

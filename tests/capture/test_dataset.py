@@ -470,6 +470,7 @@ def test_a_platform_that_can_not_reach_a_split_says_so() -> None:
 # --- Interruptions and refusals -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_killed_run_leaves_whole_images_and_goes_on(world: Path, few: dict[str, bytes], tmp_path: Path) -> None:
     """Killed when none of its processes gets further, each with less than a shard."""
     folder = tmp_path / "killed"

@@ -35,6 +35,7 @@ def settings_of(folder: Path) -> dict[str, object]:
     return values
 
 
+@pytest.mark.slow
 def test_a_mission_says_its_area_keeps_it_and_is_flown_again(grid: Path, tmp_path: Path) -> None:
     one = (*SHORT, "--segment", corner(grid), "--traffic-area")
     done = pavetwin("fly", grid, *one, "100", "-o", tmp_path / "near")

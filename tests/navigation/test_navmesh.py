@@ -95,6 +95,7 @@ def optimum(surface: shapely.Geometry, start: tuple[float, float], goal: tuple[f
     return float((ways + shapely.length(begins)[:, None] + shapely.length(arrives)).min())
 
 
+@pytest.mark.slow
 @examples(max_examples=40)
 @given(domains(), st.data())
 def test_ways_are_within_one_percent_of_the_optimum(domain: shapely.Geometry, data: st.DataObject) -> None:

@@ -134,6 +134,7 @@ def test_normals_and_colours_come_back() -> None:
     assert (attributes["_LAYER"] == layers).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", [1, 2])
 def test_coarse_levels_are_as_near_to_the_finest_as_they_say(level: int) -> None:
     keys = [(column, row) for column in (0, 1) for row in (0, 1)]

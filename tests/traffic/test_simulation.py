@@ -45,6 +45,7 @@ def test_the_density_is_held_in_tiny_scenes(tmp_path: Path, scene: str, density:
     assert_held(record(scene_world(scene, tmp_path), density, 0, DURATION_S))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("density", DENSITIES)
 @pytest.mark.parametrize("town", ["berlin_neukoelln", "seattle_roosevelt"])
 def test_the_density_is_held_in_real_towns(tmp_path: Path, town: str, density: str) -> None:

@@ -82,6 +82,7 @@ def test_the_mark_of_a_locked_wheel_grows_from_nothing_and_fades_where_it_ends()
     assert max(start, end) < 0.1 * middle
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cross", "berlin_neukoelln", "seattle_roosevelt"])
 def test_neighbours_agree_where_they_overlap(name: str) -> None:
     segment = max(built(name).world.segments, key=lambda segment: segment.width_m)

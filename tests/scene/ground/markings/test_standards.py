@@ -88,6 +88,7 @@ CITIES = {
 """Longitude and latitude of cities, by the standard that holds there."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("town", "name"), [("berlin_neukoelln", "germany"), ("seattle_roosevelt", "united_states")])
 def test_the_place_decides_the_standard(town: str, name: str) -> None:
     assert standard_of(built(town).world) == marking_standard(name)
