@@ -12,8 +12,7 @@ import numpy as np
 from benchmarks.browser import HARDWARE, Tab, browser, chromium, page_server, tab
 from benchmarks.measure import Kind, Line, Size
 from benchmarks.visitor import first_visit
-from pavetwin.capture.scene_renderer import LOOK_SEED
-from pavetwin.scene.scene import Scene
+from pavetwin.scene.scene import LOOK_SEED, Scene
 from pavetwin.scene.web.levels import WEB_LEVELS
 from pavetwin.scene.web.town import FACADES, LEAVES, MODELS, WebTown, tile_name
 from pavetwin.world.model import World

@@ -5,8 +5,9 @@ import hashlib
 import os
 import shutil
 import tempfile
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
@@ -21,6 +22,9 @@ PICTURE_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", 
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """A full disk, a used-up quota, and a file that may not grow."""
+
+_LOOKED_AGAIN_S = 0.003
+"""How often it is looked whether another process has ended with a file."""
 
 
 def file_sha256(path: Path) -> str:
@@ -169,6 +173,34 @@ def _locked(path: Path, locks: ModuleType) -> int:
             os.close(handle)
             raise
         os.close(handle)
+
+
+@contextmanager
+def in_turn(target: Path, most_s: float) -> Iterator[bool]:
+    """One process or thread after the other makes `target`. Yields whether it waited for another.
+
+    A hidden file beside the target is locked, and gone afterwards. Where there can be no such file, nobody waits.
+
+    Args:
+        most_s: whoever has waited so long goes on beside the other, which may hang.
+    """
+    waited, handle, until = False, None, time.monotonic() + most_s
+    path = target.with_name(f".{target.name}.lock")
+    with suppress(ImportError, OSError):
+        locks = import_module("fcntl")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        while handle is None and time.monotonic() < until:
+            try:
+                handle = _locked(path, locks)
+            except BlockingIOError:
+                waited = True
+                time.sleep(_LOOKED_AGAIN_S)
+    try:
+        yield waited
+    finally:
+        if handle is not None:
+            path.unlink(missing_ok=True)
+            os.close(handle)
 
 
 def _mark(target: Path) -> str:

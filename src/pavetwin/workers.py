@@ -42,8 +42,12 @@ OnTick = Callable[[], None]
 def default_jobs(images: int) -> int:
     """How many processes render some images: one for each core of this process, where there is memory to spare, and no
     more than are worth starting; one at least."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, min(cores, _spare_bytes() // WORKER_BYTES, images // WORTH_STARTING))
+    return max(1, min(cores(), _spare_bytes() // WORKER_BYTES, images // WORTH_STARTING))
+
+
+def cores() -> int:
+    """The cores of this process."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _spare_bytes() -> int:
@@ -152,6 +156,15 @@ class WaitingProcess:
             self.process = context.Process(target=_serve, args=(theirs, module, ahead), daemon=True)
             self.process.start()
 
+    def stop(self) -> None:
+        """End the process, by force where it takes longer than `GRACE_S`."""
+        self.process.terminate()
+        self.process.join(GRACE_S)
+        if self.process.is_alive():
+            self.process.kill()
+            self.process.join()
+        self.process.close()
+
 
 @contextmanager
 def started(
@@ -170,7 +183,7 @@ class _Worker(Generic[Task]):
     """A worker process as its parent sees it."""
 
     def __init__(self, process: WaitingProcess, start: Callable[[OnTick], Callable[[Task], Any]]) -> None:
-        self.connection, self.process = process.connection, process.process
+        self._waiting, self.connection, self.process = process, process.connection, process.process
         with suppress(ConnectionError):  # it died while waiting; the end of the connection is read next
             self.connection.send(start)
         self.busy = False
@@ -184,14 +197,8 @@ class _Worker(Generic[Task]):
             self.connection.send(task)
 
     def stop(self) -> None:
-        """End the process, by force where it takes longer than `GRACE_S`."""
         self.connection.close()
-        self.process.terminate()
-        self.process.join(GRACE_S)
-        if self.process.is_alive():
-            self.process.kill()
-            self.process.join()
-        self.process.close()
+        self._waiting.stop()
 
 
 # --- In the worker process ------------------------------------------------------------------------------------------

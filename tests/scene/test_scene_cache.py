@@ -1,11 +1,14 @@
 """Tiles are made once and kept in the cache: the same to the bit, whatever happens to their files."""
 
+import multiprocessing
 import os
+import time
 import warnings
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
+from threading import Event
 from types import MappingProxyType
 from typing import Any
 
@@ -15,6 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pavetwin.defects import DefectOptions, place
 from pavetwin.errors import CacheWarning
+from pavetwin.files import in_turn
 from pavetwin.scene import scene as scenes_module
 from pavetwin.scene import scene_cache
 from pavetwin.scene.ground import plan as plans
@@ -173,12 +177,63 @@ def test_a_disk_that_fills_up_costs_nothing_but_the_file(
     assert not [path for path in folder.rglob("*") if path.is_file()]
 
 
-def test_several_may_make_the_same_at_once(world: World, folder: Path) -> None:
-    cache = SceneCache(world, seed=4, look="varied")
-    with ThreadPoolExecutor(8) as pool:
-        found = list(pool.map(lambda _: list(parts(cache.kept("one", Maker()))), range(40)))
-    assert all(each == list(parts(Maker()())) for each in found)
+class SlowMaker(Maker):
+    """Tells when it has begun, and goes on when it may."""
+
+    def __init__(self) -> None:
+        self.begun, self.may_end = Event(), Event()
+
+    def __call__(self) -> GroundMaps:
+        self.begun.set()
+        assert self.may_end.wait(20)
+        return super().__call__()
+
+
+def test_who_needs_what_another_makes_waits_for_it(world: World, folder: Path) -> None:
+    cache, slow, others = SceneCache(world, seed=4, look="varied"), SlowMaker(), Maker()
+    with ThreadPoolExecutor(9) as pool:
+        first = pool.submit(cache.kept, "one", slow)
+        assert slow.begun.wait(20)
+        waiting = [pool.submit(cache.kept, "one", others) for _ in range(8)]
+        assert not any(each.done() for each in waiting)
+        slow.may_end.set()
+        assert all(list(parts(each.result(20))) == list(parts(first.result(20))) for each in waiting)
+    assert (slow.made, others.made) == (1, 0)
     assert [path.name for path in folder.rglob("*") if path.is_file()] == ["one"]
+
+
+@pytest.mark.usefixtures("folder")
+def test_nobody_waits_for_ever_for_one_that_hangs(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kept, "TURN_S", 0.05)
+    cache, hanging, maker = SceneCache(world, seed=4, look="varied"), SlowMaker(), Maker()
+    with ThreadPoolExecutor(1) as pool:
+        first = pool.submit(cache.kept, "one", hanging)
+        assert hanging.begun.wait(20)
+        cache.kept("one", maker)
+        hanging.may_end.set()
+        first.result(20)
+    assert (hanging.made, maker.made) == (1, 1)
+
+
+def test_one_that_is_killed_keeps_nobody_waiting(world: World, folder: Path) -> None:
+    cache, maker = SceneCache(world, seed=4, look="varied"), Maker()
+    cache.kept("any", Maker())
+    (place,) = folder.iterdir()
+    owner = multiprocessing.get_context("spawn").Process(target=hold, args=(place / "one",))
+    owner.start()
+    while not (place / ".one.lock").exists():
+        time.sleep(0.01)
+    owner.kill()
+    owner.join()
+    assert cache.kept("one", maker) is not None
+    assert maker.made == 1
+    assert not (place / ".one.lock").exists()
+
+
+def hold(path: Path) -> None:
+    """Make a value for ever."""
+    with in_turn(path, 10.0):
+        time.sleep(600)
 
 
 def test_a_file_can_run_no_code(world: World, folder: Path, tmp_path: Path) -> None:

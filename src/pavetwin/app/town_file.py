@@ -4,9 +4,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from pavetwin.capture.scene_renderer import LOOK_SEED
 from pavetwin.files import writing
-from pavetwin.scene.scene import Scene
+from pavetwin.scene.scene import LOOK_SEED, Scene
 from pavetwin.scene.web.town import MANIFEST, WebTown
 from pavetwin.world.model import World
 

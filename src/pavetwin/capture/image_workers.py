@@ -1,7 +1,7 @@
 """Shards of images by one process or several: the same files either way."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -70,6 +70,21 @@ def image_workers(
             pool.run(shards, lambda _shard, _result: None, remaining=partial(_remaining, job.folder), give_up=_give_up)
 
         yield by_pool
+
+
+@contextmanager
+def tiles_ahead(job: CaptureJob, world: World, images: int) -> Iterator[Callable[[Iterable[Order]], None]]:
+    """A function that has the tiles of images made in the order in which these will be taken, by a process of its own
+    where the frame source has one."""
+    begin = getattr(job.frame_source_factory, "tiles_ahead", None)
+    process = begin(world, job.world, job.settings, images) if begin is not None else None
+    with process or nullcontext():
+
+        def make(orders: Iterable[Order]) -> None:
+            if process is not None:
+                process.make([(one.pose.view, one.daylight.light) for _, one in orders if one is not None])
+
+        yield make
 
 
 def _remaining(folder: Path, shard: Shard) -> list[Shard]:

@@ -1,6 +1,7 @@
 """A dataset from a world: planned, taken in shards, resumed where it stopped, and completed by the label formats."""
 
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -11,13 +12,13 @@ from pavetwin.capture.context import check, packages_in_use, prepare
 from pavetwin.capture.disk_space import check_disk_space
 from pavetwin.capture.formats import find_formats
 from pavetwin.capture.image_spec import ImageSpec
-from pavetwin.capture.image_workers import CaptureJob, FrameSourceFactory, image_workers, platforms_of
+from pavetwin.capture.image_workers import CaptureJob, FrameSourceFactory, image_workers, platforms_of, tiles_ahead
 from pavetwin.capture.names import image_name, platform_prefix
 from pavetwin.capture.plan import image_specs
 from pavetwin.capture.platforms import CaptureContext
 from pavetwin.capture.samples import draw_sample
 from pavetwin.capture.settings import FILE, CaptureSettings, check_same, description
-from pavetwin.capture.shards import finished_images, schedule, split_into_shards
+from pavetwin.capture.shards import finished_images, in_order, schedule, split_into_shards
 from pavetwin.capture.statistics import Statistics, count
 from pavetwin.capture.store import write_over_all, write_yaml
 from pavetwin.errors import PaveTwinError
@@ -25,12 +26,15 @@ from pavetwin.files import working_in
 from pavetwin.labels import SPLITS
 from pavetwin.mission.inputs import OnProgress
 from pavetwin.mission.versions import software_versions
-from pavetwin.workers import default_jobs
+from pavetwin.workers import cores, default_jobs
 from pavetwin.world.model import World
 from pavetwin.world.store import attribution, load_record, load_world
 
 BLOCK: Final = 8192
 """Images whose poses are drawn before the first of them is taken, so that neighbouring ones are taken together."""
+
+FEW: Final = 50
+"""Images a process that take about as long as their tiles, where none of these is in the cache."""
 
 MANIFEST: Final = "manifest.yaml"
 
@@ -107,9 +111,10 @@ def _take(
         ready += 1
         report(ready / total, f"Taking images {ready}/{total}")
 
-    workers = default_jobs(len(missing)) if jobs is None else min(jobs, -(-len(missing) // 2))
+    workers, makes_tiles = processes(len(missing), jobs, makes_tiles=hasattr(job.frame_source_factory, "tiles_ahead"))
     preparing = "Preparing the scene" + (f" in {workers} processes" if workers > 1 else "")
-    with image_workers(job, workers, on_image) as work:
+    making = tiles_ahead(job, world, len(missing)) if makes_tiles else nullcontext(lambda _orders: None)
+    with making as make_tiles, image_workers(job, workers, on_image) as work:
         context = prepare(world, job.settings, report)
         platforms = platforms_of(context)
         report(ready / total, preparing)
@@ -120,8 +125,24 @@ def _take(
                 orders.append((spec, draw_sample(platforms[spec.platform], spec, 0)))
             write_settings()
             report(ready / total, preparing)
-            work(context, schedule(split_into_shards(orders, workers), workers))
+            shards = schedule(split_into_shards(orders, workers), workers)
+            make_tiles(in_order(shards, workers))
+            work(context, shards)
     return context
+
+
+def processes(images: int, jobs: int | None, *, makes_tiles: bool) -> tuple[int, bool]:
+    """How many processes take images, and whether another one makes tiles for them. It is one of `jobs` where so few
+    images are taken that their tiles take as long.
+
+    Args:
+        jobs: None: by cores, memory and images.
+        makes_tiles: whether there are tiles to make.
+    """
+    most = default_jobs(images) if jobs is None else max(1, min(jobs, -(-images // 2)))
+    if not makes_tiles or jobs == 1 or cores() == 1:
+        return most, False
+    return max(1, most - (images < FEW * most)), True
 
 
 def _blocks(settings: CaptureSettings, world: World, missing: set[str]) -> Iterator[list[ImageSpec]]:

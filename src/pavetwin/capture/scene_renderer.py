@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import ClassVar, Final
 
 import numpy as np
@@ -12,24 +13,24 @@ from pavetwin.capture.plan import platform_key
 from pavetwin.capture.platforms import CaptureContext
 from pavetwin.capture.samples import CameraSample
 from pavetwin.capture.settings import CaptureSettings
+from pavetwin.capture.tiles_ahead import TilesAhead
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.render.nearby import FAR_M
 from pavetwin.render.renderer import Renderer
 from pavetwin.scene.ground.looks import DEFAULT_LOOK
+from pavetwin.scene.ground.plan import LAST_PART
 from pavetwin.scene.light import Light
 from pavetwin.scene.model import agent_label
-from pavetwin.scene.scene import Scene
+from pavetwin.scene.scene import LOOK_SEED, Scene
+from pavetwin.scene.scene_cache import SceneCache
 from pavetwin.scene.view import View
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.traffic.recording import Recording
 from pavetwin.traffic.trace import trace_of
 from pavetwin.uav.cameras import Camera
+from pavetwin.workers import WORTH_STARTING
 from pavetwin.world.model import World
-
-LOOK_SEED: Final = 0
-"""Seed of what a world leaves open, such as colours of cars and stains of roads: a world looks the same in every
-dataset and mission."""
 
 _SHADOWS_M: Final = 40.0
 """Distance beyond the image from which objects may cast a shadow into it."""
@@ -87,18 +88,21 @@ class SceneRenderer:
         ego = None if without is None else agent_label(without)
         agents = self._scene.agents(recording, time_s, near)
         instances = [each for each in agents if each.label != ego or not ego]
+        instances += self._scene.parked(parked, near)
+        velocities = self._velocities(recording, time_s, near)
+        self._scene.make_plan()
         return self._renderer.frame(
             view,
             light=light,
             camera=camera,
-            instances=[*instances, *self._scene.parked(parked, near)],
+            instances=instances,
             shadow_only=[each for each in agents if ego and each.label == ego],
             compensation_ev=compensation_ev,
             seed=noise,
             labels=truth,
             depth=False,
             defect_free=truth,
-            velocities=self._velocities(recording, time_s, near),
+            velocities=velocities,
         )
 
     def _radius_m(self, view: View) -> float:
@@ -134,6 +138,19 @@ class SceneFrameSource:
     def begin(cls, world: World, settings: CaptureSettings) -> None:
         """Make the renderer of a world before its traffic is known, for the source that is made next."""
         cls._begun[:] = [(world, SceneRenderer(world, settings.look))]
+
+    @staticmethod
+    def tiles_ahead(world: World, folder: Path, settings: CaptureSettings, images: int) -> TilesAhead | None:
+        """A process that makes the tiles of so many images ahead, where there is something to make that is worth its
+        start.
+
+        Args:
+            folder: the world's.
+        """
+        cache = SceneCache(world, seed=LOOK_SEED, look=settings.look)
+        if not cache.keeps or (images < WORTH_STARTING and not cache.lacks(LAST_PART)):
+            return None
+        return TilesAhead(folder, settings.look, settings.plugins)
 
     def frame(self, sample: CameraSample, context: CaptureContext) -> RenderedFrame:
         """The same sample gives the same frame, whatever was rendered before."""

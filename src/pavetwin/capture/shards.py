@@ -3,7 +3,8 @@
 So an image whose record exists is complete, and a killed run loses at most the images in progress.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Final
 
@@ -67,6 +68,13 @@ def schedule(shards: Sequence[list[Order]], workers: int) -> list[list[Order]]:
     length = -(-len(shards) // workers)
     piles = [shards[start : start + length] for start in range(0, len(shards), max(1, length))]
     return [pile[turn] for turn in range(length) for pile in piles if turn < len(pile)]
+
+
+def in_order(shards: Sequence[list[Order]], workers: int) -> Iterator[Order]:
+    """The images of scheduled shards, about as `workers` processes take them: each its shard at the same time."""
+    for first in range(0, len(shards), workers):
+        for together in zip_longest(*shards[first : first + workers]):
+            yield from filter(None, together)
 
 
 def _move(staging: Path, folder: Path, record: Record, formats: Sequence[Format]) -> None:

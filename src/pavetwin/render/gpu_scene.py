@@ -11,13 +11,13 @@ from pavetwin.render.gpu import Gpu
 from pavetwin.render.instances import InstanceBatch, InstanceBuffer, PartTable
 from pavetwin.render.levels import casting, culling_of, level_of
 from pavetwin.render.meshes import FaceCulling, GpuMesh, split_by_area, upload_model
-from pavetwin.render.nearby import FAR_M, ground_seen, looks_beyond, looks_down, tile_seen, wanted_keys
+from pavetwin.render.nearby import FAR_M, ground_seen, looks_beyond, looks_down, pavement_seen, tile_seen, wanted_keys
 from pavetwin.render.passes import DrawList, MeshDraw, PatchDraw
 from pavetwin.render.projection import ShadowFit, planes
 from pavetwin.render.tiles import Drawable, GpuPavement, GpuTile, TileCache, TileLayouts
 from pavetwin.scene.coarser import coarser
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import TILE_M, Mesh, TileKey
+from pavetwin.scene.model import Mesh, TileKey
 from pavetwin.scene.patches import COARSE_PIXEL_M
 from pavetwin.scene.view import View
 
@@ -85,7 +85,7 @@ class GpuScene:
         grounds = [
             (tile, self.tiles.pavement(tile.key), record)
             for tile, record in seen
-            if ground_seen((*tile.origin, tile.origin[0] + TILE_M, tile.origin[1] + TILE_M), view, bounds)
+            if pavement_seen(tile.origin, view, bounds)
         ]
         patches = self._patches(grounds, view, bounds, records)
         relative = batch.centre - view.position

@@ -1,16 +1,19 @@
 """Which tiles a frame needs: those in view, and those that cast shadows into it."""
 
 import math
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from pavetwin.arrays import Float64Array
 from pavetwin.render.projection import planes, seen_points
-from pavetwin.render.tiles import Drawable
 from pavetwin.scene.light import Light
 from pavetwin.scene.model import TILE_M, TileKey
 from pavetwin.scene.view import View
+
+if TYPE_CHECKING:
+    from pavetwin.render.tiles import Drawable  # which draws, and so loads the device's library
+    from pavetwin.scene.scene import Scene
 
 FAR_M: Final = 150.0
 """Nothing farther away is drawn."""
@@ -33,7 +36,7 @@ _CASTERS_REACH_M: Final = 48.0
 _STEP_M: Final = 12.0
 
 
-def wanted_keys(scene: Drawable, view: View, light: Light) -> tuple[TileKey, ...]:
+def wanted_keys(scene: "Drawable", view: View, light: Light) -> tuple[TileKey, ...]:
     """The keys of the tiles to draw for a view under a light."""
     points = seen_points(view, FAR_M)[:, :2]
     x, y = ((points.min(axis=0) + points.max(axis=0)) / 2).tolist()
@@ -70,6 +73,11 @@ def ground_seen(box: tuple[float, float, float, float], view: View, bounds: Floa
     return _seen(box, 1.0, 1.0, view, bounds)
 
 
+def pavement_seen(origin: tuple[float, float], view: View, bounds: Float64Array) -> bool:
+    """Whether the ground of a tile may be in the picture; the arguments are those of `tile_seen`."""
+    return ground_seen((*origin, origin[0] + TILE_M, origin[1] + TILE_M), view, bounds)
+
+
 def _seen(
     box: tuple[float, float, float, float], beyond_m: float, height_m: float, view: View, bounds: Float64Array
 ) -> bool:
@@ -78,6 +86,17 @@ def _seen(
     high = np.array([east + beyond_m, north + beyond_m, height_m]) - view.position
     furthest = np.where(bounds > 0, high, low)
     return bool((np.einsum("ni,ni->n", bounds, furthest) > 0).all())
+
+
+def make_missing(scene: "Scene", view: View, light: Light) -> None:
+    """Put into the scene's cache what a frame needs and the cache lacks. What the renderer asks for last comes first,
+    as it may be at work at the same time."""
+    bounds = planes(view)
+    for key in reversed(wanted_keys(scene, view, light)):
+        origin = key[0] * TILE_M, key[1] * TILE_M
+        is_seen = tile_seen(origin, view, bounds) and pavement_seen(origin, view, bounds)
+        holes = scene.holes_on(key).items() if is_seen else ()
+        scene.make_missing(key, [number for number, box in holes if ground_seen(box, view, bounds)], ground=is_seen)
 
 
 def looks_beyond(view: View) -> bool:

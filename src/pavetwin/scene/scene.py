@@ -2,7 +2,7 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
 from typing import Final
 
@@ -30,6 +30,7 @@ from pavetwin.scene.ground import (
     plan_ground,
 )
 from pavetwin.scene.ground.looks import DEFAULT_LOOK, street_look
+from pavetwin.scene.ground.plan import LAST_PART
 from pavetwin.scene.looks import tints
 from pavetwin.scene.model import (
     TILE_M,
@@ -55,6 +56,10 @@ from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.traffic.recording import Recording
 from pavetwin.world.ground import Bounds
 from pavetwin.world.model import Furniture, FurnitureKind, World
+
+LOOK_SEED: Final = 0
+"""Seed of what a world leaves open, such as colours of cars and stains of roads: a world looks the same in every
+dataset and mission."""
 
 TILES_KEPT: Final = 8
 """Tiles in memory; renderers keep their own copies on the device."""
@@ -83,7 +88,8 @@ class Scene:
         self.look, self._street_look = look, street_look(look)
         self.world = world
         self.seed = seed
-        self._kept = SceneCache(world, seed=seed, look=look).kept
+        self._cache = SceneCache(world, seed=seed, look=look)
+        self._kept = self._cache.kept
         self._tile = lru_cache(tiles_kept)(lambda key: self._kept(_name(key, "tile"), lambda: self._make(key)))
         self._patch = lru_cache(PATCHES_KEPT)(self._patch_of)
         self._thin = lru_cache(THIN_KEPT)(self._thin_of)
@@ -113,6 +119,32 @@ class Scene:
         """All patches that fill the holes in a tile's ground."""
         parts = (self.patch_on(key, number) for number in self._defects.get(key, []))
         return (part for part in parts if part is not None)
+
+    def make_plan(self, *, ahead: bool = False) -> None:
+        """Put the plan of the ground, which all tiles need, into the cache, unless it is there.
+
+        Args:
+            ahead: another process makes it at the same time, and they begin with different parts.
+        """
+        if self._cache.lacks(LAST_PART):
+            if ahead:
+                _ = self._plan.repairs, self._plan.gutters, self._extras
+            _ = self._plan.markings, self._plan.paint
+
+    def make_missing(self, key: TileKey, defects: Iterable[int], *, ground: bool) -> None:
+        """Put into the cache what it lacks of a tile.
+
+        Args:
+            defects: whose patches are wanted, by their places in the world's list.
+            ground: whether the maps of its ground are wanted.
+        """
+        for number in defects:
+            if self._ships(number) and self._cache.lacks(self._patch_name(number)):
+                self._patch(number)
+        if ground and self._cache.lacks(_name(key, "maps")):
+            self.maps(key)
+        if self._cache.lacks(_name(key, "tile")):
+            self.tile(key)
 
     def keys_near(self, x_m: float, y_m: float, radius_m: float) -> tuple[TileKey, ...]:
         """The tiles with any part within a disc, also of a house that extends beyond its tile; nearest first."""
@@ -230,7 +262,7 @@ class Scene:
 
     @cached_property
     def _extras(self) -> Mapping[TileKey, list[StreetObject]]:
-        extras = StreetObjects(self.world, seed=self.seed).extras()
+        extras = self._kept("extras", StreetObjects(self.world, seed=self.seed).extras)
         places = [(extra.x_m, extra.y_m) for extra in extras]
         return {key: [extras[index] for index in indices] for key, indices in _by_tile(places).items()}
 
@@ -283,11 +315,18 @@ class Scene:
         return plan_ground(self.world, self.seed, holes=self._holes, look=self._street_look, kept=self._kept)
 
     def _patch_of(self, number: int) -> DefectPatch:
-        if not DEFECT_CLASSES.get(self.world.defects[number].kind).ships:
-            return self._make_patch(number)  # the code of the user's own class may have changed
+        if not self._ships(number):
+            return self._make_patch(number)
+        return self._kept(self._patch_name(number), lambda: self._make_patch(number))
+
+    def _ships(self, number: int) -> bool:
+        """Whether a defect's class is ours: the code of a user's own class may have changed."""
+        return DEFECT_CLASSES.get(self.world.defects[number].kind).ships
+
+    def _patch_name(self, number: int) -> str:
         middle = self.world.defects[number].centre
         (key,) = keys_of((middle.x, middle.y, middle.x, middle.y))
-        return self._kept(_name(key, f"patch-{number}"), lambda: self._make_patch(number))
+        return _name(key, f"patch-{number}")
 
     def _make_patch(self, number: int) -> DefectPatch:
         defect = self.world.defects[number]

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final, TypeVar
 
 from pavetwin.scene import model
+from pavetwin.scene.extras import StreetObject
 from pavetwin.scene.ground.distractors.fixtures import Fixture
 from pavetwin.scene.ground.distractors.segment_marks import Repairs
 from pavetwin.scene.ground.layout.paved import PavedSurface
@@ -29,7 +30,7 @@ _STORE: Final = ValueStore(
     (
         *(model.Tile, model.GroundPiece, model.FacadePiece, model.Instance, model.Mesh, model.Finish),
         *(model.GroundKind, model.GroundMaps, model.DefectPatch, model.Model),
-        *(Fixture, Paint, PavedSurface, Repairs),
+        *(Fixture, Paint, PavedSurface, Repairs, StreetObject),
     ),
 )
 
@@ -56,6 +57,15 @@ class SceneCache:
             make: gives one of the classes that are listed in this module, or a container of such.
         """
         return made(name, make) if self._folder is None else _STORE.kept(self._folder / name, make)
+
+    @property
+    def keeps(self) -> bool:
+        """Whether anything of this scene is kept."""
+        return self._folder is not None
+
+    def lacks(self, name: str) -> bool:
+        """Whether a value would have to be made, and would then be kept."""
+        return self._folder is not None and not (self._folder / name).exists()
 
 
 def kept_of_all(name: str, make: Callable[[], Value]) -> Value:

@@ -24,7 +24,7 @@ import shapely
 
 from pavetwin import _core, arrays, seeds
 from pavetwin.errors import CacheWarning, PaveTwinError
-from pavetwin.files import file_sha256, writing
+from pavetwin.files import file_sha256, in_turn, writing
 from pavetwin.world.cache import cache_folder, make_room, mark_used
 from pavetwin.world.folder import CACHE_VARIABLE
 
@@ -35,6 +35,9 @@ CODEC: Final = "lz4"
 
 ROOM_AFTER_BYTES: Final = 200_000_000
 """The size of the cache is looked at whenever a process has written so much into it, and at its first file."""
+
+TURN_S: Final = 60.0
+"""So long a process waits for another that makes the same value."""
 
 _HEADER: Final = struct.Struct("<8sIQ")
 """What the file is, the CRC-32 of what follows, and the length of that when it is decompressed."""
@@ -57,19 +60,30 @@ class ValueStore:
         self._known = {(each.__module__, each.__qualname__): each for each in known}
 
     def kept(self, path: Path, make: Callable[[], Value]) -> Value:
-        """A value from its file, else made and written."""
+        """A value from its file, else made and written. Where another process makes it now, this one waits for it."""
+        found: list[Value] = self._found(path)
+        if not found:
+            with in_turn(path, TURN_S) as waited:
+                found = (self._found(path) if waited else []) or [self._made(path, make)]
+        return found[0]
+
+    def _found(self, path: Path) -> list[Any]:
+        """The value of a file, if there is one that can be read."""
         try:
-            found: Value = self._read(path)
+            value = self._read(path)
         except FileNotFoundError:
-            pass
+            return []
         except OSError as error:
             why = error.strerror or error
             _warn(f"The cache '{cache_folder()}' cannot be read ({why}): its {self._values} are made again.")
+            return []
         except Exception:  # whatever a damaged file makes of the codec and of pickle
             _warn(f"The cache '{cache_folder()}' holds damaged {self._values}; they are made again.")
-        else:
-            mark_used(path)
-            return found
+            return []
+        mark_used(path)
+        return [value]
+
+    def _made(self, path: Path, make: Callable[[], Value]) -> Value:
         value = make()
         try:
             write(path, value)
@@ -178,4 +192,4 @@ _READERS: Final = (np.ndarray, np.dtype, *(sample.__reduce_ex__(5)[0] for sample
 
 
 def _warn(text: str) -> None:
-    warnings.warn(text, CacheWarning, stacklevel=4)
+    warnings.warn(text, CacheWarning, stacklevel=5)

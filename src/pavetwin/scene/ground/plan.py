@@ -33,6 +33,9 @@ from pavetwin.world.model import Lane, Segment, Surface, World
 FORMER_M: Final = 0.012
 """Greatest signed distance to paint of an earlier layout: farther inside today's paint that lies over it."""
 
+LAST_PART: Final = "paint"
+"""The name of the part of a plan that is made from the others."""
+
 WIDENED_M: Final = 3.0
 """How far from a street or junction the carriageway is still counted to it."""
 
@@ -64,10 +67,15 @@ class GroundPlan(SurfaceLayout):
 
     @cached_property
     def paint(self) -> Paint:
-        return self.kept("paint", self._painted)
+        return self.kept(LAST_PART, self._painted)
+
+    @cached_property
+    def markings(self) -> Paint:
+        """Today's and former markings, before anything was laid over them."""
+        return self.kept("markings", lambda: markings(self, self.standard))
 
     def _painted(self) -> Paint:
-        drawn = markings(self, self.standard).resurfaced(shapely.union_all([shape for shape, _ in self._stretches]))
+        drawn = self.markings.resurfaced(shapely.union_all([shape for shape, _ in self._stretches]))
         drawn = drawn.joined(marks(self, drawn))
         return drawn.joined(plants(self, drawn))
 
@@ -79,6 +87,11 @@ class GroundPlan(SurfaceLayout):
     def fixtures(self) -> tuple[Fixture, ...]:
         """Covers, grates, caps and leaves."""
         return self.kept("fixtures", lambda: placed(self))
+
+    @cached_property
+    def gutters(self) -> SpatialIndex:
+        """As in the layout."""
+        return SpatialIndex(self.kept("gutters", self._gutters))
 
     @cached_property
     def fixture_index(self) -> SpatialIndex:

@@ -146,9 +146,12 @@ class SurfaceLayout:
     @cached_property
     def gutters(self) -> SpatialIndex:
         """Concrete along the carriageway of some streets, at its kerbs and before its bays."""
+        return SpatialIndex(self._gutters())
+
+    def _gutters(self) -> list[Polygon]:
         walks = [*self.sidewalks.shapes, *self.corners.shapes]
         kerbed = shapely.union_all(shapely.buffer(np.array(walks, dtype=object), GUTTERED_NEAR_M, quad_segs=2))
-        return SpatialIndex(gutters_of(self.world.carriageway, self.world.segments, kerbed) if walks else [])
+        return gutters_of(self.world.carriageway, self.world.segments, kerbed) if walks else []
 
     @cached_property
     def crossings(self) -> SpatialIndex:

@@ -1,13 +1,14 @@
 """Reproducible noise: periodic tables over the world's plane and along its streets."""
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Final
 
 import numpy as np
 
 from pavetwin._core import raster_looked_up
 from pavetwin.arrays import Float32Array, Float64Array, Int32Array, Int64Array
+from pavetwin.scene.texture_cache import kept
 from pavetwin.seeds import Stream, child
 
 _PX: Final = 1024
@@ -72,18 +73,23 @@ class NoiseTables:
 @lru_cache(maxsize=4)
 def noise_tables(seed: int) -> NoiseTables:
     """The tables of a seed."""
+    return NoiseTables(**kept("noise", partial(_tables, seed), seed))
+
+
+def _tables(seed: int) -> dict[str, Float32Array]:
+    """By the fields of `NoiseTables`."""
     rng = child(seed, Stream.SCENE, 1)
     step = _PLANE_STEP_M
-    return NoiseTables(
-        broad=_waves(rng, (_PX, _PX), (3.0 / step, 3.0 / step), 1.2),
-        blotch=_waves(rng, (_PX, _PX), (0.55 / step, 0.55 / step), 1.1),
-        fine=_waves(rng, (_PX, _PX), (0.16 / step, 0.16 / step), 0.7),
-        streak=_waves(rng, (_PX, _ACROSS_PX), (11.0 / _ALONG_STEP_M, 0.30 / _ACROSS_STEP_M), 1.0),
-        band=_waves(rng, (_PX, _ACROSS_PX), (28.0 / _ALONG_STEP_M, 0.95 / _ACROSS_STEP_M), 0.8),
-        scuff=_waves(rng, (_PX, _ACROSS_PX), (3.5 / _ALONG_STEP_M, 0.14 / _ACROSS_STEP_M), 0.8),
-        ragged=_waves(rng, (1, _LINE_PX), (1.0, 0.22 / _RAGGED_STEP_M), 1.5)[0],
-        lasting=_waves(rng, (1, _LINE_PX), (1.0, 5.0 / _LASTING_STEP_M), 1.1)[0],
-    )
+    return {
+        "broad": _waves(rng, (_PX, _PX), (3.0 / step, 3.0 / step), 1.2),
+        "blotch": _waves(rng, (_PX, _PX), (0.55 / step, 0.55 / step), 1.1),
+        "fine": _waves(rng, (_PX, _PX), (0.16 / step, 0.16 / step), 0.7),
+        "streak": _waves(rng, (_PX, _ACROSS_PX), (11.0 / _ALONG_STEP_M, 0.30 / _ACROSS_STEP_M), 1.0),
+        "band": _waves(rng, (_PX, _ACROSS_PX), (28.0 / _ALONG_STEP_M, 0.95 / _ACROSS_STEP_M), 0.8),
+        "scuff": _waves(rng, (_PX, _ACROSS_PX), (3.5 / _ALONG_STEP_M, 0.14 / _ACROSS_STEP_M), 0.8),
+        "ragged": _waves(rng, (1, _LINE_PX), (1.0, 0.22 / _RAGGED_STEP_M), 1.5)[0],
+        "lasting": _waves(rng, (1, _LINE_PX), (1.0, 5.0 / _LASTING_STEP_M), 1.1)[0],
+    }
 
 
 def _waves(

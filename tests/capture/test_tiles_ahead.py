@@ -1,0 +1,151 @@
+"""Tiles of images are made by a process of their own, before the renderer asks for them."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pavetwin.capture import run
+from pavetwin.capture.run import processes
+from pavetwin.capture.shards import in_order, schedule
+from pavetwin.capture.tiles_ahead import TilesAhead
+from pavetwin.render.nearby import make_missing, wanted_keys
+from pavetwin.scene import scene as scenes
+from pavetwin.scene.light import Light
+from pavetwin.scene.model import TileKey
+from pavetwin.scene.scene import LOOK_SEED, Scene
+from pavetwin.scene.view import View, nadir
+from pavetwin.uav.cameras import find_camera
+from pavetwin.world.cache import tile_folder
+from pavetwin.world.folder import CACHE_VARIABLE
+from pavetwin.world.store import load_world, save_world
+from scenes import damaged
+
+NOON = Light(60.0, 180.0)
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two streets that cross, with defects."""
+    folder = tmp_path_factory.mktemp("ahead") / "cross"
+    save_world(damaged("cross", 12), folder)
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+
+
+def above(x_m: float) -> View:
+    return nadir(find_camera("phantom4pro"), (x_m, 0.0, 10.0), yaw_rad=0.0)
+
+
+def asked_for(scene: Scene, view: View) -> None:
+    """Ask for all that a renderer asks for."""
+    for key in wanted_keys(scene, view, NOON):
+        scene.tile(key)
+        scene.maps(key)
+        list(scene.patches_on(key))
+
+
+def is_over(check: Callable[[], bool]) -> bool:
+    end = time.monotonic() + 60
+    while time.monotonic() < end and not check():
+        time.sleep(0.05)
+    return check()
+
+
+def test_a_process_makes_what_frames_will_ask_for_and_nothing_is_made_again(
+    world: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    views = [above(x) for x in (10.0, 45.0, 80.0)]
+    with TilesAhead(world, "varied") as ahead:
+        ahead.make([(view, NOON) for view in views])
+        last = wanted_keys(Scene(load_world(world), seed=LOOK_SEED), views[-1], NOON)
+        assert is_over(lambda: all(list(tile_folder().rglob(f"{x}_{y}/tile")) for x, y in last))
+
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError("made, and not read from the cache")
+
+    for name in ("ground_maps", "ground_pieces", "patch_of", "holes_of", "plan_ground"):
+        monkeypatch.setattr(scenes, name, never)
+    scene = Scene(load_world(world), seed=LOOK_SEED)
+    for view in views:
+        asked_for(scene, view)
+
+
+def test_what_is_there_is_not_made_again(world: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, view = Scene(load_world(world), seed=LOOK_SEED), above(45.0)
+    asked: list[TileKey] = []
+    maps = scene.maps
+    monkeypatch.setattr(scene, "maps", lambda key: asked.append(key) or maps(key))
+    make_missing(scene, view, NOON)
+    assert asked
+    before = len(asked)
+    make_missing(scene, view, NOON)
+    assert len(asked) == before
+
+
+def test_ground_out_of_view_is_not_made(world: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, low = Scene(load_world(world), seed=LOOK_SEED), replace(NOON, sun_elevation_deg=15.0)
+    asked: list[TileKey] = []
+    monkeypatch.setattr(scene, "maps", asked.append)
+    make_missing(scene, above(45.0), low)
+    assert set(asked) < set(wanted_keys(scene, above(45.0), low))
+
+
+def test_a_process_that_cannot_begin_costs_nothing(tmp_path: Path) -> None:
+    with TilesAhead(tmp_path / "no-such-world", "varied") as ahead:
+        ahead.make([(above(10.0), NOON)])
+    assert not tile_folder().exists()
+
+
+def test_it_ends_with_its_block_wherever_it_has_got_to(world: Path) -> None:
+    with TilesAhead(world, "varied") as ahead:
+        ahead.make([(above(float(x)), NOON) for x in range(90)] * 400)  # more than a pipe holds
+        process = ahead._process.process
+        assert process.is_alive()
+    with pytest.raises(ValueError, match="closed"):
+        process.is_alive()
+    assert not list(tile_folder().rglob(".*"))
+
+
+def test_images_are_sent_as_processes_take_them() -> None:
+    shards = [[(name, None) for name in names] for names in ("abc", "de", "fg", "h")]
+    assert "".join(name for name, _ in in_order(shards, 1)) == "abcdefgh"  # type: ignore[misc, arg-type]
+    assert "".join(name for name, _ in in_order(shards, 2)) == "adbecfhg"  # type: ignore[misc, arg-type]
+    assert "".join(name for name, _ in in_order(schedule(shards, 2), 2)) == "afbgcdhe"  # type: ignore[misc, arg-type]
+
+
+@pytest.mark.parametrize(
+    ("images", "jobs", "makes_tiles", "expected"),
+    [
+        (1, None, True, (1, True)),
+        (60, None, True, (1, True)),
+        (100, None, True, (2, True)),
+        (60, None, False, (2, False)),
+        (60, 1, True, (1, False)),
+        (60, 2, True, (1, True)),
+        (500, 8, True, (8, True)),
+        (399, 8, True, (7, True)),
+        (1, 8, True, (1, True)),
+    ],
+)
+def test_one_of_few_processes_makes_tiles(
+    monkeypatch: pytest.MonkeyPatch,
+    images: int,
+    jobs: int | None,
+    makes_tiles: bool,
+    expected: tuple[int, bool],
+) -> None:
+    monkeypatch.setattr(run, "cores", lambda: 2)
+    monkeypatch.setattr(run, "default_jobs", lambda images: max(1, min(2, images // 10)))
+    assert processes(images, jobs, makes_tiles=makes_tiles) == expected
+
+
+def test_on_one_core_nobody_makes_tiles_beside(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run, "cores", lambda: 1)
+    assert processes(60, 2, makes_tiles=True) == (2, False)
