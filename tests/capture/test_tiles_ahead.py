@@ -14,7 +14,7 @@ from pavetwin.capture.tiles_ahead import TilesAhead
 from pavetwin.render.nearby import make_missing, wanted_keys
 from pavetwin.scene import scene as scenes
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import TileKey
+from pavetwin.scene.model import GroundMaps, TileKey
 from pavetwin.scene.scene import LOOK_SEED, Scene
 from pavetwin.scene.view import View, nadir
 from pavetwin.uav.cameras import find_camera
@@ -81,7 +81,12 @@ def test_what_is_there_is_not_made_again(world: Path, monkeypatch: pytest.Monkey
     scene, view = Scene(load_world(world), seed=LOOK_SEED), above(45.0)
     asked: list[TileKey] = []
     maps = scene.maps
-    monkeypatch.setattr(scene, "maps", lambda key: asked.append(key) or maps(key))
+
+    def counted(key: TileKey) -> GroundMaps:
+        asked.append(key)
+        return maps(key)
+
+    monkeypatch.setattr(scene, "maps", counted)
     make_missing(scene, view, NOON)
     assert asked
     before = len(asked)

@@ -25,9 +25,11 @@ from pavetwin.defects import (
 from pavetwin.defects.poses import RoadSection, wheel_paths
 from pavetwin.defects.poses import poses as placed_poses
 from pavetwin.defects.pothole import pothole, sample_pothole_poses
+from pavetwin.defects.registry import DefectKind
 from pavetwin.defects.severity import pothole_severity
 from pavetwin.defects.shapes import turned
 from pavetwin.errors import PaveTwinError
+from pavetwin.workers import started
 from pavetwin.world.store import load_world, save_world
 from scenes import built
 
@@ -76,6 +78,24 @@ def test_the_number_of_threads_changes_nothing() -> None:
     alone = place(segments, 7, few, shares.append, threads=1)
     assert shares == [0.2, 0.4, 0.6, 0.8, 1.0]
     assert place(segments, 7, few, threads=3) == alone == place(segments, 7, few)
+
+
+def test_processes_place_the_same_as_threads() -> None:
+    segments, few = built("cross").world.segments[:5], DefectOptions(population="paper", per_segment=5)
+    shares: list[float] = []
+    with started(2) as waiting:
+        apart = place(segments, 7, few, shares.append, waiting=waiting)
+        assert all(each.process._closed for each in waiting), "they placed them"  # type: ignore[attr-defined]
+    assert shares == [0.2, 0.4, 0.6, 0.8, 1.0]
+    assert apart == place(segments, 7, few)
+
+
+def test_classes_of_the_users_own_are_placed_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    segments, few = built("cross").world.segments[:2], DefectOptions(population="paper", per_segment=2)
+    monkeypatch.setattr(DefectKind, "ships", False)
+    with started(1) as waiting:
+        assert place(segments, 7, few, waiting=waiting)
+        assert waiting[0].process.is_alive(), "it was not asked"
 
 
 def test_seeds_differ_and_zero_is_a_seed() -> None:

@@ -16,15 +16,16 @@ from pavetwin.capture.joining import JoinedImages, join
 from pavetwin.capture.run import capture
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.config.base import Settings
-from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.defects import DefectOptions
+from pavetwin.defects.build import build_folder
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256, working_in
 from pavetwin.labels import SPLITS
 from pavetwin.mission.inputs import OnProgress
 from pavetwin.plugins import load_plugins
-from pavetwin.world.build import BuildOptions, build_world
+from pavetwin.world.build import BuildOptions
 from pavetwin.world.generate import network_kind
-from pavetwin.world.store import load_record, save_world
+from pavetwin.world.store import load_record
 
 WORLDS: Final = "worlds"
 CAPTURES: Final = "captures"
@@ -189,6 +190,4 @@ def _built(folder: Path, world: RecipeWorld, beside: Path, on_stage: OnProgress)
         return
     stage = f"Building the world {folder.name}"
     source = beside / world.map if world.map is not None else network_kind(world.generate or "")
-    built = build_world(source, world.streets, lambda _what, share: on_stage(0.25 * share, stage))
-    damaged = add_defects(built, world.defects, lambda share: on_stage(0.25 + 0.7 * share, stage))
-    save_world(damaged, folder)
+    build_folder(source, folder, world.streets, world.defects, on_progress=lambda share, _step: on_stage(share, stage))

@@ -105,10 +105,12 @@ def _activation() -> str:
 
 
 def _town(folder: Path) -> "World":
-    from pavetwin.defects import DefectOptions, add_defects
+    from pavetwin.defects import DefectOptions
+    from pavetwin.defects.build import build_folder
     from pavetwin.errors import PaveTwinError
-    from pavetwin.world.build import BuildOptions, build_world
-    from pavetwin.world.store import load_record, load_world, save_world
+    from pavetwin.world.build import BuildOptions
+    from pavetwin.world.generate import NetworkKind
+    from pavetwin.world.store import load_record, load_world
 
     worn = DefectOptions(per_100_m2=PER_100_M2)
     try:
@@ -119,9 +121,8 @@ def _town(folder: Path) -> "World":
         world = None
     if world is None:
         with progress("[1/4] Generating a town") as tell:
-            built = build_world("town", BuildOptions(seed=TOWN_SEED), lambda _, share: tell(0.25 * share))
-            damaged = add_defects(built, worn, lambda share: tell(0.25 + 0.7 * share))
-            world = save_world(damaged, folder, force=True)
+            streets = BuildOptions(seed=TOWN_SEED)
+            world, _ = build_folder(NetworkKind.TOWN, folder, streets, worn, force=True, on_progress=tell)
     length_km = sum(segment.length_m for segment in world.segments) / 1000
     out.print(
         f"[1/4] Town: {len(world.segments)} segments, {length_km:.1f} km of streets, {len(world.buildings)} buildings, "

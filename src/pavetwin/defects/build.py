@@ -1,14 +1,21 @@
 """A world with its defects from a source, written to its folder: what `pavetwin world build` does."""
 
+import multiprocessing
 from collections.abc import Callable
 from pathlib import Path
+from typing import Final
 
+from pavetwin.defects import placement
 from pavetwin.defects.placement import DefectOptions, add_defects
+from pavetwin.workers import cores, started
 from pavetwin.world.build import BuildOptions, BuildRecord, build_world
 from pavetwin.world.folder import check_target
 from pavetwin.world.generate import NetworkKind
 from pavetwin.world.model import World
 from pavetwin.world.store import save_world
+
+MOST_PLACERS: Final = 8
+"""Processes that place defects at most."""
 
 
 def build_folder(
@@ -35,8 +42,15 @@ def build_folder(
     damage = defects or DefectOptions()
     damage.effective()
     check_target(folder, force=force)
-    built = build_world(source, options, lambda what, share: on_progress(0.25 * share, what))
-    damaged = add_defects(built, damage, lambda share: on_progress(0.25 + 0.7 * share, "defects"))
+    # Placing defects takes as long as all that is before it, for which one core is enough.
+    with started(_placers(), placement.__name__) as waiting:
+        built = build_world(source, options, lambda what, share: on_progress(0.25 * share, what))
+        damaged = add_defects(built, damage, lambda share: on_progress(0.25 + 0.7 * share, "defects"), waiting)
     world = save_world(damaged, folder, force=force)
     on_progress(1.0, "world")
     return world, built.record
+
+
+def _placers() -> int:
+    """How many processes place defects; none where a process may have none of its own, or would be the only one."""
+    return 0 if multiprocessing.current_process().daemon or cores() == 1 else min(cores(), MOST_PLACERS)

@@ -6,16 +6,16 @@ whole outline lies on the segment's asphalt, 5 cm from its edge (or from its con
 defect. A defect is left out when there is no such pose, or when the defects would cover more than `LARGEST_SHARE` of
 the segment: short segments may have fewer than requested.
 
-Segments are processed in parallel on as many threads as there are cores: most of the work is done outside Python. The
-result does not depend on the number of threads.
+Segments are processed in parallel, by processes where these have been started, else on threads. The result does not
+depend on their number.
 """
 
 import math
-import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
+from itertools import chain
 from typing import Annotated, Any, Final, Self
 
 import numpy as np
@@ -32,7 +32,9 @@ from pavetwin.defects.population import ClassPopulation, DefectDensity, Populati
 from pavetwin.defects.poses import Poses, RoadSection
 from pavetwin.defects.registry import DEFECT_CLASSES, DefectKind, failures_named, heightfield_of, kinds, mixed
 from pavetwin.defects.shapes import turned
+from pavetwin.errors import PaveTwinError
 from pavetwin.seeds import Stream, child
+from pavetwin.workers import OnTick, WaitingProcess, WorkerPool, cores
 from pavetwin.world.build import BuildRecord, Built
 from pavetwin.world.content import snapped
 from pavetwin.world.gutters import GUTTER_M, has_gutter
@@ -129,15 +131,19 @@ def as_written(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def add_defects(
-    built: Built, options: DefectOptions | None = None, on_progress: Callable[[float], None] | None = None
+    built: Built,
+    options: DefectOptions | None = None,
+    on_progress: Callable[[float], None] | None = None,
+    waiting: Sequence[WaitingProcess] = (),
 ) -> Built:
-    """A built world with its defects, and a record of how they were placed; `on_progress` gets the share placed."""
+    """A built world with its defects, and a record of how they were placed; `on_progress` gets the share placed, and
+    `waiting` is as in `place`."""
     options = options or DefectOptions()
     if not options.mix and any(not kind.ships for kind in kinds()):
         # Written down, so that nobody who has not loaded the same plugins places something else.
         weights = {kind.name: share for kind, share in options.effective().shares()}
         options = options.model_copy(update={"mix": weights})
-    defects = place(built.world.segments, built.record.options.seed, options, on_progress)
+    defects = place(built.world.segments, built.record.options.seed, options, on_progress, waiting=waiting)
     record = built.record.model_copy(update={"defects": options.model_dump(exclude_none=True)})
     return replace(built, world=replace(built.world, defects=defects), record=record)
 
@@ -148,22 +154,55 @@ def place(
     options: DefectOptions | None = None,
     on_progress: Callable[[float], None] | None = None,
     threads: int | None = None,
+    waiting: Sequence[WaitingProcess] = (),
 ) -> tuple[Defect, ...]:
     """The defects of all segments, numbered from 0 in order; on one thread per core, or as many as given.
+
+    Args:
+        waiting: processes that place defects in place of threads, which get in each other's way. They do not know
+            classes of the user's own.
 
     Raises:
         PaveTwinError: the mix names an unknown class.
     """
-    whole = (options or DefectOptions()).effective()
+    whole = options or DefectOptions()
+    shares = whole.effective().shares()
+    placed: list[list[Defect]] = [[] for _ in segments]
+    done = 0
+
+    def on_placed(number: int, found: list[Defect]) -> None:
+        nonlocal done
+        placed[number], done = found, done + 1
+        if on_progress is not None:
+            on_progress(done / len(segments))
+
+    if waiting and all(kind.ships for kind, _ in shares):
+        with WorkerPool(len(waiting), partial(_placing, whole, seed), waiting=waiting) as processes:
+            processes.run(enumerate(segments), lambda task, found: on_placed(task[0], found), give_up=_give_up)
+    else:
+        with ThreadPoolExecutor(threads or cores()) as pool:
+            for number, found in enumerate(pool.map(_on_segment(whole, seed), segments)):
+                on_placed(number, found)
+    return tuple(replace(defect, id=number) for number, defect in enumerate(chain.from_iterable(placed)))
+
+
+def _on_segment(options: DefectOptions, seed: int) -> Callable[[Segment], list[Defect]]:
+    """What gives the defects of a segment."""
+    whole = options.effective()
     shares = whole.shares()
-    defects: list[Defect] = []
-    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        found = pool.map(lambda segment: SegmentPlacement(segment, seed, whole, shares).defects(), segments)
-        for done, own in enumerate(found, start=1):
-            defects += [replace(defect, id=index) for index, defect in enumerate(own, start=len(defects))]
-            if on_progress is not None:
-                on_progress(done / len(segments))
-    return tuple(defects)
+    return lambda segment: SegmentPlacement(segment, seed, whole, shares).defects()
+
+
+def _placing(options: DefectOptions, seed: int, _on_tick: OnTick) -> Callable[[tuple[int, Segment]], list[Defect]]:
+    """The same in a process of its own, of a segment and its number."""
+    on_segment = _on_segment(options, seed)
+    return lambda task: on_segment(task[1])
+
+
+def _give_up(task: tuple[int, Segment]) -> None:
+    raise PaveTwinError(
+        f"Processes that placed defects on segment {task[1].id} died several times, perhaps for want of memory."
+    )
 
 
 class SegmentPlacement:
