@@ -8,7 +8,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from io import BytesIO
 from math import ceil, floor, log10
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -27,6 +26,7 @@ from matplotlib.transforms import Affine2D
 from matplotlib.typing import ColorType
 from PIL import Image
 
+from pavetwin.arrays import UInt8Array
 from pavetwin.draw.fonts import USUAL, choose_fonts, font_properties, readable
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
@@ -339,20 +339,28 @@ def save_figure(figure: Figure, path: Path) -> None:
         if kind != ".png":
             figure.savefig(temporary, format=kind[1:], dpi=DPI, metadata=metadata[kind])
             return
-        drawn = BytesIO()
-        figure.savefig(drawn, format="png", dpi=DPI, pil_kwargs={"compress_level": 0})
-        with Image.open(drawn) as image:
-            with_palette(image.convert("RGB")).save(temporary, format="PNG")
+        with_palette(_pixels(figure)).save(temporary, format="PNG")
 
 
-def with_palette(image: Image.Image) -> Image.Image:
-    """An RGB picture in 256 colours, chosen so that none of its own is far from one of them.
+def _pixels(figure: Figure) -> UInt8Array:
+    """(height, width, 4) of a figure as it is saved. `savefig` would write them and have them read again: several
+    copies, which are most of what drawing a map takes of memory."""
+    canvas = FigureCanvasAgg(figure)
+    figure.set(dpi=DPI, facecolor=PAPER)
+    canvas.draw()
+    buffer: memoryview = canvas.buffer_rgba()  # type: ignore[no-untyped-call]
+    return np.asarray(buffer)
+
+
+def with_palette(rgba: UInt8Array) -> Image.Image:
+    """An opaque picture (height, width, 4) in 256 colours, chosen so that none of its own is far from one of them.
 
     Pillow chooses among the picture's colours, each as often as the power 0.7 of its pixels: areas of one colour weigh
     most, and a map has far fewer such samples than pixels. No dithering.
     """
-    # As 0xRRGGBB, without arrays of each channel: those would be most of what drawing a map takes of memory.
-    codes = np.frombuffer(image.tobytes("raw", "BGRX"), dtype="<u4").reshape(image.size[::-1]) & 0xFFFFFF
+    # As 0xRRGGBB, without arrays of each channel, for the same reason.
+    codes = np.ascontiguousarray(rgba).view(">u4")[..., 0].astype("<u4")
+    codes >>= 8
     colours, pixels = np.unique(codes, return_counts=True)
     times = np.ceil(pixels**0.7).astype(np.intp)
     rgb = np.stack([colours >> 16, colours >> 8 & 255, colours & 255], axis=-1).astype(np.uint8)
