@@ -347,7 +347,7 @@ def _pixels(figure: Figure) -> UInt8Array:
     copies, which are most of what drawing a map takes of memory."""
     canvas = FigureCanvasAgg(figure)
     figure.set(dpi=DPI, facecolor=PAPER)
-    canvas.draw()
+    canvas.draw()  # type: ignore[no-untyped-call]
     buffer: memoryview = canvas.buffer_rgba()  # type: ignore[no-untyped-call]
     return np.asarray(buffer)
 
