@@ -14,6 +14,7 @@ from types import SimpleNamespace
 from typing import Any
 from unittest.mock import create_autospec
 
+import polars as pl
 import pytest
 from benchmarks import __main__ as program
 from benchmarks import (
@@ -28,6 +29,7 @@ from benchmarks import (
     process,
     startup,
     streets,
+    study_pairs,
     surveys,
     waiting,
     worlds,
@@ -302,6 +304,21 @@ def test_pairs_say_that_a_checkout_cannot_measure(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_cells_of_two_studies_are_compared_by_their_standard_errors() -> None:
+    def missions(of_cells: dict[str, list[float]]) -> pl.DataFrame:
+        rows = [(name, 10.0, "skip", value) for name, values in of_cells.items() for value in values]
+        return pl.DataFrame(rows, schema=[*study_pairs.CELL, "coverage"], orient="row")
+
+    before = missions({"low": [80.0, 84.0], "high": [60.0, 60.0, 66.0, math.nan]})
+    now = missions({"low": [82.0, 82.0], "high": [70.0, 70.0, 76.0]})
+    found = study_pairs.compared(before, now, "coverage")
+    # High: means 62 and 72, each of variance 12 over three missions: 10 over the root of 4 + 4.
+    assert found == ("coverage", pytest.approx(10.0), pytest.approx(10 / math.sqrt(8)), 1, 2)
+    assert study_pairs.compared(now, now, "coverage")[1:4] == (0.0, 0.0, 0)
+    with pytest.raises(ValueError, match="same cells"):
+        study_pairs.compared(before, now.filter(pl.col("traffic") == "low"), "coverage")
+
+
 def test_what_waits_correlate_with_is_counted(
     measured: tuple[list[str], list[Line], Path], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -12,9 +12,9 @@ from pavetwin.capture.formats import Format
 from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.capture.images import FrameSource, take_image
 from pavetwin.capture.platforms import Platform
-from pavetwin.capture.record import Record, record_paths, truth_path
+from pavetwin.capture.record import record_paths
 from pavetwin.capture.samples import CameraSample
-from pavetwin.capture.store import files_of, link_image, write_image
+from pavetwin.capture.store import link_image, write_image
 from pavetwin.files import staging_folder
 
 SHARD: Final = 25
@@ -46,8 +46,11 @@ def write_shard(
     with staging_folder(folder / _STAGING) as staging:
         for spec, first in orders:
             record, picture = take_image(platforms[spec.platform], frame_source, spec, first)
-            write_image(staging, record, picture, formats)
-            _move(staging, folder, record, formats)
+            *files, truth = write_image(staging, record, picture, formats)
+            for path in files:
+                _move(staging / path, folder / path)
+            link_image(folder, record, formats)
+            _move(staging / truth, folder / truth)
             on_image()
 
 
@@ -77,15 +80,7 @@ def in_order(shards: Sequence[list[Order]], workers: int) -> Iterator[Order]:
             yield from filter(None, together)
 
 
-def _move(staging: Path, folder: Path, record: Record, formats: Sequence[Format]) -> None:
-    truth = truth_path(record.split, record.name)
-    for path in (*files_of(record, formats), record.image):
-        _move_file(staging / path, folder / path)
-    link_image(folder, record, formats)
-    _move_file(staging / truth, folder / truth)
-
-
-def _move_file(source: Path, target: Path) -> None:
+def _move(source: Path, target: Path) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     source.replace(target)
 

@@ -11,17 +11,14 @@ from pavetwin.capture.record import Record, truth_path
 from pavetwin.files import link_or_copy, writing
 
 
-def files_of(record: Record, formats: Sequence[Format]) -> dict[str, bytes]:
-    """An image's files in each format: path in the dataset → content."""
-    return {path: content for each in formats for path, content in each.of_image(record).items()}
-
-
-def write_image(folder: Path, record: Record, picture: bytes, formats: Sequence[Format]) -> None:
-    """An image's files, the picture once."""
-    last = {record.image: picture, truth_path(record.split, record.name): record.as_bytes()}
-    for path, content in (files_of(record, formats) | last).items():
+def write_image(folder: Path, record: Record, picture: bytes, formats: Sequence[Format]) -> list[str]:
+    """An image's files, the picture once. Returns their paths in the folder, the record last."""
+    labels = {path: content for each in formats for path, content in each.of_image(record).items()}
+    files = {**labels, record.image: picture, truth_path(record.split, record.name): record.as_bytes()}
+    for path, content in files.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_bytes(content)
+    return list(files)
 
 
 def link_image(folder: Path, record: Record, formats: Sequence[Format]) -> None:

@@ -17,6 +17,7 @@ from pavetwin.scene.model import Instance, Model, agent_label
 from pavetwin.scene.models import BODY
 from pavetwin.traffic.recording import Recording
 from pavetwin.traffic.trace import trace_of
+from pavetwin.traffic.ways import AgentWays
 
 BRAKING_MPS2: Final = 0.7
 """UN Regulation 13-H, 5.2.22.4: at less deceleration without the pedal brake lamps must not be lit."""
@@ -48,7 +49,7 @@ class Actors:
         self._seed = seed
         self._models = models
         self._trace = trace_of(recording)
-        self._walked = _way_so_far(recording)
+        self._ways = AgentWays(recording)
         self._looks: dict[int, AgentAppearance] = {}
 
     def look(self, agent: int) -> AgentAppearance:
@@ -62,7 +63,7 @@ class Actors:
         poses = self._trace.agents_at(time_s) if near is None else self._trace.agents_near(*near, time_s)
         who = poses["agent"].astype(np.int64)
         speed = np.hypot(poses["east_mps"], poses["north_mps"])
-        braking, walked = self._braking(who, time_s), self._way_walked(who, time_s)
+        braking, walked = self._braking_and_walked(who, time_s)
         feet = np.zeros(len(who))
         on_foot = poses["is_pedestrian"]
         feet[on_foot] = self._ground(np.stack([poses["x_m"], poses["y_m"]], axis=1)[on_foot])
@@ -101,32 +102,16 @@ class Actors:
         frame = min(max(0, math.floor(time_s / recording.step_s + 1e-9)), recording.frames - 1)
         return frame, min(1.0, max(0.0, time_s / recording.step_s - frame))
 
-    def _rows(self, who: Int64Array, frame: int) -> Int64Array:
-        """The row of each agent in a frame, −1 for those that are not in it."""
-        offsets, agents = self.recording.step_offsets, self.recording.agent
-        if frame >= self.recording.frames:
-            return np.full(len(who), -1)
-        start, end = int(offsets[frame]), int(offsets[frame + 1])
-        there = agents[start:end].astype(np.int64)
-        at = np.searchsorted(there, who)
-        found = (at < len(there)) & (there[np.minimum(at, max(len(there) - 1, 0))] == who) if len(there) else at < 0
-        return np.where(found, start + at, -1)
-
-    def _braking(self, who: Int64Array, time_s: float) -> BoolArray:
-        frame, _ = self._frame(time_s)
-        now, then = self._rows(who, frame), self._rows(who, frame + 1)
-        speed = self.recording.speed_mps
-        before = np.where(now >= 0, speed[now], np.inf)
-        after = np.where(then >= 0, speed[then], before)
-        change = np.where(now >= 0, after - before, 0.0) / self.recording.step_s
-        return np.asarray((change < -BRAKING_MPS2) | ((before < STANDING_MPS) & (after < STANDING_MPS)))
-
-    def _way_walked(self, who: Int64Array, time_s: float) -> Float64Array:
+    def _braking_and_walked(self, who: Int64Array, time_s: float) -> tuple[BoolArray, Float64Array]:
+        """Whether each agent brakes, and how far it has come [m]."""
         frame, share = self._frame(time_s)
-        now, then = self._rows(who, frame), self._rows(who, frame + 1)
-        before = np.where(now >= 0, self._walked[now], 0.0)
-        after = np.where(then >= 0, self._walked[then], before)
-        return np.asarray(before + share * (after - before))
+        now, then = self._ways.at(who, frame), self._ways.at(who, frame + 1)
+        before = np.where(now.is_there, now.speed_mps, np.inf)
+        after = np.where(then.is_there, then.speed_mps, before)
+        change = np.where(now.is_there, after - before, 0.0) / self.recording.step_s
+        braking = (change < -BRAKING_MPS2) | ((before < STANDING_MPS) & (after < STANDING_MPS))
+        further = np.where(then.is_there, then.moved_m, now.moved_m)
+        return np.asarray(braking), np.asarray(now.moved_m + share * (further - now.moved_m))
 
 
 def upright(x_m: float, y_m: float, yaw_rad: float, *, z_m: float = 0.0, scale: npt.ArrayLike = 1.0) -> Float64Array:
@@ -149,17 +134,3 @@ def quadrotor(position: npt.ArrayLike, yaw_rad: float, acceleration_mps2: npt.Ar
     matrix[:3, :3] = np.stack([np.cross(left, up), left, up], axis=1)
     matrix[:3, 3] = np.asarray(position, dtype=np.float64)
     return Instance("quadrotor", BODY, matrix, tints())
-
-
-def _way_so_far(recording: Recording) -> Float64Array:
-    """(rows,) distance that each agent has moved since it appeared [m]."""
-    order = np.lexsort((np.arange(len(recording.agent)), recording.agent))
-    x, y = recording.x[order].astype(np.float64), recording.y[order].astype(np.float64)
-    same = np.diff(recording.agent[order].astype(np.int64)) == 0
-    moved = np.concatenate([[0.0], np.where(same, np.hypot(np.diff(x), np.diff(y)), 0.0)])
-    total = np.cumsum(moved)
-    begins = np.concatenate([[True], ~same])
-    base = np.maximum.accumulate(np.where(begins, total, 0.0))
-    way = np.empty(len(order))
-    way[order] = total - base
-    return way
