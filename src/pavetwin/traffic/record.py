@@ -10,6 +10,7 @@ from typing import Final, Self
 from weakref import finalize
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.memory import give_back
 from pavetwin.files import check_writable
 from pavetwin.traffic.convert import to_recording
 from pavetwin.traffic.demand import Density
@@ -201,6 +202,8 @@ class Recorder:
                     simulation.begin(min(FRAMES_AT_ONCE, frames - first - count))
                 origin, limits = self._inputs.origin(part), self._inputs.speed_limits
                 before = replace(to_recording(part, origin, limits, before), path=self._inputs.path)
+                del part
+                give_back()
         except BaseException:
             self._end()  # its position is unknown
             raise
