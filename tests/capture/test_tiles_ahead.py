@@ -9,6 +9,8 @@ import pytest
 
 from pavetwin.capture import run
 from pavetwin.capture.run import processes
+from pavetwin.capture.scene_renderer import SceneFrameSource
+from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.shards import in_order, schedule
 from pavetwin.capture.tiles_ahead import TilesAhead
 from pavetwin.render.nearby import make_missing, wanted_keys
@@ -126,31 +128,38 @@ def test_images_are_sent_as_processes_take_them() -> None:
 
 
 @pytest.mark.parametrize(
-    ("images", "jobs", "makes_tiles", "expected"),
+    ("images", "jobs", "is_new", "expected"),
     [
         (1, None, True, (1, True)),
+        (1, None, False, (1, False)),
         (60, None, True, (1, True)),
+        (60, None, False, (2, True)),
+        (60, None, None, (2, False)),
         (100, None, True, (2, True)),
-        (60, None, False, (2, False)),
         (60, 1, True, (1, False)),
         (60, 2, True, (1, True)),
         (500, 8, True, (8, True)),
         (399, 8, True, (7, True)),
+        (399, 8, False, (8, True)),
         (1, 8, True, (1, True)),
     ],
 )
-def test_one_of_few_processes_makes_tiles(
-    monkeypatch: pytest.MonkeyPatch,
-    images: int,
-    jobs: int | None,
-    makes_tiles: bool,
-    expected: tuple[int, bool],
+def test_one_of_few_processes_makes_the_tiles_of_a_new_scene(
+    monkeypatch: pytest.MonkeyPatch, images: int, jobs: int | None, is_new: bool | None, expected: tuple[int, bool]
 ) -> None:
     monkeypatch.setattr(run, "cores", lambda: 2)
     monkeypatch.setattr(run, "default_jobs", lambda images: max(1, min(2, images // 10)))
-    assert processes(images, jobs, makes_tiles=makes_tiles) == expected
+    assert processes(images, jobs, is_new) == expected
 
 
 def test_on_one_core_nobody_makes_tiles_beside(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run, "cores", lambda: 1)
-    assert processes(60, 2, makes_tiles=True) == (2, False)
+    assert processes(60, 2, is_new=True) == (2, False)
+
+
+def test_a_scene_is_new_until_its_plan_is_in_the_cache(world: Path) -> None:
+    loaded, chosen = load_world(world), CaptureSettings(platforms=("uav",), images=1, seed=0, densities=("low",))
+    assert SceneFrameSource.is_new(loaded, chosen) is True
+    Scene(loaded, seed=LOOK_SEED).make_plan()
+    assert SceneFrameSource.is_new(loaded, chosen) is False
+    assert SceneFrameSource.is_new(replace(loaded, content_hash=""), chosen) is None

@@ -1,7 +1,7 @@
 """Shards of images by one process or several: the same files either way."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -13,6 +13,7 @@ from pavetwin.capture.images import FrameSource
 from pavetwin.capture.platforms import PLATFORMS, CaptureContext, Platform
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.shards import Order, finished_images, write_shard
+from pavetwin.capture.tiles_ahead import TilesAhead
 from pavetwin.errors import PaveTwinError
 from pavetwin.memory import give_back
 from pavetwin.workers import OnTick, WorkerPool, started
@@ -73,18 +74,10 @@ def image_workers(
 
 
 @contextmanager
-def tiles_ahead(job: CaptureJob, world: World, images: int) -> Iterator[Callable[[Iterable[Order]], None]]:
-    """A function that has the tiles of images made in the order in which these will be taken, by a process of its own
-    where the frame source has one."""
-    begin = getattr(job.frame_source_factory, "tiles_ahead", None)
-    process = begin(world, job.world, job.settings, images) if begin is not None else None
-    with process or nullcontext():
-
-        def make(orders: Iterable[Order]) -> None:
-            if process is not None:
-                process.make([(one.pose.view, one.daylight.light) for _, one in orders if one is not None])
-
-        yield make
+def tiles_ahead(job: CaptureJob) -> Iterator[Callable[[Iterable[Order]], None]]:
+    """A function that has the tiles of images made, in the order in which these will be taken."""
+    with TilesAhead(job.world, job.settings.look, job.settings.plugins) as process:
+        yield lambda orders: process.make([(one.pose.view, one.daylight.light) for _, one in orders if one is not None])
 
 
 def _remaining(folder: Path, shard: Shard) -> list[Shard]:

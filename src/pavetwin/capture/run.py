@@ -26,7 +26,7 @@ from pavetwin.files import working_in
 from pavetwin.labels import SPLITS
 from pavetwin.mission.inputs import OnProgress
 from pavetwin.mission.versions import software_versions
-from pavetwin.workers import cores, default_jobs
+from pavetwin.workers import WORTH_STARTING, cores, default_jobs
 from pavetwin.world.model import World
 from pavetwin.world.store import attribution, load_record, load_world
 
@@ -111,9 +111,10 @@ def _take(
         ready += 1
         report(ready / total, f"Taking images {ready}/{total}")
 
-    workers, makes_tiles = processes(len(missing), jobs, makes_tiles=hasattr(job.frame_source_factory, "tiles_ahead"))
+    is_new = getattr(job.frame_source_factory, "is_new", None)
+    workers, is_ahead = processes(len(missing), jobs, is_new(world, job.settings) if is_new is not None else None)
     preparing = "Preparing the scene" + (f" in {workers} processes" if workers > 1 else "")
-    making = tiles_ahead(job, world, len(missing)) if makes_tiles else nullcontext(lambda _orders: None)
+    making = tiles_ahead(job) if is_ahead else nullcontext(lambda _orders: None)
     with making as make_tiles, image_workers(job, workers, on_image) as work:
         context = prepare(world, job.settings, report)
         platforms = platforms_of(context)
@@ -131,18 +132,20 @@ def _take(
     return context
 
 
-def processes(images: int, jobs: int | None, *, makes_tiles: bool) -> tuple[int, bool]:
+def processes(images: int, jobs: int | None, is_new: bool | None) -> tuple[int, bool]:
     """How many processes take images, and whether another one makes tiles for them. It is one of `jobs` where so few
-    images are taken that their tiles take as long.
+    images are taken of a new scene that its tiles take as long.
 
     Args:
         jobs: None: by cores, memory and images.
-        makes_tiles: whether there are tiles to make.
+        is_new: whether nothing of the scene is in the cache; None: it has no tiles that are kept.
     """
     most = default_jobs(images) if jobs is None else max(1, min(jobs, -(-images // 2)))
-    if not makes_tiles or jobs == 1 or cores() == 1:
+    if is_new is None or jobs == 1 or cores() == 1:
         return most, False
-    return max(1, most - (images < FEW * most)), True
+    if is_new:
+        return max(1, most - (images < FEW * most)), True
+    return most, images >= WORTH_STARTING
 
 
 def _blocks(settings: CaptureSettings, world: World, missing: set[str]) -> Iterator[list[ImageSpec]]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
 from typing import ClassVar, Final
 
 import numpy as np
@@ -13,7 +12,6 @@ from pavetwin.capture.plan import platform_key
 from pavetwin.capture.platforms import CaptureContext
 from pavetwin.capture.samples import CameraSample
 from pavetwin.capture.settings import CaptureSettings
-from pavetwin.capture.tiles_ahead import TilesAhead
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.render.nearby import FAR_M
 from pavetwin.render.renderer import Renderer
@@ -29,7 +27,6 @@ from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.traffic.recording import Recording
 from pavetwin.traffic.trace import trace_of
 from pavetwin.uav.cameras import Camera
-from pavetwin.workers import WORTH_STARTING
 from pavetwin.world.model import World
 
 _SHADOWS_M: Final = 40.0
@@ -140,17 +137,10 @@ class SceneFrameSource:
         cls._begun[:] = [(world, SceneRenderer(world, settings.look))]
 
     @staticmethod
-    def tiles_ahead(world: World, folder: Path, settings: CaptureSettings, images: int) -> TilesAhead | None:
-        """A process that makes the tiles of so many images ahead, where there is something to make that is worth its
-        start.
-
-        Args:
-            folder: the world's.
-        """
+    def is_new(world: World, settings: CaptureSettings) -> bool | None:
+        """Whether the cache lacks the plan of a world's ground, and so its tiles; None if nothing of it is kept."""
         cache = SceneCache(world, seed=LOOK_SEED, look=settings.look)
-        if not cache.keeps or (images < WORTH_STARTING and not cache.lacks(LAST_PART)):
-            return None
-        return TilesAhead(folder, settings.look, settings.plugins)
+        return cache.lacks(LAST_PART) if cache.keeps else None
 
     def frame(self, sample: CameraSample, context: CaptureContext) -> RenderedFrame:
         """The same sample gives the same frame, whatever was rendered before."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from pavetwin.cli.console import note_fonts, out, progress
 from pavetwin.errors import PaveTwinError
+from pavetwin.memory import give_back
 
 if TYPE_CHECKING:
     from pavetwin.capture.mission_images import MissionImages
@@ -54,6 +55,7 @@ def draw(
     if sheet is not None:
         drawings.append((SHEET, lambda _: True, sheet))
     failures: list[PaveTwinError] = []
+    give_back()  # what recording traffic took; drawing takes as much
     for result in results:
         place = folder / result.policy if several else folder
         for name, wanted, drawing in drawings:

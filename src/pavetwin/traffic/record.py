@@ -10,8 +10,8 @@ from typing import Final, Self
 from weakref import finalize
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.memory import give_back
 from pavetwin.files import check_writable
+from pavetwin.memory import give_back
 from pavetwin.traffic.convert import to_recording
 from pavetwin.traffic.demand import Density
 from pavetwin.traffic.demand_search import found
@@ -168,6 +168,7 @@ class Recorder:
         if self._unchanged is not None and path.exists() and path.samefile(self._unchanged):
             return
         if self._longest is not None and self._longest is not self._written:
+            give_back()  # of whatever was done since; the whole file is put together in memory
             save_recording(self._longest, path)
             self._longest = self._written = load_recording(path)  # its parts need not stay in memory
 
