@@ -45,8 +45,8 @@ Choose = Annotated[
     str,
     typer.Option(
         help="Of the options within the limits, the one with the best coverage (most-found), the highest altitude "
-        "(highest), the least time (fastest) or the least of a battery (least-energy); all but the first "
-        "need --min-coverage."
+        "(highest), the least time (fastest) or the least of a battery (least-energy), which all three need "
+        "--min-coverage; or whose detections give the truest condition index (truest-index)."
     ),
 ]
 
@@ -261,7 +261,7 @@ def recommend(
         out.print(_options_table(each.recommendation))
         out.line("\n".join(each.sentences))
     _note_unfinished(store)
-    if any(each.recommendation.best is None for each in advice):
+    if any(each.recommendation.best is None and each.recommendation.is_measured for each in advice):
         raise typer.Exit(FAILED_CODE)
 
 
@@ -293,13 +293,13 @@ def _note_unfinished(store: "Store") -> None:
 def _options_table(chosen: "Recommendation") -> "Table":
     from rich.table import Table
 
-    from pavetwin.experiments.metrics import BATTERIES, ERROR_METRICS
+    from pavetwin.experiments.metrics import BATTERIES, ERROR_METRICS, INDEX_ERROR, metric_named
     from pavetwin.experiments.statistics.proposal import batteries_to_bring
     from pavetwin.experiments.words import level_text, shown
 
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
     kept = "within limits" if chosen.limits.named else "all flown"
-    errors = [metric for metric in ERROR_METRICS if metric.name in chosen.options.columns]
+    errors = [metric for metric in (*ERROR_METRICS, metric_named(INDEX_ERROR)) if metric.name in chosen.options.columns]
     names = [f"{metric.label.lower()} {metric.unit}".strip() for metric in errors]
     bring = ["batteries to bring"] if BATTERIES in chosen.options.columns else []
     costs = ["time s", "95th perc.", "battery %", *bring]

@@ -6,11 +6,13 @@ from typing import Any
 
 import polars as pl
 
+from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import ALIASES, ENVIRONMENT
 from pavetwin.experiments.ground_view import GroundView, ground_view
-from pavetwin.experiments.metrics import BATTERIES, REPLICATE
+from pavetwin.experiments.metrics import BATTERIES, INDEX_ERROR, REPLICATE, has_detected
 from pavetwin.experiments.statistics import MissionLimits, Objective, Recommendation, recommend
 from pavetwin.experiments.statistics.cells import levels_of
+from pavetwin.experiments.statistics.recommend import UNMEASURED
 from pavetwin.experiments.tours import by_mission
 from pavetwin.experiments.words import opened, setting
 
@@ -53,9 +55,12 @@ def advise(
         design: plain values of `design.yaml`, for what the camera shows.
 
     Raises:
-        PaveTwinError: the objective is another than the most found, and nothing says what must be kept.
+        PaveTwinError: an option that finds nothing may be the best by the objective, and nothing says what must be
+            found; or it asks for the truest index, and no mission has one by what was detected.
     """
     table = by_mission(table)
+    if INDEX_ERROR in objective.judged and not has_detected(table):
+        raise PaveTwinError(f"`objective` {objective}: {UNMEASURED}; fly a study with the sensor 'detector'.")
     varied = table.columns[table.columns.index("altitude_m") : table.columns.index(REPLICATE)]
     given = {name for name in varied if ALIASES.get(name, name) in ENVIRONMENT}
     chosen_by = {name for name in varied if name not in {*ASSUMED, *given} and len(levels_of(table, name)) > 1}

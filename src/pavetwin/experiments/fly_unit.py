@@ -2,7 +2,7 @@
 
 import io
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache, lru_cache
 from importlib.metadata import version
@@ -20,6 +20,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import OWN_ROUTES, Design, WorldEntry
 from pavetwin.experiments.metrics import (
     COVERAGE_DRAWS,
+    DETECTED,
     FACTORS,
     FAILED,
     FILES,
@@ -126,6 +127,7 @@ def schema(plan: Plan) -> dict[str, Any]:
         **dict.fromkeys(("version", RENDERER, STATUS, REASON), pl.String),
         **measured,
         **(dict.fromkeys(COVERAGE_DRAWS, pl.Float64) if has_fitted(design) else {}),
+        **(dict.fromkeys(DETECTED, pl.Float64) if measures_sizes(design) else {}),
         **(MISSION_COLUMNS if design.tours else {}),
     }
 
@@ -133,6 +135,11 @@ def schema(plan: Plan) -> dict[str, Any]:
 def has_fitted(design: Design) -> bool:
     """Whether a study has a sensor whose parameters were fitted."""
     return any(sensor_class(name).is_fitted for name in design.sensors)
+
+
+def measures_sizes(design: Design) -> bool:
+    """Whether a study has a sensor that measures sizes."""
+    return any(sensor_class(name).measures_sizes for name in design.sensors)
 
 
 def _type_of(values: Sequence[Any]) -> Any:
@@ -159,13 +166,28 @@ def _flown(plan: Plan, unit: Unit, cell: Cell, ground: "_Ground", on_flown: OnFl
         eyes = ground.sensor(settings, environment)
         inputs = MissionInputs(environment, ground.replay)
         result = fly(spec, inputs=inputs, sensor=eyes, image_source=ground.image_source(environment))
+        detected = _detected(result) if eyes.measures_sizes else {}
         on_flown(unit, cell, result)
     except Exception as error:
         return _failed(plan, unit, cell, _words(error))
     said: Row = {RENDERER: renderer_of(result.spec.versions), STATUS: FLOWN}
     if plan.design.tours:
         said |= dict(zip(MISSION_COLUMNS, _whole(result), strict=True))
-    return [_factors(plan, unit, cell) | said | _measured(row) | _drawn(row, result, eyes) for row in result.rows]
+    return [
+        _factors(plan, unit, cell) | said | _measured(row) | _drawn(row, result, eyes) | detected.get(row.segment, {})
+        for row in result.rows
+    ]
+
+
+def _detected(result: MissionResult) -> Mapping[str, Row]:
+    """By segment, the columns `DETECTED`; of none where the sensor measured nothing of what it reported."""
+    from pavetwin.inventory.condition import detected_of_segments
+
+    true = {row.segment: row.pci for row in result.rows}
+    errors = {segment: (pci, pci - true[segment]) for segment, pci in detected_of_segments(result).items()}
+    return {
+        segment: dict(zip(DETECTED, (pci, error, abs(error)), strict=True)) for segment, (pci, error) in errors.items()
+    }
 
 
 def _drawn(row: SegmentMetrics, result: MissionResult, eyes: Sensor) -> Row:

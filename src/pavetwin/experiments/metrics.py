@@ -50,6 +50,8 @@ class Metric:
     digits: int
     more_is_better: bool | None
     """None where neither is."""
+    signed: bool = False
+    """Whether it may be below 0."""
     of: str = ""
     """The column with the number of defects that it is a share of; empty for any other metric."""
 
@@ -86,11 +88,22 @@ TOUR_METRICS: Final = (Metric(BATTERIES, "Batteries", "", 1.0, 1, more_is_better
 CONDITION_METRICS: Final = (Metric("pci_error", "PCI error", "points", 1.0, 1, more_is_better=False),)
 """What is missed makes a road look sounder than it is. Studies of earlier versions do not have it."""
 
+INDEX_ERROR: Final = "pci_detected_abs_error"
+
+DETECTED_METRICS: Final = (
+    Metric("pci_detected_error", "Index as detected less true", "points", 1.0, 1, more_is_better=None, signed=True),
+    Metric(INDEX_ERROR, "Error of the index as detected", "points", 1.0, 1, more_is_better=False),
+)
+"""Of sensors that measure sizes: how far the index by what they detected is off, with its sign and without."""
+
+DETECTED: Final = ("pci_detected", *(metric.name for metric in DETECTED_METRICS))
+"""Columns of studies that have such a sensor; null where another one was flown."""
+
 COMPARED: Final = ("coverage", "time_s", "energy")
 """What options are compared by: all tests of these together are one family."""
 
 
-EVERY_METRIC: Final = (*METRICS, *TOUR_METRICS, *PARKING_METRICS, *ERROR_METRICS, *CONDITION_METRICS)
+EVERY_METRIC: Final = (*METRICS, *TOUR_METRICS, *PARKING_METRICS, *ERROR_METRICS, *CONDITION_METRICS, *DETECTED_METRICS)
 
 
 def metric_named(name: str) -> Metric:
@@ -100,11 +113,17 @@ def metric_named(name: str) -> Metric:
 
 def metrics_in(table: "pl.DataFrame") -> tuple[Metric, ...]:
     """What there is to show of a table: `METRICS`, the error of the condition index where it was measured, those of
-    tours where missions are such, what parked vehicles hide where there are some, and those of a sensor's errors where
-    a mission has such errors."""
+    tours where missions are such, what parked vehicles hide where there are some, those of a sensor's errors where
+    a mission has such errors, and those of what it measured where it did."""
     condition = [metric for metric in CONDITION_METRICS if metric.name in table.columns]
     tours = [metric for metric in TOUR_METRICS if metric.name in table.columns]
     names = ("permanently_hidden", "false_alarms", "duplicates")
     has = {name: name in table.columns and bool(table[name].sum()) for name in names}
     rest = (each for each in (*PARKING_METRICS, *ERROR_METRICS) if has.get(each.name, has["false_alarms"]))
-    return (*METRICS, *condition, *tours, *rest)
+    measured = DETECTED_METRICS if has_detected(table) else ()
+    return (*METRICS, *condition, *tours, *rest, *measured)
+
+
+def has_detected(table: "pl.DataFrame") -> bool:
+    """Whether a sensor measured what it detected in a mission of the table; studies of earlier versions have none."""
+    return INDEX_ERROR in table.columns and table[INDEX_ERROR].null_count() < table.height

@@ -4,7 +4,7 @@ from typing import Final
 
 import polars as pl
 
-from pavetwin.experiments.metrics import BATTERIES, COVERAGE_DRAWS, FLOWN, REPLICATE, STATUS
+from pavetwin.experiments.metrics import BATTERIES, COVERAGE_DRAWS, DETECTED, FLOWN, REPLICATE, STATUS
 
 MISSION_COLUMNS: Final = {
     **dict.fromkeys(("mission_time_s", "mission_energy", "mission_distance_m"), pl.Float64),
@@ -21,7 +21,7 @@ _SUMMED: Final = (
     *("duplicates", "false_alarms"),
 )
 
-_BY_AREA: Final = ("surface_coverage", "permanently_hidden", "pci", "pci_found", "pci_error")
+_BY_AREA: Final = ("surface_coverage", "permanently_hidden", "pci", "pci_found", "pci_error", *DETECTED)
 """Means by area of the segments. Studies of earlier versions do not have all of them."""
 
 

@@ -1,6 +1,6 @@
 """The condition index by an inventory: of what was detected, with the sizes that were measured, right or wrong."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import pi, sqrt
 from typing import Final
@@ -11,10 +11,12 @@ from shapely import Polygon
 
 from pavetwin.inventory.entry import SEVERITIES, Entry
 from pavetwin.inventory.listing import entries_of
+from pavetwin.inventory.of_mission import reported
 from pavetwin.inventory.probability import class_of
 from pavetwin.inventory.reading import Reading
 from pavetwin.mission.condition import ConditionReport
-from pavetwin.pci import MeasuredDefect, measured_conditions
+from pavetwin.mission.fly import MissionResult
+from pavetwin.pci import MeasuredDefect, SampleUnit, UnitCondition, mean_pci, measured_conditions, sample_units
 from pavetwin.sensing.entry_model import EntryModel
 from pavetwin.world.georeference import GeoReference, from_wgs84
 from pavetwin.world.model import Severity
@@ -27,11 +29,46 @@ _EVERY: Final = tuple(Severity)
 
 def with_detected(report: ConditionReport, reading: Reading) -> ConditionReport:
     """The report with the condition by what a sensor measured; as it is where it measured nothing."""
-    if reading.frame is None or not any(each.sizes for each in reading.observations):
-        return report
+    if not reading.observations and reading.detector is None:
+        return report  # its sensor may be one that measures no sizes
     units = [condition.unit for condition in report.true]
-    defects = measured_defects(entries_of(reading), reading.frame, report.world.georeference, reading.entry_model)
-    return replace(report, detected=measured_conditions(units, defects)[0])
+    return replace(report, detected=detected_conditions(units, reading, report.world.georeference))
+
+
+def detected_conditions(
+    units: Sequence[SampleUnit], reading: Reading, place: GeoReference
+) -> tuple[UnitCondition, ...] | None:
+    """The condition of units by what a sensor that measures sizes reported of them; without distress where it reported
+    nothing.
+
+    Args:
+        place: of the world.
+
+    Returns:
+        None where none of what it reported was measured.
+    """
+    defects: Iterator[MeasuredDefect] = iter(())
+    if reading.observations:
+        if reading.frame is None or not any(each.sizes for each in reading.observations):
+            return None
+        defects = measured_defects(entries_of(reading), reading.frame, place, reading.entry_model)
+    return measured_conditions(units, defects)[0]
+
+
+def detected_of_segments(result: MissionResult) -> Mapping[str, float]:
+    """The condition index of each segment that a mission inspected, by its id, from what its sensor detected and
+    measured, right or wrong; empty where it measured nothing of what it reported.
+
+    Args:
+        result: of a sensor that measures sizes (`pavetwin.sensing.Sensor.measures_sizes`).
+    """
+    world = result.environment.world
+    units = sample_units(world.segment(row.segment) for row in result.rows)
+    conditions = detected_conditions(units, reported(result), world.georeference)
+    of_segment: dict[str, list[UnitCondition]] = {}
+    for condition in conditions or ():
+        of_segment.setdefault(condition.unit.segment.id, []).append(condition)
+    return {segment: mean_pci(mine) for segment, mine in of_segment.items()}
 
 
 def measured_defects(

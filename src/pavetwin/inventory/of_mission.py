@@ -1,4 +1,4 @@
-"""Observations of a mission: what its sensor reported, from its folder alone."""
+"""Observations of a mission: what its sensor reported, from its folder alone, or from its result."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -20,7 +20,9 @@ from pavetwin.inventory.observation import SIZES, Observation
 from pavetwin.inventory.probability import entry_model
 from pavetwin.inventory.reading import Reading, check_size
 from pavetwin.labels.classes import label_name
-from pavetwin.mission.look_table import check_version, detector_sha256, names_no_detector
+from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.look_table import check_version, detector_of, detector_sha256, names_no_detector
+from pavetwin.mission.results import detections_table
 from pavetwin.perception.inference.detector import pixels_of
 from pavetwin.perception.results.measuring import NOT_RESOLVABLE
 from pavetwin.perception.results.photograph import pose_of
@@ -108,7 +110,7 @@ def flown(
         raise PaveTwinError(f"'{path}' cannot be read; fly the mission again.") from error
     if gone := [name for name in LATER if name not in table.columns]:
         raise PaveTwinError(f"'{path}' is of an earlier version (it has no column '{gone[0]}'); fly the mission again.")
-    rows = [row for row in table.iter_rows(named=True) if row["class"] not in OTHER_CLASSES]
+    rows = _of_defects(table)
     images = _images(folder)
     captures = table["capture"].n_unique()
     remarks = () if images or not rows else (NO_CROPS,)
@@ -122,6 +124,25 @@ def flown(
     frame = frame or anchored(rows[0]["latitude"], rows[0]["longitude"])
     observations = tuple(_observed(row, frame, images, position_error_m) for row in rows)
     return Reading(observations, frame, captures, remarks, detector, known)
+
+
+def reported(result: MissionResult) -> Reading:
+    """What the sensor of a mission reported, without files: as `flown` reads it from the mission's folder."""
+    said, table = result.spec.as_values(), detections_table(result)
+    detector = detector_of(said) if said["settings"]["sensing"]["sensor"] == "detector" else None
+    frame = result.environment.world.georeference
+    observations = tuple(_observed(row, frame, {}, 0.0) for row in _of_defects(table))
+    return Reading(
+        observations,
+        frame,
+        table["capture"].n_unique(),
+        detector=detector,
+        entry_model=entry_model(detector),
+    )
+
+
+def _of_defects(table: pl.DataFrame) -> list[dict[str, Any]]:
+    return [row for row in table.iter_rows(named=True) if row["class"] not in OTHER_CLASSES]
 
 
 def _unnamed(folder: Path) -> str:

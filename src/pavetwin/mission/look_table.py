@@ -87,7 +87,7 @@ def read_looks(folder: Path, model: Path | None = None) -> LookSource:
         if sensing["sensor"] != "detector":
             raise ValueError(f"the sensor is {sensing['sensor']}")
         options = {**DetectorSensor.default_options, **sensing["options"]}
-        if (content := _detector_of(said, model)) is None:
+        if (content := detector_of(said, model)) is None:
             raise PaveTwinError(f"'{folder}' does not say which detector looked at its images; name it with `model`.")
         detector = FittedDetector(
             sha256=content,
@@ -143,7 +143,7 @@ def detector_sha256(folder: Path, model: Path | None = None) -> str | None:
     """
     try:
         said = _yaml(folder / "mission.yaml")
-        return _detector_of(said, model) if said["settings"]["sensing"]["sensor"] == "detector" else None
+        return detector_of(said, model) if said["settings"]["sensing"]["sensor"] == "detector" else None
     except (KeyError, TypeError, PaveTwinError):
         return None
 
@@ -167,9 +167,15 @@ def names_no_detector(folder: Path) -> bool:
         return False
 
 
-def _detector_of(said: Any, unnamed: Path | None) -> str | None:
-    """Args:
-    unnamed: the model file where the mission names none.
+def detector_of(said: Any, unnamed: Path | None = None) -> str | None:
+    """SHA-256 of the model file of a mission of the sensor `detector`; None where neither names one.
+
+    Args:
+        said: the values of its spec.
+        unnamed: the model file where the mission names none.
+
+    Raises:
+        PaveTwinError: no model of that name ships.
     """
     model = said["settings"]["sensing"]["options"].get("model")
     if model is None:

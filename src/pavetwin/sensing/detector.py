@@ -71,6 +71,7 @@ class DetectorSensor(Sensor):
     every_capture = True
     sees_confirmed = True
     is_reused = True
+    measures_sizes = True
     default_options: ClassVar[Mapping[str, OptionValue]] = MappingProxyType(
         {"model": DEFAULT, "confidence": 0.25, "image_px": 0, "aboard": False}
     )

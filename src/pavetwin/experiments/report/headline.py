@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from pavetwin.experiments.metrics import BATTERIES, ERROR_METRICS, Metric, metric_named
+from pavetwin.experiments.metrics import BATTERIES, DETECTED_METRICS, ERROR_METRICS, Metric, metric_named
 from pavetwin.experiments.report.parts import Table, TableCell, text_cells
 from pavetwin.experiments.report.study import Group, Row
 from pavetwin.experiments.statistics.summary import FEW
@@ -14,7 +14,7 @@ from pavetwin.experiments.words import MISSING, counted, factor_text, heading, l
 
 HEADLINE: Final = (
     *("coverage", "swath_coverage", "recovery", "time_s", "energy", BATTERIES),
-    *(metric.name for metric in ERROR_METRICS),
+    *(metric.name for metric in (*ERROR_METRICS, *DETECTED_METRICS)),
 )
 FEW_MARK: Final = "†"
 """Of cells with too few values."""

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from pavetwin.experiments.metrics import COMPARED, Metric, metric_named
+from pavetwin.experiments.metrics import COMPARED, INDEX_ERROR, Metric, metric_named
 from pavetwin.experiments.report import headline
 from pavetwin.experiments.report.canvas import vector
 from pavetwin.experiments.report.headline import FEW_MARK
@@ -33,6 +33,7 @@ from pavetwin.experiments.words import (
 SEEN: Final = ("coverage", "swath_coverage", "recovery")
 SPENT: Final = ("time_s", "energy", "wait_s")
 WRONG: Final = ("precision", "false_alarms_per_100_m2")
+TRUE: Final = (INDEX_ERROR,)
 
 _ENOUGH_OF_WAITING: Final = 20
 """With fewer replicates, simultaneous intervals of what rests on waiting are far from what they promise."""
@@ -95,7 +96,8 @@ def _over(group: Group, factor: str) -> Iterator[Block]:
 
 def _intervals(group: Group) -> Iterator[Block]:
     group = group.usual
-    for what, names in (("what is seen", SEEN), ("what it costs", SPENT), ("what is reported wrongly", WRONG)):
+    parts = {"what is seen": SEEN, "what it costs": SPENT, "what is reported wrongly": WRONG, "how true it is": TRUE}
+    for what, names in parts.items():
         metrics = _known(group, names)
         for traffics in _parts(group.traffics, _MOST_COLUMNS) if metrics else ():
             words = listed([metric.label.lower() for metric in metrics])

@@ -10,7 +10,7 @@ import numpy as np
 
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
 from pavetwin.errors import PaveTwinError, nearest_name
-from pavetwin.experiments.metrics import COMPARED
+from pavetwin.experiments.metrics import COMPARED, INDEX_ERROR
 from pavetwin.experiments.statistics.shrinkage import distinct, true_means
 
 COVERAGE, TIME, ENERGY = COMPARED
@@ -41,6 +41,8 @@ class Objective(StrEnum):
     """The least time."""
     LEAST_ENERGY = "least-energy"
     """The least of a battery."""
+    TRUEST_INDEX = "truest-index"
+    """The condition index, by what was detected, that is nearest to the true one."""
 
     @classmethod
     def named(cls, name: str) -> "Objective":
@@ -61,7 +63,18 @@ class Objective(StrEnum):
             Objective.HIGHEST: (ALTITUDE,),
             Objective.FASTEST: (TIME, COVERAGE, ENERGY),
             Objective.LEAST_ENERGY: (ENERGY, COVERAGE, TIME),
+            Objective.TRUEST_INDEX: (INDEX_ERROR, COVERAGE, TIME, ENERGY),
         }[self]
+
+    @property
+    def judged(self) -> tuple[str, ...]:
+        """The metrics that options are judged by: `COMPARED`, and what else decides and is measured."""
+        return (*COMPARED, *(name for name in self.order if name not in (*COMPARED, ALTITUDE)))
+
+    @property
+    def needs_coverage(self) -> bool:
+        """Whether an option that finds nothing may be the best of all."""
+        return self not in (Objective.MOST_FOUND, Objective.TRUEST_INDEX)
 
 
 @dataclass(frozen=True)
@@ -102,7 +115,7 @@ class Chances:
     certainty: Float64Array
     """(options,) that the option also is the best of all that do, or level with the best."""
     expected: Float64Array
-    """(3, options) true means of coverage, time and energy."""
+    """(metrics, options) true means of what the objective judges by."""
 
 
 def choice_under(
@@ -118,11 +131,11 @@ def choice_under(
 ) -> Chances:
     """How likely each option keeps the limits and is the best, in draws of the true means.
 
-    Options with the same coverage, time and energy in every replicate are one option: how many others do the same
+    Options with the same values in every replicate are one option: how many others do the same
     changes nothing.
 
     Args:
-        units: (3, options, blocks) coverage, time and energy of each replicate, NaN where undefined.
+        units: (metrics, options, blocks) of each replicate what the objective judges by, NaN where undefined.
         worlds, levels: as `true_means` takes them.
         altitudes_m: (options,) for the objective that asks for them.
         sensor_errors: (options, parameter draws) by how much another sensor, as likely, changes the mean coverage.
@@ -131,7 +144,7 @@ def choice_under(
     some = [level[first] for level in levels]
     likely = [
         true_means(values[first], worlds, some, seed, unseen=UNSEEN if name == COVERAGE else 0.0)
-        for name, values in zip(COMPARED, units, strict=True)
+        for name, values in zip(objective.judged, units, strict=True)
     ]
     draws = np.stack([each.draws[:, of] for each in likely])
     if sensor_errors is not None:
@@ -144,7 +157,7 @@ def choice_under(
 
 
 def keeping(means: Float64Array, limits: MissionLimits) -> BoolArray:
-    """(draws, options) where (3, draws, options) means keep the limits; what is undefined keeps none."""
+    """(draws, options) where (metrics, draws, options) means keep the limits; what is undefined keeps none."""
     kept = ~np.isnan(means).any(axis=0)
     for name, limit in limits.named.items():
         value = means[COMPARED.index(name)]
@@ -158,10 +171,13 @@ def best_among(
     """(draws, options) which are the best, or level with the best, of those that are `kept` in a draw.
 
     Args:
-        means: (3, draws, options) coverage, time and energy.
+        means: (metrics, draws, options) of what the objective judges by.
         altitudes_m: (options,) for the objective that asks for them.
     """
-    values: Mapping[str, Float64Array | None] = {**dict(zip(COMPARED, means, strict=True)), ALTITUDE: altitudes_m}
+    values: Mapping[str, Float64Array | None] = {
+        **dict(zip(objective.judged, means, strict=True)),
+        ALTITUDE: altitudes_m,
+    }
     best = kept.copy()
     for name in objective.order:
         column = values[name]

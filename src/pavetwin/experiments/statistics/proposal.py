@@ -7,7 +7,7 @@ from typing import Final
 
 import polars as pl
 
-from pavetwin.experiments.metrics import BATTERIES, COMPARED, metric_named
+from pavetwin.experiments.metrics import BATTERIES, metric_named
 from pavetwin.experiments.statistics.cells import levels_of, varied_columns
 from pavetwin.experiments.statistics.choice import (
     ALTITUDE,
@@ -66,6 +66,12 @@ _SPOKEN: Final[Mapping[Objective, _Words]] = {
         " in energy",
         "took as much energy; the choice is by coverage, then by time",
     ),
+    Objective.TRUEST_INDEX: _Words(
+        "option of a truer index",
+        "has the truest index",
+        " in the error of the index",
+        "errs as much; the choice is by coverage, then by time",
+    ),
 }
 
 
@@ -74,7 +80,7 @@ def proposal(
 ) -> list[str]:
     """Of the first of the options, which is the best."""
     best, *others = options
-    measured = listed([f"{metric_named(name).label.lower()} {_mean(best, name)}" for name in COMPARED])
+    measured = listed([f"{metric_named(name).label.lower()} {_mean(best, name)}" for name in objective.judged])
     return [
         f"fly {_option(best, by)}: mean {measured} {_of_what(table)}",
         *_rests_on(best),
@@ -144,7 +150,7 @@ def _corrected(options: Sequence[Row], limits: MissionLimits, objective: Objecti
         ]
     decides = objective.order[0]
     cost = ""
-    if decides in COMPARED:
+    if decides != ALTITUDE:
         cost = f" and its {metric_named(decides).label.lower()} at {_expected(best, decides)}"
     return [
         f"corrected for its choice among {len(rivals) + 1}, its coverage is expected at {coverage}{cost}; with a "

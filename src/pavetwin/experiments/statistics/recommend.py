@@ -2,13 +2,22 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import polars as pl
 
 from pavetwin.arrays import Float64Array
 from pavetwin.errors import PaveTwinError
-from pavetwin.experiments.metrics import BATTERIES, COMPARED, ERROR_METRICS, TOUR_METRICS, metric_named, metrics_in
+from pavetwin.experiments.metrics import (
+    BATTERIES,
+    ERROR_METRICS,
+    INDEX_ERROR,
+    TOUR_METRICS,
+    has_detected,
+    metric_named,
+    metrics_in,
+)
 from pavetwin.experiments.statistics.cells import failed_alone, layout, nullable, values_of
 from pavetwin.experiments.statistics.choice import (
     ALTITUDE,
@@ -29,6 +38,11 @@ from pavetwin.experiments.statistics.sensor_errors import sensor_errors, widened
 from pavetwin.experiments.statistics.summary import FEW, summarise
 from pavetwin.experiments.words import opened
 
+UNMEASURED: Final = (
+    "no mission has a condition index by what was detected: their sensor measures no sizes, they failed, or they are "
+    "of an earlier version"
+)
+
 
 @dataclass(frozen=True)
 class Recommendation:
@@ -40,15 +54,16 @@ class Recommendation:
     options: pl.DataFrame
     """Best first, then those that break a limit, then those that failed alone. Columns: `*by`, `n` (missions with a
     coverage), `undefined`, `failed`, `defects` (that the coverage rests on, null where the table has none); of
-    coverage, time_s and energy each the mean, `…_low`, `…_high` (95 % interval) and `…_expected` (the mean corrected
-    for the choice among many, see `true_means`); `time_s_p95`; the means of
-    `ERROR_METRICS` where a sensor made such errors; of tours `batteries` (mean) and `batteries_p95`;
+    coverage, time_s, energy and what else the objective judges by each the mean, `…_low`, `…_high` (95 % interval) and
+    `…_expected` (the mean corrected for the choice among many, see `true_means`); `time_s_p95`; the means of
+    `ERROR_METRICS` where a sensor made such errors, and of `INDEX_ERROR` where it measured; of tours `batteries` (mean)
+    and `batteries_p95`;
     `failed_alone` (missions that failed and that another option flew:
     its means leave out what it failed on); `replicates` (with a coverage); `feasible` (it failed in none alone and its
     means keep the limits), `kept` (the probability that its true means do) and `certainty` (that it also is the best of
     all that do, or level with the best: these may add up to more than 1), as `…_expected` null where there are fewer
     than five replicates; `p` (of the metric that decides, against that of the first; null where the altitude decides);
-    `same` (as the first in coverage, time and energy of every replicate)."""
+    `same` (as the first in everything that is judged, in every replicate)."""
     best: Row | None
     """The first row of `options`; None when no option is feasible."""
     nearest: Row | None
@@ -57,6 +72,8 @@ class Recommendation:
     broken: str | None
     """The metric of that worst breach."""
     sentences: tuple[str, ...]
+    is_measured: bool = True
+    """Whether what decides was measured of any option; what was detected is by some sensors alone."""
 
 
 def recommend(
@@ -81,16 +98,19 @@ def recommend(
             the highest, and `by` has no altitude.
     """
     _check(limits, by, objective)
-    errors = [metric for metric in metrics_in(table) if metric in (*TOUR_METRICS, *ERROR_METRICS)]
-    summary = summarise(table, by, [*map(metric_named, COMPARED), *errors], seed=seed)
+    judged = objective.judged
+    shown = (*TOUR_METRICS, *ERROR_METRICS, metric_named(INDEX_ERROR))
+    others = [metric for metric in metrics_in(table) if metric in shown and metric.name not in judged]
+    summary = summarise(table, by, [*map(metric_named, judged), *others], seed=seed)
     cells = layout(table, by)
-    units = np.stack([cells.means(values_of(table, name)) for name in COMPARED])
-    means = np.stack([summary.filter(metric=name)["mean"].fill_null(float("nan")).to_numpy() for name in COMPARED])
+    units = np.stack([cells.means(values_of(table, name)) for name in judged])
+    means = np.stack([summary.filter(metric=name)["mean"].fill_null(float("nan")).to_numpy() for name in judged])
     alone = np.bincount(cells.cell[failed_alone(table, by)], minlength=len(cells.keys))
     units[:, alone > 0] = means[:, alone > 0] = np.nan
     replicates = np.isfinite(cells.means(values_of(table, COVERAGE))).sum(axis=1)
     levels = [np.unique([str(key[at]) for key in cells.keys], return_inverse=True)[1] for at in range(len(by))]
-    if replicates.max() < FEW:
+    is_measured = INDEX_ERROR not in judged or has_detected(table)
+    if replicates.max() < FEW or not is_measured:
         chances = Chances(*(np.full(shape, np.nan) for shape in (len(alone), len(alone), units.shape[:2])))
     else:
         altitudes_m = np.array([key[by.index(ALTITUDE)] for key in cells.keys]) if ALTITUDE in by else None
@@ -104,15 +124,15 @@ def recommend(
             altitudes_m=altitudes_m,
             sensor_errors=sensor_errors(table, cells),
         )
-    options = widened(_options(summary, by), sensor_errors(table, cells)).with_columns(
+    options = widened(_options(summary, by, judged), sensor_errors(table, cells)).with_columns(
         failed_alone=alone,
         replicates=replicates,
         feasible=keeping(means[:, np.newaxis], limits)[0],
         kept=nullable(chances.kept),
         certainty=nullable(chances.certainty),
-        **{f"{name}_expected": nullable(row) for name, row in zip(COMPARED, chances.expected, strict=True)},
+        **{f"{name}_expected": nullable(row) for name, row in zip(judged, chances.expected, strict=True)},
     )
-    decides = list(dict.fromkeys((*objective.order, *COMPARED)))
+    decides = list(dict.fromkeys((*objective.order, *judged)))
     options = options.with_row_index("at").sort(
         ["feasible", pl.col("failed_alone") > 0, *decides],
         descending=[True, False, *(name in (ALTITUDE, COVERAGE) for name in decides)],
@@ -127,14 +147,18 @@ def recommend(
     best = options.row(0, named=True) if options["feasible"].any() else None
     nearest, broken = (None, None) if best else nearest_of(options.to_dicts(), limits)
     rows = options.to_dicts()
-    sentences = (
-        proposal(table, rows, by, limits, objective) if best else refusal(rows, by, nearest, broken, limits)
-    )  # fmt: skip
-    return Recommendation(limits, objective, tuple(by), options, best, nearest, broken, tuple(map(opened, sentences)))
+    if not is_measured:
+        nearest, broken, sentences = None, None, [UNMEASURED]
+    elif best:
+        sentences = proposal(table, rows, by, limits, objective)
+    else:
+        sentences = refusal(rows, by, nearest, broken, limits)
+    said = tuple(map(opened, sentences))
+    return Recommendation(limits, objective, tuple(by), options, best, nearest, broken, said, is_measured)
 
 
 def _check(limits: MissionLimits, by: Sequence[str], objective: Objective) -> None:
-    if objective is not Objective.MOST_FOUND and not limits.min_coverage:
+    if objective.needs_coverage and not limits.min_coverage:
         raise PaveTwinError(
             f"`objective` {objective}: without a least coverage above 0 that may be an option that finds nothing; give "
             "`min_coverage`."
@@ -145,20 +169,21 @@ def _check(limits: MissionLimits, by: Sequence[str], objective: Objective) -> No
 
 def _separated(units: Float64Array, objective: Objective, seed: int) -> Float64Array:
     """(options,) p of what decides against that of the first option, in pairs; NaN where nothing measured decides."""
-    if objective.order[0] not in COMPARED:
+    if objective.order[0] not in objective.judged:
         return np.full(units.shape[1], np.nan)
-    values = units[COMPARED.index(objective.order[0])]
+    values = units[objective.judged.index(objective.order[0])]
     return sign_flip_p(values[:1] - values, seed)
 
 
-def _options(summary: pl.DataFrame, by: Sequence[str]) -> pl.DataFrame:
-    parts = {name: summary.filter(metric=name) for name in COMPARED}
+def _options(summary: pl.DataFrame, by: Sequence[str], judged: Sequence[str]) -> pl.DataFrame:
+    parts = {name: summary.filter(metric=name) for name in judged}
     frame = parts[COVERAGE].select(*by, "n", "undefined", "failed", "defects")
     for name, part in parts.items():
         frame = frame.with_columns(
             part["mean"].alias(name), part["low"].alias(f"{name}_low"), part["high"].alias(f"{name}_high")
         )
-    others = {metric.name: summary.filter(metric=metric.name) for metric in (*TOUR_METRICS, *ERROR_METRICS)}
+    rest = (*TOUR_METRICS, *ERROR_METRICS, metric_named(INDEX_ERROR))
+    others = {metric.name: summary.filter(metric=metric.name) for metric in rest if metric.name not in judged}
     shown = [part["mean"].alias(name) for name, part in others.items() if part.height]
     shown += [part["p95"].alias(f"{BATTERIES}_p95") for part in [others[BATTERIES]] if part.height]
     return frame.with_columns(parts[TIME]["p95"].alias("time_s_p95"), *shown)

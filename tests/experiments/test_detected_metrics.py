@@ -1,0 +1,156 @@
+"""The condition index by what was detected, as a metric of studies and as what an option is chosen by."""
+
+from collections.abc import Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+import pytest
+from typer.testing import CliRunner
+
+from pavetwin.cli.experiment import _options_table, app
+from pavetwin.errors import PaveTwinError
+from pavetwin.experiments.advice import advise
+from pavetwin.experiments.metrics import DETECTED, INDEX_ERROR, METRICS, metrics_in
+from pavetwin.experiments.report import gather
+from pavetwin.experiments.report.tables import csv, markdown
+from pavetwin.experiments.statistics import MissionLimits, Objective, recommend
+from pavetwin.experiments.statistics.summary import summarise
+from pavetwin.experiments.tours import MISSION_COLUMNS, by_mission
+from scenes.report_studies import page_of
+from scenes.studies import PAPER, study
+
+LEVELS = {**PAPER, "traffic": ("low",), "altitude_m": (6.0, 10.0, 15.0), "policy": ("baseline",)}
+ERRORS: Mapping[float, tuple[float, float]] = {6.0: (20.0, -20.0), 10.0: (-4.0, -6.0), 15.0: (9.0, 9.0)}
+"""By altitude, of even and of odd replicates. From 6 m they cancel each other out; no street has the right index."""
+
+
+def measured(table: pl.DataFrame) -> pl.DataFrame:
+    """A study's table with these errors of the index by what was detected."""
+    odd = pl.col("replicate") % 2
+    sides = [
+        pl.col("altitude_m").replace_strict({altitude: error[side] for altitude, error in ERRORS.items()})
+        for side in (0, 1)
+    ]
+    error = pl.when(odd == 1).then(sides[1]).otherwise(sides[0])
+    return table.with_columns(pci=pl.lit(60.0), pci_detected=60.0 + error, pci_detected_error=error).with_columns(
+        pl.col("pci_detected_error").abs().alias(INDEX_ERROR)
+    )
+
+
+@pytest.fixture(scope="module")
+def table() -> pl.DataFrame:
+    return measured(study(LEVELS, 12, seed=2))
+
+
+def test_the_truest_index_is_that_of_the_least_error_not_of_the_least_mean_error(table: pl.DataFrame) -> None:
+    made = recommend(table, MissionLimits(), objective=Objective.TRUEST_INDEX)
+    assert made.options["altitude_m"].to_list() == [10.0, 15.0, 6.0]
+    assert made.options[INDEX_ERROR].to_list() == pytest.approx([5.0, 9.0, 20.0])
+    assert made.best is not None
+    assert made.best["certainty"] > 0.95
+    assert made.best[f"{INDEX_ERROR}_expected"] == pytest.approx(5.0, abs=1.0)
+    assert made.sentences[0].startswith("Fly baseline at 10 m: mean coverage ")
+    assert " and error of the index as detected 5.0 points (4." in made.sentences[0]
+    said = " ".join(made.sentences)
+    assert "Baseline at 10 m has the truest index; 12 replicates separate it in the error of the index from " in said
+    assert "No option of a truer index was flown." in said
+
+
+def test_limits_hold_for_the_truest_index_too(table: pl.DataFrame) -> None:
+    slower = table.with_columns(time_s=pl.when(pl.col("altitude_m") == 10).then(500.0).otherwise(pl.col("time_s")))
+    made = recommend(slower, MissionLimits(max_time_s=300.0), objective=Objective.TRUEST_INDEX)
+    assert made.best is not None
+    assert made.best["altitude_m"] == 15.0
+    assert "No option of a truer index keeps the limit on average: the nearest is baseline at 10 m" in " ".join(
+        made.sentences
+    )
+
+
+def test_the_error_has_a_sign_in_the_summary_and_none_in_what_options_are_judged_by(table: pl.DataFrame) -> None:
+    known = summarise(table, ["altitude_m"], metrics_in(table)).filter(altitude_m=10.0)
+    (signed,), (size,) = (known.filter(metric=name).to_dicts() for name in DETECTED[1:])
+    assert (signed["mean"], size["mean"]) == (pytest.approx(-5.0), pytest.approx(5.0))
+    assert signed["low"] < -5.0 < signed["high"] < 0.0, "its interval is not cut at 0"
+
+
+def test_the_report_shows_it_where_it_was_measured_and_says_who_has_it(table: pl.DataFrame) -> None:
+    made = gather("A study", {"seed": 0}, table, {})
+    assert {line.split(",")[6] for line in csv(made.summary).splitlines()[1:]} >= set(DETECTED[1:])
+    tables = {part.partition(":")[0]: part for part in markdown(made).split("**") if ": mean" in part}
+    assert {"Index as detected less true (points)", "Error of the index as detected (points)"} <= set(tables)
+    page = page_of(made)
+    assert "<dt>Error of the index as detected</dt>" in page
+    assert "how true it is" in page
+    bare = gather("A study", {"seed": 0}, study(LEVELS, 6), {})
+    for text in (page_of(bare), markdown(bare), csv(bare.summary)):
+        assert "as detected" not in text
+        assert "pci_detected" not in text
+
+
+def test_the_least_error_of_a_row_is_bold_and_a_sign_is_never() -> None:
+    levels = {**LEVELS, "altitude_m": (10.0,), "policy": ("baseline", "hover")}
+    both = measured(study(levels, 6)).with_columns(
+        pl.when(pl.col("policy") == "hover").then(pl.col(name) / 2).otherwise(pl.col(name)).alias(name)
+        for name in DETECTED[1:]
+    )
+    parts = markdown(gather("A study", {"seed": 0}, both, {})).split("\n\n")
+    signed, size = (
+        next(rows for head, rows in pairwise(parts) if head.startswith(f"**{label}"))
+        for label in ("Index as detected less true", "Error of the index as detected")
+    )
+    assert "**2.5" in size
+    assert "**5.0" not in size
+    assert "**" not in signed
+
+
+def test_a_sensor_that_measures_nothing_is_told_apart_and_not_guessed() -> None:
+    levels = {**LEVELS, "sensor": ("recall", "detector")}
+    both = measured(study(levels, 6)).with_columns(
+        pl.when(pl.col("sensor") == "detector").then(pl.col(name)).alias(name) for name in DETECTED
+    )
+    recall, detector = advise(both, MissionLimits(), objective=Objective.TRUEST_INDEX)
+    assert recall.recommendation.best is None
+    assert not recall.recommendation.is_measured
+    assert recall.sentences == (
+        "No mission has a condition index by what was detected: their sensor measures no sizes, they failed, or they "
+        "are of an earlier version.",
+    )
+    assert detector.recommendation.best is not None
+    assert detector.recommendation.best["altitude_m"] == 10.0
+    heads = [
+        {str(column.header).replace("\n", " ") for column in _options_table(each.recommendation).columns}
+        for each in advise(both, MissionLimits())
+    ]
+    assert ["error of the index as detected points" in head for head in heads] == [False, True]
+
+
+def test_a_study_of_an_earlier_version_opens_and_says_that_it_has_no_such_index() -> None:
+    old = study(LEVELS, 6)
+    assert {metric.name for metric in metrics_in(old)} == {metric.name for metric in METRICS}
+    assert recommend(old, MissionLimits()).best is not None
+    with pytest.raises(PaveTwinError, match=r"^`objective` truest-index: no mission has a condition index by what was"):
+        advise(old, MissionLimits(), objective=Objective.TRUEST_INDEX)
+
+
+def test_of_tours_the_errors_of_streets_do_not_cancel_each_other_out() -> None:
+    """A mission over two segments of 100 and 300 m², ten points too high and ten too low."""
+    row: dict[str, Any] = {"world": "w", "traffic": "low", "altitude_m": 6.0, "policy": "hover", "sensor": "detector"}
+    row |= {"preset": "default", "replicate": 0, "status": "flown", "reason": None}
+    segments = [
+        {"order": order, "area_m2": area, "pci": 50.0, "pci_detected": 50.0 + off, "pci_detected_error": off}
+        for order, (area, off) in enumerate([(100.0, 10.0), (300.0, -10.0)])
+    ]
+    sums = ("length_m", "defects", "swept", "confirmed", "recovered", "wait_s", "occlusions", "revisits", "duplicates")
+    rest = dict.fromkeys((*sums, "false_alarms"), 1.0) | {"surface_coverage": 1.0, "permanently_hidden": 0.0}
+    whole: dict[str, Any] = dict.fromkeys(MISSION_COLUMNS, 1.0) | {"mission_batteries": 1}
+    rows = [row | each | {INDEX_ERROR: 10.0} | rest | whole for each in segments]
+    (mission,) = by_mission(pl.DataFrame(rows, schema_overrides={"reason": pl.String})).to_dicts()
+    assert [mission[name] for name in DETECTED] == pytest.approx([45.0, -5.0, 10.0])
+
+
+def test_the_command_line_refuses_the_question_of_an_old_study_in_one_line(tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["recommend", str(tmp_path), "--choose", "truest-idex"])
+    assert isinstance(done.exception, PaveTwinError)
+    assert "did you mean 'truest-index'?" in str(done.exception)
