@@ -52,7 +52,7 @@ def test_the_truest_index_is_that_of_the_least_error_not_of_the_least_mean_error
     assert made.best["certainty"] > 0.95
     assert made.best[f"{INDEX_ERROR}_expected"] == pytest.approx(5.0, abs=1.0)
     assert made.sentences[0].startswith("Fly baseline at 10 m: mean coverage ")
-    assert " and error of the index as detected 5.0 points (4." in made.sentences[0]
+    assert " and index error as detected 5.0 points (4." in made.sentences[0]
     said = " ".join(made.sentences)
     assert "Baseline at 10 m has the truest index; 12 replicates separate it in the error of the index from " in said
     assert "No option of a truer index was flown." in said
@@ -79,9 +79,9 @@ def test_the_report_shows_it_where_it_was_measured_and_says_who_has_it(table: pl
     made = gather("A study", {"seed": 0}, table, {})
     assert {line.split(",")[6] for line in csv(made.summary).splitlines()[1:]} >= set(DETECTED[1:])
     tables = {part.partition(":")[0]: part for part in markdown(made).split("**") if ": mean" in part}
-    assert {"Index as detected less true (points)", "Error of the index as detected (points)"} <= set(tables)
+    assert {"Index as detected less true (points)", "Index error as detected (points)"} <= set(tables)
     page = page_of(made)
-    assert "<dt>Error of the index as detected</dt>" in page
+    assert "<dt>Index error as detected</dt>" in page
     assert "how true it is" in page
     bare = gather("A study", {"seed": 0}, study(LEVELS, 6), {})
     for text in (page_of(bare), markdown(bare), csv(bare.summary)):
@@ -98,7 +98,7 @@ def test_the_least_error_of_a_row_is_bold_and_a_sign_is_never() -> None:
     parts = markdown(gather("A study", {"seed": 0}, both, {})).split("\n\n")
     signed, size = (
         next(rows for head, rows in pairwise(parts) if head.startswith(f"**{label}"))
-        for label in ("Index as detected less true", "Error of the index as detected")
+        for label in ("Index as detected less true", "Index error as detected")
     )
     assert "**2.5" in size
     assert "**5.0" not in size
@@ -123,7 +123,7 @@ def test_a_sensor_that_measures_nothing_is_told_apart_and_not_guessed() -> None:
         {str(column.header).replace("\n", " ") for column in _options_table(each.recommendation).columns}
         for each in advise(both, MissionLimits())
     ]
-    assert ["error of the index as detected points" in head for head in heads] == [False, True]
+    assert ["index error as detected points" in head for head in heads] == [False, True]
 
 
 def test_a_study_of_an_earlier_version_opens_and_says_that_it_has_no_such_index() -> None:

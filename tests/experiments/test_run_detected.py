@@ -85,7 +85,7 @@ def test_the_command_line_recommends_by_it_and_shows_it_in_queries(folder: Path,
     said = " ".join(done.output.split())
     assert "No mission has a condition index by what was detected: their sensor measures no sizes" in said
     value = table.filter(sensor="detector")[INDEX_ERROR].item()
-    assert f"error of the index as detected {value:.1f} points a segment" in said
+    assert f"index error as detected {value:.1f} points a segment" in said
     sql = f"select {INDEX_ERROR} from segments where sensor = 'detector'"
     asked = CliRunner().invoke(app, ["query", str(folder / "study"), sql, "--csv"])
     assert float(asked.output.split()[1]) == pytest.approx(value)

@@ -92,7 +92,7 @@ INDEX_ERROR: Final = "pci_detected_abs_error"
 
 DETECTED_METRICS: Final = (
     Metric("pci_detected_error", "Index as detected less true", "points", 1.0, 1, more_is_better=None, signed=True),
-    Metric(INDEX_ERROR, "Error of the index as detected", "points", 1.0, 1, more_is_better=False),
+    Metric(INDEX_ERROR, "Index error as detected", "points", 1.0, 1, more_is_better=False),
 )
 """Of sensors that measure sizes: how far the index by what they detected is off, with its sign and without."""
 

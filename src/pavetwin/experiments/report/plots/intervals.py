@@ -116,10 +116,11 @@ def _in_order(ticks: Sequence[Any]) -> bool:
 
 
 def _scale(axes: Axes, metric: Metric, rows: Sequence[Row | None]) -> None:
-    """Logarithmic where values span a wide range; else from 0 where that costs little room. A share ends at 100."""
+    """Logarithmic where values span a wide range, but for points of an index; else from 0 where that costs little room.
+    A share ends at 100."""
     ends = np.concatenate([_values(metric, rows, name) for name in ("mean", "low", "high")])
     ends = ends[np.isfinite(ends)]
-    if canvas.spans_wide(ends.tolist()):
+    if metric.unit != "points" and canvas.spans_wide(ends.tolist()):
         canvas.logarithmic(axes.yaxis)
         return
     if not len(ends):
