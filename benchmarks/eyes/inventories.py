@@ -16,6 +16,8 @@ import polars as pl
 import shapely
 from shapely import Polygon
 
+from benchmarks.eyes.joined import HoldsTwo, holding_two
+from benchmarks.eyes.joined import markdown as of_joined
 from pavetwin.inventory.condition import with_detected
 from pavetwin.inventory.entry import entry_of
 from pavetwin.inventory.merging import merged
@@ -45,9 +47,11 @@ class There:
     length_m: float
 
 
-def inventories(missions: Sequence[Path]) -> tuple[pl.DataFrame, pl.DataFrame]:
-    """One row a mission and judgement, and one row an entry of one defect, whole in an image: how far it is off."""
+def inventories(missions: Sequence[Path]) -> tuple[pl.DataFrame, pl.DataFrame, list[HoldsTwo]]:
+    """One row a mission and judgement, one row an entry of one defect, whole in an image: how far it is off, and the
+    entries that hold several."""
     rows, entries = [], []
+    joined: list[HoldsTwo] = []
     for folder in missions:
         reading = flown(folder)
         report = condition_of_mission(read_mission(folder / "mission.yaml"))
@@ -65,7 +69,9 @@ def inventories(missions: Sequence[Path]) -> tuple[pl.DataFrame, pl.DataFrame]:
         for judged, defects in of.items():
             rows.append({**name, "judged": judged, **tally(groups, defects), "pci_error": float(np.mean(errors))})
         entries += [{**name, **each} for each in _entries(reading, groups, of["place"], there)]
-    return pl.DataFrame(rows), pl.DataFrame(entries)
+        outlines = {number: each.outline for number, each in there.items()}
+        joined += holding_two(reading.observations, groups, of, outlines, AROUND_M)
+    return pl.DataFrame(rows), pl.DataFrame(entries), joined
 
 
 def tally(groups: Sequence[Sequence[int]], defects: Sequence[int | None]) -> dict[str, int]:
@@ -136,8 +142,8 @@ def _entries(
         }
 
 
-def markdown(rows: pl.DataFrame, entries: pl.DataFrame) -> str:
-    """Both tables in Markdown."""
+def markdown(rows: pl.DataFrame, entries: pl.DataFrame, joined: Sequence[HoldsTwo]) -> str:
+    """All three tables in Markdown."""
     lines = ["| judged by | entries | doubled | joined wrongly | defects lost | PCI error |", "|---" * 6 + "|"]
     for (judged,), part in rows.group_by("judged", maintain_order=True):
         total = part.select("entries", "doubled", "joined", "lost", "seen").sum().row(0, named=True)
@@ -152,4 +158,4 @@ def markdown(rows: pl.DataFrame, entries: pl.DataFrame) -> str:
         length = part["length_error"].median()
         told = "–" if length is None else f"{100 * length:+.0f} %"  # type: ignore[operator]
         lines.append(f"| {kind or 'all'} | {part.height} | {part['away_m'].median():.2f} m | {told} |")
-    return "\n".join(lines)
+    return "\n".join([*lines, "", of_joined(joined)])

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from shapely import LineString, Polygon
 
 from pavetwin.inventory.entry import entry_of
-from pavetwin.inventory.merging import merged
+from pavetwin.inventory.merging import MOST_APART, merged
 from pavetwin.inventory.observation import Observation
-from pavetwin.inventory.pieces import continues, looks_of
+from pavetwin.inventory.pieces import are_beside, continues, looks_of
 
 Line = tuple[tuple[float, float], tuple[float, float]]
 
@@ -96,3 +96,58 @@ def test_an_entry_of_pieces_lies_in_the_middle_of_the_whole() -> None:
     assert entry.place.x == pytest.approx(1.5, abs=0.01)
     assert entry.sizes["length_m"].value == pytest.approx(3.0, abs=0.01)
     assert entry.sizes["length_m"].error < 0.02
+
+
+LONG: Line = ((0, 0), (3, 0))
+BESIDE: Line = ((1, 0.25), (3.5, 0.3))
+"""Parallel, a quarter of a metre away."""
+
+
+def wide(image: str, line: Line) -> Observation:
+    """The outline of a crooked crack, which its mask is the hull of: 0.2 m wide."""
+    return Observation("Single Crack", 0.5, image, None, stroke(line, 0.2), pixel_m=0.01)
+
+
+def test_cracks_that_one_image_shows_side_by_side_are_two() -> None:
+    """By angle and distance alone they would go on in one another."""
+    assert continues(stroke(LONG, 0.2), stroke(BESIDE, 0.2))
+    assert merged([wide("a", LONG), wide("a", BESIDE), wide("b", LONG), wide("b", BESIDE)]) == [[0, 2], [1, 3]]
+    assert merged([wide("a", LONG), wide("b", BESIDE)]) == [[0, 1]], "no image shows both"
+
+
+@pytest.mark.parametrize(
+    ("line", "is_beside"),
+    [
+        (BESIDE, True),
+        (((2.9, 0.3), (5, 0.3)), False),
+        (((1.7, 0.3), (4.0, 0.3)), True),
+        (((2.0, 0.3), (4.4, 0.3)), False),
+        (((1, -0.3), (1.4, -0.3)), True),
+    ],
+)
+def test_what_has_half_its_length_in_common_lies_beside(line: Line, *, is_beside: bool) -> None:
+    assert are_beside(piece("a", LONG), piece("a", line)) == is_beside
+    assert are_beside(piece("a", line), piece("a", LONG)) == is_beside
+
+
+@pytest.mark.parametrize(("images", "groups"), [(MOST_APART, 1), (MOST_APART + 1, 2)])
+def test_a_break_at_the_same_place_in_many_images_is_the_end_of_a_crack(images: int, groups: int) -> None:
+    further = ((1.5, 0.0), (2.5, 0.0))
+    looks = [piece(f"{number}", line) for number in range(images) for line in (FIRST, further)]
+    assert len(merged(looks)) == groups
+    whole = [piece(f"w{number}", ((0, 0), (2.5, 0))) for number in range(images // 2 + 1)]
+    assert len(merged([*looks, *whole])) == 1, "half as many images show it whole"
+
+
+def test_one_image_in_many_that_shows_two_neighbours_as_one_does_not_join_them() -> None:
+    """Potholes: what no rule for pieces joins later."""
+    here, there = (shapely.box(x, 0.0, x + 1.0, 1.0) for x in (0.0, 1.3))
+    whole = shapely.box(0.0, 0.0, 2.3, 1.0)
+
+    def seen(image: str, outline: Polygon) -> Observation:
+        return Observation("Pothole", 0.8, image, None, outline)
+
+    looks = [seen(f"{number}", outline) for number in range(6) for outline in (here, there)]
+    few, half = ([seen(f"w{number}", whole) for number in range(count)] for count in (2, 3))
+    assert len(merged([*looks, *few])) == 2
+    assert len(merged([*looks, *half])) == 1

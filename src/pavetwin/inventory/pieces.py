@@ -25,6 +25,9 @@ GAP_M: Final = 1.0
 SLENDER: Final = 2.5
 """Length over width from which an outline tells the direction of its crack."""
 
+BESIDE: Final = 0.5
+"""Length that two outlines have in common, as a share of the shorter one, from which they lie side by side."""
+
 MOSTLY: Final = 0.5
 """Share of a piece in the whole that it is a part of."""
 
@@ -57,6 +60,23 @@ def continues(one: Polygon, other: Polygon) -> bool:
     return one.distance(other) <= GAP_M and all(
         _aside_m(piece, line) <= ASIDE_M for piece, line in ((first, second), (second, first))
     )
+
+
+def are_beside(one: Observation, other: Observation) -> bool:
+    """Whether two detections of one image that lie apart are side by side: of two cracks. Pieces of one follow one
+    another."""
+    if one.footprint is None or other.footprint is None:
+        return False
+    larger, smaller = sorted((one.footprint, other.footprint), key=lambda outline: -outline.area)
+    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(larger))
+    if len(corners) < 5:
+        return False
+    sides = np.diff(corners[:3], axis=0)
+    along = sides[int(np.argmax(np.hypot(*sides.T)))]
+    (first, last), (begin, end) = (
+        np.sort(shapely.get_coordinates(each) @ along)[[0, -1]] for each in (larger, smaller)
+    )
+    return bool(min(last, end) - max(first, begin) >= BESIDE * min(last - first, end - begin))
 
 
 def _stroke(outline: Polygon) -> _Stroke | None:
