@@ -5,8 +5,8 @@
 
 Each checkout builds the generated town with the damage that the paper describes and no parked vehicles, records traffic
 of its own, and flies the 720 missions. Prints how far the means of the 36 cells of traffic, altitude and policy are
-apart, in their units and in standard errors of the difference, over the 20 replicates of each; and what either
-recommends. About three minutes.
+apart, in their units and in standard errors of the differences between replicates of the same number, of which there
+are 20; and what either recommends. About three minutes.
 """
 
 import argparse
@@ -50,35 +50,32 @@ class Difference(NamedTuple):
 
 
 def compared(before: pl.DataFrame, now: pl.DataFrame, metric: str) -> Difference:
-    """How far the cells' means of a metric are apart.
+    """How far the cells' means of a metric are apart, by the differences of replicates with the same number.
 
     Args:
-        before: a row for each mission: `CELL` and the metric.
+        before: a row for each mission: `CELL`, `replicate` and the metric.
         now: the same of the other study, with the same cells.
 
     Raises:
-        ValueError: the cells are not the same.
+        ValueError: the cells are not the same, or one has fewer than two replicates that both have.
     """
-    first, second = (_cells(table, metric) for table in (before, now))
-    both = first.join(second, on=CELL, suffix="_now")
-    if not len(both) == len(first) == len(second):
-        raise ValueError("the studies do not have the same cells")
-    apart = (pl.col("mean_now") - pl.col("mean")).abs()
-    in_se = pl.when(apart > 0).then(apart / (pl.col("variance") + pl.col("variance_now")).sqrt()).otherwise(0.0)
-    largest, largest_se, beyond = both.select(
-        apart.max(), in_se.max().alias("se"), (in_se > 1.96).sum().alias("n")
-    ).row(0)
-    return Difference(metric, largest, largest_se, beyond, len(both))
-
-
-def _cells(table: pl.DataFrame, metric: str) -> pl.DataFrame:
-    """Mean and squared standard error of each cell."""
     value = pl.col(metric)
-    return (
-        table.filter(value.is_not_null() & value.is_not_nan())
-        .group_by(CELL)
-        .agg(value.mean().alias("mean"), (value.var() / value.count()).alias("variance"))
+    first, second = (table.filter(value.is_not_null() & value.is_not_nan()) for table in (before, now))
+    if not first.select(CELL).unique().sort(CELL).equals(second.select(CELL).unique().sort(CELL)):
+        raise ValueError("the studies do not have the same cells")
+    by = [*CELL, "replicate"]
+    both = first.join(second.select(*by, metric), on=by, suffix="_now")
+    apart = pl.col(f"{metric}_now") - value
+    cells = both.group_by(CELL).agg(
+        apart.mean().abs().alias("mean"), (apart.std() / apart.count().sqrt()).alias("se"), apart.count().alias("n")
     )
+    if int(cells["n"].min() or 0) < 2 or len(cells) < first.select(CELL).n_unique():  # type: ignore[arg-type]
+        raise ValueError("a cell has fewer than two replicates in both studies")
+    in_se = pl.when(pl.col("mean") > 0).then(pl.col("mean") / pl.col("se")).otherwise(0.0)
+    largest, largest_se, beyond = cells.select(
+        pl.col("mean").max(), in_se.max().alias("most"), (in_se > 1.96).sum().alias("beyond")
+    ).row(0)
+    return Difference(metric, largest, largest_se, beyond, len(cells))
 
 
 def study(root: Path, place: Path, more: Sequence[str]) -> tuple[pl.DataFrame, str]:

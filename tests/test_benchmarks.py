@@ -303,22 +303,28 @@ def test_pairs_say_that_a_checkout_cannot_measure(tmp_path: Path) -> None:
         pairs.main([str(tmp_path), str(tmp_path / "no-world")])
 
 
-@pytest.mark.slow
-def test_cells_of_two_studies_are_compared_by_their_standard_errors() -> None:
+def test_cells_of_two_studies_are_compared_replicate_by_replicate() -> None:
     def missions(of_cells: dict[str, list[float]]) -> pl.DataFrame:
-        rows = [(name, 10.0, "skip", value) for name, values in of_cells.items() for value in values]
-        return pl.DataFrame(rows, schema=[*study_pairs.CELL, "coverage"], orient="row")
+        rows = [
+            (name, 10.0, "skip", replicate, value)
+            for name, values in of_cells.items()
+            for replicate, value in enumerate(values)
+        ]
+        return pl.DataFrame(rows, schema=[*study_pairs.CELL, "replicate", "coverage"], orient="row")
 
-    before = missions({"low": [80.0, 84.0], "high": [60.0, 60.0, 66.0, math.nan]})
-    now = missions({"low": [82.0, 82.0], "high": [70.0, 70.0, 76.0]})
+    before = missions({"low": [80.0, 84.0], "high": [60.0, 70.0, 66.0, math.nan]})
+    now = missions({"low": [82.0, 82.0], "high": [69.0, 80.0, 77.0, 99.0]})
     found = study_pairs.compared(before, now, "coverage")
-    # High: means 62 and 72, each of variance 12 over three missions: 10 over the root of 4 + 4.
-    assert found == ("coverage", pytest.approx(10.0), pytest.approx(10 / math.sqrt(8)), 1, 2)
+    # High: 9, 10 and 11 apart, so 10 by a standard error of 1 over the root of 3; low: 2 and -2 apart.
+    assert found == ("coverage", pytest.approx(10.0), pytest.approx(10 * math.sqrt(3)), 1, 2)
     assert study_pairs.compared(now, now, "coverage")[1:4] == (0.0, 0.0, 0)
     with pytest.raises(ValueError, match="same cells"):
         study_pairs.compared(before, now.filter(pl.col("traffic") == "low"), "coverage")
+    with pytest.raises(ValueError, match="two replicates"):
+        study_pairs.compared(before, now.filter(pl.col("replicate") == 0), "coverage")
 
 
+@pytest.mark.slow
 def test_what_waits_correlate_with_is_counted(
     measured: tuple[list[str], list[Line], Path], capsys: pytest.CaptureFixture[str]
 ) -> None:

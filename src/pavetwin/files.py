@@ -176,15 +176,15 @@ def _locked(path: Path, locks: ModuleType) -> int:
 
 
 @contextmanager
-def in_turn(target: Path, most_s: float) -> Iterator[bool]:
-    """One process or thread after the other makes `target`. Yields whether it waited for another.
+def file_lock(target: Path, timeout_s: float) -> Iterator[None]:
+    """While the block runs, no other process or thread that asks the same makes `target`; waits until then.
 
     A hidden file beside the target is locked, and gone afterwards. Where there can be no such file, nobody waits.
 
     Args:
-        most_s: whoever has waited so long goes on beside the other, which may hang.
+        timeout_s: whoever has waited so long goes on beside the other, which may hang.
     """
-    waited, handle, until = False, None, time.monotonic() + most_s
+    handle, until = None, time.monotonic() + timeout_s
     path = target.with_name(f".{target.name}.lock")
     with suppress(ImportError, OSError):
         locks = import_module("fcntl")
@@ -193,13 +193,13 @@ def in_turn(target: Path, most_s: float) -> Iterator[bool]:
             try:
                 handle = _locked(path, locks)
             except BlockingIOError:
-                waited = True
                 time.sleep(_LOOKED_AGAIN_S)
     try:
-        yield waited
+        yield
     finally:
         if handle is not None:
-            path.unlink(missing_ok=True)
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
             os.close(handle)
 
 

@@ -50,6 +50,11 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def may_start() -> bool:
+    """Whether this process may have processes of its own: a worker of `multiprocessing` may not."""
+    return not multiprocessing.current_process().daemon
+
+
 def _spare_bytes() -> int:
     """Memory that new processes can have without swapping, by the kernel's estimate; elsewhere half of all."""
     with suppress(OSError), Path("/proc/meminfo").open(encoding="ascii") as file:

@@ -18,7 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pavetwin.defects import DefectOptions, place
 from pavetwin.errors import CacheWarning
-from pavetwin.files import in_turn
+from pavetwin.files import file_lock
 from pavetwin.scene import scene as scenes_module
 from pavetwin.scene import scene_cache
 from pavetwin.scene.ground import plan as plans
@@ -204,7 +204,7 @@ def test_who_needs_what_another_makes_waits_for_it(world: World, folder: Path) -
 
 @pytest.mark.usefixtures("folder")
 def test_nobody_waits_for_ever_for_one_that_hangs(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kept, "TURN_S", 0.05)
+    monkeypatch.setattr(kept, "LOCK_TIMEOUT_S", 0.05)
     cache, hanging, maker = SceneCache(world, seed=4, look="varied"), SlowMaker(), Maker()
     with ThreadPoolExecutor(1) as pool:
         first = pool.submit(cache.kept, "one", hanging)
@@ -232,7 +232,7 @@ def test_one_that_is_killed_keeps_nobody_waiting(world: World, folder: Path) -> 
 
 def hold(path: Path) -> None:
     """Make a value for ever."""
-    with in_turn(path, 10.0):
+    with file_lock(path, 10.0):
         time.sleep(600)
 
 

@@ -5,7 +5,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol, runtime_checkable
 
 from pavetwin.capture.context import prepare
 from pavetwin.capture.formats import find_formats
@@ -13,7 +13,7 @@ from pavetwin.capture.images import FrameSource
 from pavetwin.capture.platforms import PLATFORMS, CaptureContext, Platform
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.shards import Order, finished_images, write_shard
-from pavetwin.capture.tiles_ahead import TilesAhead
+from pavetwin.capture.tile_prefetch import TilePrefetcher
 from pavetwin.errors import PaveTwinError
 from pavetwin.memory import give_back
 from pavetwin.workers import OnTick, WorkerPool, started
@@ -22,6 +22,16 @@ from pavetwin.world.store import load_world
 
 FrameSourceFactory = Callable[[CaptureContext], FrameSource]
 """Makes the frame source of one process; defined at module level, so that another process can import it."""
+
+
+@runtime_checkable
+class KeepsTiles(Protocol):
+    """A factory whose frames are made from tiles that the cache keeps."""
+
+    def is_new(self, world: World, settings: CaptureSettings) -> bool | None:
+        """Whether the cache has nothing of a scene; None where it keeps nothing of it."""
+        ...
+
 
 Shard = Sequence[Order]
 
@@ -74,9 +84,9 @@ def image_workers(
 
 
 @contextmanager
-def tiles_ahead(job: CaptureJob) -> Iterator[Callable[[Iterable[Order]], None]]:
+def prefetching(job: CaptureJob) -> Iterator[Callable[[Iterable[Order]], None]]:
     """A function that has the tiles of images made, in the order in which these will be taken."""
-    with TilesAhead(job.world, job.settings.look, job.settings.plugins) as process:
+    with TilePrefetcher(job.world, job.settings.look, job.settings.plugins) as process:
         yield lambda orders: process.make([(one.pose.view, one.daylight.light) for _, one in orders if one is not None])
 
 

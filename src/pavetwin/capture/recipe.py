@@ -139,7 +139,7 @@ def build_synthetic(
     taken, folders = 0, []
     with working_in(output):
         for name, world in recipe.worlds.items():
-            _built(output / WORLDS / name, world, beside, on_stage)
+            _built(output / WORLDS / name, world, beside, jobs, on_stage)
         for number, (name, what, settings) in enumerate(every, start=1):
             stage = f"{name}, {what} ({number}/{len(every)})"
 
@@ -185,9 +185,16 @@ def _check_source(folder: Path, world: RecipeWorld, beside: Path) -> None:
         )
 
 
-def _built(folder: Path, world: RecipeWorld, beside: Path, on_stage: OnProgress) -> None:
+def _built(folder: Path, world: RecipeWorld, beside: Path, jobs: int | None, on_stage: OnProgress) -> None:
     if folder.is_dir():
         return
     stage = f"Building the world {folder.name}"
     source = beside / world.map if world.map is not None else network_kind(world.generate or "")
-    build_folder(source, folder, world.streets, world.defects, on_progress=lambda share, _step: on_stage(share, stage))
+    build_folder(
+        source,
+        folder,
+        world.streets,
+        world.defects,
+        jobs=jobs,
+        on_progress=lambda share, _step: on_stage(share, stage),
+    )

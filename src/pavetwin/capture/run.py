@@ -12,7 +12,14 @@ from pavetwin.capture.context import check, packages_in_use, prepare
 from pavetwin.capture.disk_space import check_disk_space
 from pavetwin.capture.formats import find_formats
 from pavetwin.capture.image_spec import ImageSpec
-from pavetwin.capture.image_workers import CaptureJob, FrameSourceFactory, image_workers, platforms_of, tiles_ahead
+from pavetwin.capture.image_workers import (
+    CaptureJob,
+    FrameSourceFactory,
+    KeepsTiles,
+    image_workers,
+    platforms_of,
+    prefetching,
+)
 from pavetwin.capture.names import image_name, platform_prefix
 from pavetwin.capture.plan import image_specs
 from pavetwin.capture.platforms import CaptureContext
@@ -26,14 +33,14 @@ from pavetwin.files import working_in
 from pavetwin.labels import SPLITS
 from pavetwin.mission.inputs import OnProgress
 from pavetwin.mission.versions import software_versions
-from pavetwin.workers import WORTH_STARTING, cores, default_jobs
+from pavetwin.workers import WORTH_STARTING, cores, default_jobs, may_start
 from pavetwin.world.model import World
 from pavetwin.world.store import attribution, load_record, load_world
 
 BLOCK: Final = 8192
 """Images whose poses are drawn before the first of them is taken, so that neighbouring ones are taken together."""
 
-FEW: Final = 50
+PREFETCHED_IMAGES: Final = 50
 """Images a process that take about as long as their tiles, where none of these is in the cache."""
 
 MANIFEST: Final = "manifest.yaml"
@@ -111,10 +118,11 @@ def _take(
         ready += 1
         report(ready / total, f"Taking images {ready}/{total}")
 
-    is_new = getattr(job.frame_source_factory, "is_new", None)
-    workers, is_ahead = processes(len(missing), jobs, is_new(world, job.settings) if is_new is not None else None)
+    factory = job.frame_source_factory
+    is_new = factory.is_new(world, job.settings) if isinstance(factory, KeepsTiles) else None
+    workers, prefetches = processes(len(missing), jobs, is_new)
     preparing = "Preparing the scene" + (f" in {workers} processes" if workers > 1 else "")
-    making = tiles_ahead(job) if is_ahead else nullcontext(lambda _orders: None)
+    making = prefetching(job) if prefetches else nullcontext(lambda _orders: None)
     with making as make_tiles, image_workers(job, workers, on_image) as work:
         context = prepare(world, job.settings, report)
         platforms = platforms_of(context)
@@ -141,10 +149,10 @@ def processes(images: int, jobs: int | None, is_new: bool | None) -> tuple[int, 
         is_new: whether nothing of the scene is in the cache; None: it has no tiles that are kept.
     """
     most = default_jobs(images) if jobs is None else max(1, min(jobs, -(-images // 2)))
-    if is_new is None or jobs == 1 or cores() == 1:
+    if is_new is None or jobs == 1 or cores() == 1 or not may_start():
         return most, False
     if is_new:
-        return max(1, most - (images < FEW * most)), True
+        return max(1, most - (images < PREFETCHED_IMAGES * most)), True
     return most, images >= WORTH_STARTING
 
 

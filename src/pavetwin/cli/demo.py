@@ -122,7 +122,7 @@ def _town(folder: Path) -> "World":
     if world is None:
         with progress("[1/4] Generating a town") as tell:
             streets = BuildOptions(seed=TOWN_SEED)
-            world, _ = build_folder(NetworkKind.TOWN, folder, streets, worn, force=True, on_progress=tell)
+            world, _ = build_folder(NetworkKind.TOWN, folder, streets, worn, force=True, jobs=None, on_progress=tell)
     length_km = sum(segment.length_m for segment in world.segments) / 1000
     out.print(
         f"[1/4] Town: {len(world.segments)} segments, {length_km:.1f} km of streets, {len(world.buildings)} buildings, "

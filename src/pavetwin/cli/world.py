@@ -102,7 +102,7 @@ def build(
     chosen = source if source is not None else network_kind(generate or "")
     with progress("Building the world") as report:
         world, record = build_folder(
-            chosen, output, options, defects, force=force, on_progress=lambda share, _what: report(share)
+            chosen, output, options, defects, force=force, jobs=None, on_progress=lambda share, _what: report(share)
         )
     _print_summary(world, record)
     out.line(f"Written to {output}/ (world.gpkg opens in QGIS). Next: pavetwin world show {quote(str(output))}")

@@ -1,13 +1,12 @@
 """A world with its defects from a source, written to its folder: what `pavetwin world build` does."""
 
-import multiprocessing
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
 from pavetwin.defects import placement
 from pavetwin.defects.placement import DefectOptions, add_defects
-from pavetwin.workers import cores, started
+from pavetwin.workers import cores, may_start, started
 from pavetwin.world.build import BuildOptions, BuildRecord, build_world
 from pavetwin.world.folder import check_target
 from pavetwin.world.generate import NetworkKind
@@ -25,12 +24,15 @@ def build_folder(
     defects: DefectOptions | None = None,
     *,
     force: bool = False,
+    jobs: int | None = 1,
     on_progress: Callable[[float, str], None] = lambda _share, _what: None,
 ) -> tuple[World, BuildRecord]:
     """Build a world, place its defects, and write it.
 
     Args:
         force: replace a world that is there.
+        jobs: number of processes that place defects; 1 takes threads of this one. None: one per core, 8 at most. They
+            import the caller's main module, which must be made for that, as `multiprocessing` says.
         on_progress: told the share done, 0 … 1, and the step.
 
     Returns:
@@ -43,7 +45,7 @@ def build_folder(
     damage.effective()
     check_target(folder, force=force)
     # Placing defects takes as long as all that is before it, for which one core is enough.
-    with started(_placers(), placement.__name__) as waiting:
+    with started(_placers(jobs), placement.__name__) as waiting:
         built = build_world(source, options, lambda what, share: on_progress(0.25 * share, what))
         damaged = add_defects(built, damage, lambda share: on_progress(0.25 + 0.7 * share, "defects"), waiting)
     world = save_world(damaged, folder, force=force)
@@ -51,6 +53,7 @@ def build_folder(
     return world, built.record
 
 
-def _placers() -> int:
-    """How many processes place defects; none where a process may have none of its own, or would be the only one."""
-    return 0 if multiprocessing.current_process().daemon or cores() == 1 else min(cores(), MOST_PLACERS)
+def _placers(jobs: int | None) -> int:
+    """How many processes place defects; none where one would be the only one, or none may be started."""
+    most = min(cores(), MOST_PLACERS) if jobs is None else jobs
+    return most if most > 1 and may_start() else 0

@@ -15,9 +15,9 @@ from pavetwin.arrays import BoolArray, Float64Array, Int64Array
 from pavetwin.scene.looks import STAND, AgentAppearance, look_of, tints
 from pavetwin.scene.model import Instance, Model, agent_label
 from pavetwin.scene.models import BODY
+from pavetwin.traffic.agent_states import AgentStateReader
 from pavetwin.traffic.recording import Recording
 from pavetwin.traffic.trace import trace_of
-from pavetwin.traffic.ways import AgentWays
 
 BRAKING_MPS2: Final = 0.7
 """UN Regulation 13-H, 5.2.22.4: at less deceleration without the pedal brake lamps must not be lit."""
@@ -49,7 +49,7 @@ class Actors:
         self._seed = seed
         self._models = models
         self._trace = trace_of(recording)
-        self._ways = AgentWays(recording)
+        self._ways = AgentStateReader(recording)
         self._looks: dict[int, AgentAppearance] = {}
 
     def look(self, agent: int) -> AgentAppearance:
@@ -110,8 +110,8 @@ class Actors:
         after = np.where(then.is_there, then.speed_mps, before)
         change = np.where(now.is_there, after - before, 0.0) / self.recording.step_s
         braking = (change < -BRAKING_MPS2) | ((before < STANDING_MPS) & (after < STANDING_MPS))
-        further = np.where(then.is_there, then.moved_m, now.moved_m)
-        return np.asarray(braking), np.asarray(now.moved_m + share * (further - now.moved_m))
+        further = np.where(then.is_there, then.travelled_m, now.travelled_m)
+        return np.asarray(braking), np.asarray(now.travelled_m + share * (further - now.travelled_m))
 
 
 def upright(x_m: float, y_m: float, yaw_rad: float, *, z_m: float = 0.0, scale: npt.ArrayLike = 1.0) -> Float64Array:

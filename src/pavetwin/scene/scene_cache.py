@@ -5,7 +5,9 @@ data and libraries that make it.
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Final, TypeVar
 
 from pavetwin.scene import model
@@ -16,7 +18,7 @@ from pavetwin.scene.ground.layout.paved import PavedSurface
 from pavetwin.scene.ground.looks import look_sha256, street_look
 from pavetwin.scene.ground.markings.painter import Paint
 from pavetwin.scene.ground.plan import made
-from pavetwin.world.cache import tile_folder
+from pavetwin.world.cache import mark_used, tile_folder
 from pavetwin.world.kept import ValueStore, made_by, short_sha256
 from pavetwin.world.model import World
 
@@ -60,12 +62,21 @@ class SceneCache:
 
     @property
     def keeps(self) -> bool:
-        """Whether anything of this scene is kept."""
-        return self._folder is not None
+        """Whether what is made of this scene is kept: not where the cache cannot be written."""
+        if self._folder is None:
+            return False
+        with suppress(OSError):
+            self._folder.mkdir(parents=True, exist_ok=True)
+            with TemporaryFile(dir=self._folder):
+                return True
+        return False
 
     def lacks(self, name: str) -> bool:
-        """Whether a value would have to be made, and would then be kept."""
-        return self._folder is not None and not (self._folder / name).exists()
+        """Whether a value of a scene with a content hash is not there; one that is counts as used now."""
+        if self._folder is None:
+            return False
+        mark_used(self._folder / name)
+        return not (self._folder / name).exists()
 
 
 def kept_of_all(name: str, make: Callable[[], Value]) -> Value:

@@ -24,7 +24,7 @@ import shapely
 
 from pavetwin import _core, arrays, seeds
 from pavetwin.errors import CacheWarning, PaveTwinError
-from pavetwin.files import file_sha256, in_turn, writing
+from pavetwin.files import file_lock, file_sha256, writing
 from pavetwin.world.cache import cache_folder, make_room, mark_used
 from pavetwin.world.folder import CACHE_VARIABLE
 
@@ -36,7 +36,7 @@ CODEC: Final = "lz4"
 ROOM_AFTER_BYTES: Final = 200_000_000
 """The size of the cache is looked at whenever a process has written so much into it, and at its first file."""
 
-TURN_S: Final = 60.0
+LOCK_TIMEOUT_S: Final = 60.0
 """So long a process waits for another that makes the same value."""
 
 _HEADER: Final = struct.Struct("<8sIQ")
@@ -63,8 +63,8 @@ class ValueStore:
         """A value from its file, else made and written. Where another process makes it now, this one waits for it."""
         found: list[Value] = self._found(path)
         if not found:
-            with in_turn(path, TURN_S) as waited:
-                found = (self._found(path) if waited else []) or [self._made(path, make)]
+            with file_lock(path, LOCK_TIMEOUT_S):
+                found = self._found(path) or [self._made(path, make)]
         return found[0]
 
     def _found(self, path: Path) -> list[Any]:

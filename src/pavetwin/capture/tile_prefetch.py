@@ -1,4 +1,4 @@
-"""A process that makes the tiles of images before they are taken, so that whoever renders finds them in the cache."""
+"""A process that prefetches tiles: it makes those of images that are taken next, so that the cache has them then."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -18,7 +18,7 @@ from pavetwin.world.store import load_world
 LitView = tuple[View, Light]
 
 
-class TilesAhead:
+class TilePrefetcher:
     """Begins with what all tiles of a world need, and ends with the `with` block, wherever it has got to.
 
     Nothing depends on it: what it has not made, and what it fails to make, is made by who needs it.
@@ -68,4 +68,5 @@ def _start(on_tick: OnTick) -> Callable[[Sequence[LitView]], None]:  # noqa: ARG
 
 def _make(views: Sequence[LitView]) -> None:
     for view, light in views if _SCENE else ():
-        make_missing(_SCENE[0], view, light)
+        with suppress(Exception):  # who takes the image meets it too, and tells it
+            make_missing(_SCENE[0], view, light)

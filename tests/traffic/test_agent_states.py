@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pavetwin.arrays import Float64Array
+from pavetwin.traffic.agent_states import PARTS_KEPT, AgentStateReader
 from pavetwin.traffic.pose_rows import PoseRows
 from pavetwin.traffic.recording import Recording
 from pavetwin.traffic.tracks import PART_STEPS, AgentTracks
-from pavetwin.traffic.ways import PARTS_KEPT, AgentWays
 from scenes.recordings import recording
 
 AGENTS = 7
@@ -55,28 +55,28 @@ def test_states_are_those_of_all_poses(seed: int, start: int) -> None:
     whole = wandering(seed, 2 * PART_STEPS + 50)
     made = whole.after(start * whole.step_s)
     moved, speed = by_all_poses(made)
-    ways, who = AgentWays(made), np.arange(AGENTS)
+    ways, who = AgentStateReader(made), np.arange(AGENTS)
     for frame in np.random.default_rng(seed).permutation(made.frames).tolist():
         found = ways.at(who, frame)
         there = ~np.isnan(moved[frame])
         assert np.array_equal(found.is_there, there)
         assert found.speed_mps[there] == pytest.approx(speed[frame, there], abs=1e-6)
-        assert found.moved_m == pytest.approx(np.where(there, moved[frame], 0.0), abs=1e-6)
+        assert found.travelled_m == pytest.approx(np.where(there, moved[frame], 0.0), abs=1e-6)
 
 
 def test_nobody_is_there_after_the_end_or_where_nobody_ever_was() -> None:
     made = wandering(1, 300)
-    for ways, frame in ((AgentWays(made), 300), (AgentWays(made), -1)):
+    for ways, frame in ((AgentStateReader(made), 300), (AgentStateReader(made), -1)):
         assert not ways.at(np.arange(AGENTS), frame).is_there.any()
-    assert AgentWays(made).at(np.zeros(0, dtype=np.int64), 0).is_there.shape == (0,)
+    assert AgentStateReader(made).at(np.zeros(0, dtype=np.int64), 0).is_there.shape == (0,)
     empty = PoseRows(np.zeros(4, np.uint32), np.zeros(0, np.uint32), *(np.zeros(0, np.float32) for _ in range(4)))
     tracks = AgentTracks.of(empty, made.agents.is_pedestrian, made.step_s)
     nobody = Recording(made.origin, made.step_s, made.agents, tracks, made.removals, {}, None)
-    assert not AgentWays(nobody).at(np.arange(AGENTS), 1).is_there.any()
+    assert not AgentStateReader(nobody).at(np.arange(AGENTS), 1).is_there.any()
 
 
 def test_few_parts_stay_in_memory() -> None:
-    ways = AgentWays(wandering(2, 8 * PART_STEPS))
+    ways = AgentStateReader(wandering(2, 8 * PART_STEPS))
     for frame in range(0, 8 * PART_STEPS, 50):
         ways.at(np.arange(AGENTS), frame)
     assert ways._read.cache_info().currsize == PARTS_KEPT

@@ -23,7 +23,7 @@ class AgentStates(NamedTuple):
     is_there: BoolArray
     speed_mps: Float32Array
     """0 of those that are not there, as the next."""
-    moved_m: Float64Array
+    travelled_m: Float64Array
     """Along the straight lines from frame to frame, since the agent appeared in the recording's window."""
 
 
@@ -31,7 +31,7 @@ class AgentStates(NamedTuple):
 class _Carried:
     """What is known of all agents when a part begins. Arrays (agents,)."""
 
-    moved_m: Float64Array
+    travelled_m: Float64Array
     x_m: Float32Array
     """Where each was last; NaN for those that have not been in the window."""
     y_m: Float32Array
@@ -45,10 +45,10 @@ class _Part:
     """See `_order`."""
     is_last: BoolArray
     speed_mps: Float32Array
-    moved_m: Float64Array
+    travelled_m: Float64Array
 
 
-class AgentWays:
+class AgentStateReader:
     """The agents of a recording, frame by frame."""
 
     def __init__(self, recording: Recording) -> None:
@@ -73,7 +73,7 @@ class AgentWays:
         return AgentStates(
             is_there,
             np.where(is_there, part.speed_mps[at], np.float32(0)),
-            np.where(is_there, part.moved_m[at], 0.0),
+            np.where(is_there, part.travelled_m[at], 0.0),
         )
 
     def _part_of(self, step: int) -> int:
@@ -101,13 +101,13 @@ class AgentWays:
         total = np.cumsum(moved)
         starts = np.flatnonzero(is_first)
         base = np.repeat(
-            total[starts] - moved[starts] - carried.moved_m[agent[starts]], np.diff(np.append(starts, count))
+            total[starts] - moved[starts] - carried.travelled_m[agent[starts]], np.diff(np.append(starts, count))
         )
         so_far = total - base
         if len(self._carried) == number - self._first_part + 1:
             ends = np.append(starts[1:], count)[: len(starts)] - 1
             seen = ends[step[ends] >= begins]
-            way, last_x, last_y = carried.moved_m.copy(), carried.x_m.copy(), carried.y_m.copy()
+            way, last_x, last_y = carried.travelled_m.copy(), carried.x_m.copy(), carried.y_m.copy()
             way[agent[seen]], last_x[agent[seen]], last_y[agent[seen]] = so_far[seen], x[seen], y[seen]
             self._carried.append(_Carried(way, last_x, last_y))
         return _Part(_order(agent, step.astype(np.int64)), is_last, speed, so_far)

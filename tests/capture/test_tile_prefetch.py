@@ -12,7 +12,7 @@ from pavetwin.capture.run import processes
 from pavetwin.capture.scene_renderer import SceneFrameSource
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.shards import in_order, schedule
-from pavetwin.capture.tiles_ahead import TilesAhead
+from pavetwin.capture.tile_prefetch import TilePrefetcher
 from pavetwin.render.nearby import make_missing, wanted_keys
 from pavetwin.scene import scene as scenes
 from pavetwin.scene.light import Light
@@ -64,7 +64,7 @@ def test_a_process_makes_what_frames_will_ask_for_and_nothing_is_made_again(
     world: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     views = [above(x) for x in (10.0, 45.0, 80.0)]
-    with TilesAhead(world, "varied") as ahead:
+    with TilePrefetcher(world, "varied") as ahead:
         ahead.make([(view, NOON) for view in views])
         last = wanted_keys(Scene(load_world(world), seed=LOOK_SEED), views[-1], NOON)
         assert is_over(lambda: all(list(tile_folder().rglob(f"{x}_{y}/tile")) for x, y in last))
@@ -101,17 +101,18 @@ def test_ground_out_of_view_is_not_made(world: Path, monkeypatch: pytest.MonkeyP
     asked: list[TileKey] = []
     monkeypatch.setattr(scene, "maps", asked.append)
     make_missing(scene, above(45.0), low)
+    assert asked
     assert set(asked) < set(wanted_keys(scene, above(45.0), low))
 
 
 def test_a_process_that_cannot_begin_costs_nothing(tmp_path: Path) -> None:
-    with TilesAhead(tmp_path / "no-such-world", "varied") as ahead:
+    with TilePrefetcher(tmp_path / "no-such-world", "varied") as ahead:
         ahead.make([(above(10.0), NOON)])
     assert not tile_folder().exists()
 
 
 def test_it_ends_with_its_block_wherever_it_has_got_to(world: Path) -> None:
-    with TilesAhead(world, "varied") as ahead:
+    with TilePrefetcher(world, "varied") as ahead:
         ahead.make([(above(float(x)), NOON) for x in range(90)] * 400)  # more than a pipe holds
         process = ahead._process.process
         assert process.is_alive()
