@@ -1,18 +1,26 @@
 """Tiles of images are made by a process of their own, before the renderer asks for them."""
 
+import multiprocessing
+import shutil
 import time
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from pavetwin.capture import run
-from pavetwin.capture.run import processes
+from pavetwin.capture.image_workers import CaptureJob
+from pavetwin.capture.platforms import CaptureContext
+from pavetwin.capture.run import capture, processes
+from pavetwin.capture.samples import CameraSample
 from pavetwin.capture.scene_renderer import SceneFrameSource
 from pavetwin.capture.settings import CaptureSettings
-from pavetwin.capture.shards import in_order, schedule
+from pavetwin.capture.shards import Order, in_order, schedule
 from pavetwin.capture.tile_prefetch import TilePrefetcher
+from pavetwin.render.frame import RenderedFrame
 from pavetwin.render.nearby import make_missing, wanted_keys
 from pavetwin.scene import scene as scenes
 from pavetwin.scene.light import Light
@@ -22,8 +30,11 @@ from pavetwin.scene.view import View, nadir
 from pavetwin.uav.cameras import find_camera
 from pavetwin.world.cache import tile_folder
 from pavetwin.world.folder import CACHE_VARIABLE
+from pavetwin.world.model import World
 from pavetwin.world.store import load_world, save_world
 from scenes import damaged
+from scenes.folders import contents
+from scenes.painter import Painter
 
 NOON = Light(60.0, 180.0)
 
@@ -164,3 +175,71 @@ def test_a_scene_is_new_until_its_plan_is_in_the_cache(world: Path) -> None:
     Scene(loaded, seed=LOOK_SEED).make_plan()
     assert SceneFrameSource.is_new(loaded, chosen) is False
     assert SceneFrameSource.is_new(replace(loaded, content_hash=""), chosen) is None
+
+
+FEW = CaptureSettings(
+    platforms=("uav",),
+    images=4,
+    altitudes_m=(6.0,),
+    densities=("low",),
+    seed=3,
+    size_px=(160, 160),
+    split=(1.0, 0.0, 0.0),
+)
+
+
+@dataclass(frozen=True)
+class KeptPainter:
+    """Paints as if from tiles that the cache keeps."""
+
+    def __call__(self, context: CaptureContext) -> Painter:
+        return Painter(context)
+
+    def is_new(self, world: World, settings: CaptureSettings) -> bool | None:  # noqa: ARG002 - as `KeepsTiles` has it
+        return True
+
+
+def test_datasets_prefetch_what_they_will_show(world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[View, Light]] = []
+
+    @contextmanager
+    def noted(job: CaptureJob) -> Iterator[Callable[[Iterable[Order]], None]]:
+        assert job.world == world
+        yield lambda orders: asked.extend((each.pose.view, each.daylight.light) for _, each in orders if each)
+
+    monkeypatch.setattr(run, "prefetching", noted)
+    monkeypatch.setattr(run, "cores", lambda: 2)
+    shown: list[View] = []
+    painted = Painter.frame
+
+    def frame(self: Painter, sample: CameraSample, setting: CaptureContext) -> RenderedFrame:
+        shown.append(sample.pose.view)
+        return painted(self, sample, setting)
+
+    monkeypatch.setattr(Painter, "frame", frame)
+    capture(world, FEW, tmp_path / "many", frame_source_factory=KeptPainter(), jobs=2)
+    first = [view.position.tolist() for view, _ in asked]
+    assert len(first) == FEW.images
+    assert [each for each in (view.position.tolist() for view in shown) if each in first] == first
+    asked.clear()
+    capture(world, FEW, tmp_path / "alone", frame_source_factory=KeptPainter(), jobs=1)
+    assert not asked
+
+
+@pytest.mark.slow
+@pytest.mark.needs_adapter
+def test_images_are_the_same_with_prefetched_tiles(world: Path, tmp_path: Path) -> None:
+    capture(world, FEW, tmp_path / "prefetched", frame_source_factory=SceneFrameSource, jobs=2)
+    shutil.rmtree(tile_folder())
+    capture(world, FEW, tmp_path / "alone", frame_source_factory=SceneFrameSource, jobs=1)
+    assert contents(tmp_path / "prefetched") == contents(tmp_path / "alone")
+
+
+def test_a_cache_that_cannot_be_written_gets_no_tiles(world: Path, tmp_path: Path) -> None:
+    (tmp_path / "cache").write_text("not a folder")
+    assert SceneFrameSource.is_new(load_world(world), FEW) is None
+
+
+def test_a_worker_process_starts_none_of_its_own() -> None:
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        assert pool.apply(partial(processes, 5, None, is_new=True)) == (1, False)

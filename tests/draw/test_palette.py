@@ -1,8 +1,12 @@
 """The palette of a PNG: no colour of a map is lost in it."""
 
+from pathlib import Path
+
 import numpy as np
+from PIL import Image
 
 from pavetwin.arrays import UInt8Array
+from pavetwin.draw import style
 from pavetwin.draw.style import with_palette
 
 
@@ -30,3 +34,16 @@ def test_few_colours_stay_as_they_are() -> None:
     pixels[1:3] = (255, 255, 255)
     pixels[0, 0] = (31, 58, 95)
     assert np.array_equal(np.asarray(with_palette(opaque(pixels)).convert("RGB")), pixels)
+
+
+def test_a_figure_has_the_pixels_that_matplotlib_saves(tmp_path: Path) -> None:
+    with style.styled():
+        figure = style.new_figure(2.0, 1.0)
+        axes = style.axes_in(figure, 0.2, 0.2, 1.6, 0.7)
+        axes.plot([0, 1], [0, 1], color="#1F3A5F", alpha=0.5)
+        figure.savefig(tmp_path / "whole.png", format="png", dpi=style.DPI)
+    with Image.open(tmp_path / "whole.png") as saved:
+        expected = np.asarray(with_palette(np.asarray(saved.convert("RGBA"))).convert("RGB"))
+    style.save_figure(figure, tmp_path / "figure.png")
+    with Image.open(tmp_path / "figure.png") as saved:
+        assert np.array_equal(np.asarray(saved.convert("RGB")), expected)
