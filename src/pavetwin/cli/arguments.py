@@ -55,8 +55,8 @@ DatasetFolder = Annotated[Path, typer.Argument(help="Folder of a dataset.")]
 Jobs = Annotated[
     int | None,
     typer.Option(
-        help="Number of worker processes; one per core, as far as memory goes, unless given. The images do "
-        "not depend on it."
+        help="Number of processes that take images; one per core, as far as memory goes, unless given. From 2 on "
+        "one more prefetches tiles, or one of them where few images are taken. The images do not depend on it."
     ),
 ]
 SheetFile = Annotated[
