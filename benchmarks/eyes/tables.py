@@ -21,9 +21,11 @@ def by_sensor(table: pl.DataFrame, by: tuple[str, ...] = ("sensor", "altitude_m"
         row = dict(zip(by, key, strict=True))
         for name in (*SHOWN, "s_per_km", "false_alarms_per_100_m2"):
             means = part.group_by(REPLICATE).agg(pl.col(name).mean())[name].drop_nulls().to_numpy()
+            if len(means):
+                row[name] = float(means.mean())
             if len(means) > 1:
                 low, high = intervals(means[np.newaxis], np.zeros(len(means), dtype=np.intp), 0)
-                row |= {name: float(means.mean()), f"{name}_low": float(low[0]), f"{name}_high": float(high[0])}
+                row |= {f"{name}_low": float(low[0]), f"{name}_high": float(high[0])}
         rows.append(row)
     return pl.DataFrame(rows, infer_schema_length=None)
 
@@ -66,5 +68,8 @@ def _recommended(part: pl.DataFrame, sensor: str, traffic: str) -> str:
 
 
 def _span(row: dict[str, float], name: str, scale: float, digits: int) -> str:
+    """A mean with its interval, which a single replicate has not."""
+    if row.get(f"{name}_low") is None:
+        return f"{scale * row[name]:.{digits}f}"
     low, high = scale * row[f"{name}_low"], scale * row[f"{name}_high"]
     return f"{scale * row[name]:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
