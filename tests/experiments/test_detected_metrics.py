@@ -1,6 +1,6 @@
 """The condition index by what was detected, as a metric of studies and as what an option is chosen by."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from pavetwin.cli.experiment import _options_table, app
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.advice import advise
-from pavetwin.experiments.metrics import DETECTED, INDEX_ERROR, METRICS, metrics_in
+from pavetwin.experiments.metrics import DETECTED, INDEX_ERROR, METRICS, has_detected, metrics_in
 from pavetwin.experiments.report import gather
 from pavetwin.experiments.report.tables import csv, markdown
 from pavetwin.experiments.statistics import MissionLimits, Objective, recommend
@@ -134,20 +134,50 @@ def test_a_study_of_an_earlier_version_opens_and_says_that_it_has_no_such_index(
         advise(old, MissionLimits(), objective=Objective.TRUEST_INDEX)
 
 
+def tour(errors: Sequence[float | None], sensor: str = "detector", replicate: int = 0) -> list[dict[str, Any]]:
+    """The rows of a mission over segments of 100, 300, … m² whose index is detected with these errors."""
+    row: dict[str, Any] = {"world": "w", "traffic": "low", "altitude_m": 6.0, "policy": "hover", "sensor": sensor}
+    row |= {"preset": "default", "replicate": replicate, "status": "flown", "reason": None}
+    sums = ("length_m", "defects", "swept", "confirmed", "recovered", "wait_s", "occlusions", "revisits", "duplicates")
+    rest = dict.fromkeys((*sums, "false_alarms"), 1.0) | dict.fromkeys(("surface_coverage", "coverage", "energy"), 0.5)
+    rest |= {"permanently_hidden": 0.0, "pci": 50.0, "time_s": 60.0}
+    whole: dict[str, Any] = dict.fromkeys(MISSION_COLUMNS, 1.0) | {"mission_batteries": 1}
+    return [
+        row
+        | {"order": order, "area_m2": 100.0 + 200.0 * order}
+        | rest
+        | dict(zip(DETECTED, (None,) * 3 if off is None else (50.0 + off, off, abs(off)), strict=True))
+        | whole
+        for order, off in enumerate(errors)
+    ]
+
+
+def missions_of(*rows: Sequence[dict[str, Any]]) -> pl.DataFrame:
+    types = {"reason": pl.String, **dict.fromkeys(DETECTED, pl.Float64)}
+    return by_mission(pl.DataFrame([each for mission in rows for each in mission], schema_overrides=types))
+
+
 def test_of_tours_the_errors_of_streets_do_not_cancel_each_other_out() -> None:
     """A mission over two segments of 100 and 300 m², ten points too high and ten too low."""
-    row: dict[str, Any] = {"world": "w", "traffic": "low", "altitude_m": 6.0, "policy": "hover", "sensor": "detector"}
-    row |= {"preset": "default", "replicate": 0, "status": "flown", "reason": None}
-    segments = [
-        {"order": order, "area_m2": area, "pci": 50.0, "pci_detected": 50.0 + off, "pci_detected_error": off}
-        for order, (area, off) in enumerate([(100.0, 10.0), (300.0, -10.0)])
-    ]
-    sums = ("length_m", "defects", "swept", "confirmed", "recovered", "wait_s", "occlusions", "revisits", "duplicates")
-    rest = dict.fromkeys((*sums, "false_alarms"), 1.0) | {"surface_coverage": 1.0, "permanently_hidden": 0.0}
-    whole: dict[str, Any] = dict.fromkeys(MISSION_COLUMNS, 1.0) | {"mission_batteries": 1}
-    rows = [row | each | {INDEX_ERROR: 10.0} | rest | whole for each in segments]
-    (mission,) = by_mission(pl.DataFrame(rows, schema_overrides={"reason": pl.String})).to_dicts()
+    (mission,) = missions_of(tour([10.0, -10.0])).to_dicts()
     assert [mission[name] for name in DETECTED] == pytest.approx([45.0, -5.0, 10.0])
+
+
+@pytest.mark.parametrize("errors", [[None, None], [10.0, None]])
+def test_a_tour_has_no_index_where_a_street_has_none(errors: list[float | None]) -> None:
+    missions = missions_of(tour(errors))
+    assert [*missions.select(DETECTED).row(0)] == [None] * 3
+    assert missions["pci"].to_list() == [50.0]
+    assert not has_detected(missions)
+
+
+def test_tours_of_a_sensor_that_measures_nothing_are_told_apart() -> None:
+    rows = [tour([None, None], "recall", number) for number in range(6)]
+    both = missions_of(*rows, *(tour([10.0, -10.0], replicate=number) for number in range(6)))
+    recall, detector = advise(both, MissionLimits(), objective=Objective.TRUEST_INDEX)
+    assert recall.recommendation.best is None
+    assert detector.recommendation.best is not None
+    assert detector.recommendation.best[INDEX_ERROR] == pytest.approx(10.0)
 
 
 def test_the_command_line_refuses_the_question_of_an_old_study_in_one_line(tmp_path: Path) -> None:

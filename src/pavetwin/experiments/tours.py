@@ -34,7 +34,8 @@ def by_mission(table: pl.DataFrame) -> pl.DataFrame:
     """A study's table with one row a mission where its missions are tours; any other table as it is.
 
     Shares are of the mission's defects and of its surface, time, energy and distance those of the whole flight, the way
-    home included, and `batteries` is how many full ones it took. Of a mission that failed all of these are null.
+    home included, and `batteries` is how many full ones it took. Of a mission that failed all of these are null, and a
+    mean over segments is where one of them lacks the value.
     """
     flown = table.filter(pl.col(STATUS) == FLOWN)
     if not set(MISSION_COLUMNS) <= set(table.columns) or flown["mission_time_s"].null_count():
@@ -48,8 +49,8 @@ def by_mission(table: pl.DataFrame) -> pl.DataFrame:
         *(pl.col(name).first() for name in before if name not in keys),
         pl.len().alias(SEGMENTS),
         *sums,
-        *((pl.col(name) * pl.col("area_m2")).sum().alias(f"_{name}_m2") for name in by_area),
-        *((pl.col(name) * pl.col("defects")).sum().alias(f"_{name}") for name in drawn),
+        *(_weighted(name, "area_m2").alias(f"_{name}_m2") for name in by_area),
+        *(_weighted(name, "defects").alias(f"_{name}") for name in drawn),
         *(pl.col(name).first() for name in MISSION_COLUMNS),
     )
     matched, reported = (
@@ -74,6 +75,12 @@ def by_mission(table: pl.DataFrame) -> pl.DataFrame:
     return missions.select(
         *before, SEGMENTS, *(pl.when(done).then(value).alias(name) for name, value in measured.items())
     )
+
+
+def _weighted(name: str, weight: str) -> pl.Expr:
+    """The sum of a column by weight; null where a segment that has weight lacks the value, as a part is no mean."""
+    lacks = pl.col(name).is_null() & (pl.col(weight) > 0)
+    return pl.when(~lacks.any()).then((pl.col(name) * pl.col(weight)).sum())
 
 
 def _share(part: pl.Expr, whole: pl.Expr) -> pl.Expr:
