@@ -68,6 +68,56 @@ def test_limits_hold_for_the_truest_index_too(table: pl.DataFrame) -> None:
     )
 
 
+def only(table: pl.DataFrame, measured: pl.Expr) -> pl.DataFrame:
+    """The table with an index by what was detected in these missions alone."""
+    return table.with_columns(pl.when(measured).then(pl.col(name)).alias(name) for name in DETECTED)
+
+
+def test_replicates_are_those_with_an_index_and_not_those_with_a_coverage(table: pl.DataFrame) -> None:
+    one = only(table.with_columns(defects=pl.lit(10)), pl.col("replicate") == 0)
+    made = recommend(one, MissionLimits(), objective=Objective.TRUEST_INDEX)
+    assert made.options["replicates"].to_list() == [1, 1, 1]
+    assert made.options["certainty"].null_count() == made.options["kept"].null_count() == 3
+    said = " ".join(made.sentences)
+    assert "One replicate is too few to separate options" in said
+    assert "The coverage rests on 120 defects in 12 replicates" in said
+    assert "with a probability of" not in said
+
+
+@pytest.mark.parametrize(("replicates", "count"), [(0, "none"), (1, "1"), (4, "4")])
+def test_an_option_with_too_few_indices_takes_no_part_and_is_named(
+    table: pl.DataFrame, replicates: int, count: str
+) -> None:
+    few = (pl.col("altitude_m") != 10) | (pl.col("replicate") < replicates)
+    made = recommend(only(table, few), MissionLimits(), objective=Objective.TRUEST_INDEX)
+    assert made.best is not None
+    assert made.best["altitude_m"] == 15.0
+    assert made.best["certainty"] > 0.95
+    left = made.options.row(by_predicate=pl.col("altitude_m") == 10.0, named=True)
+    assert (left["feasible"], left["kept"], left["certainty"], left["replicates"]) == (False, None, None, replicates)
+    said = " ".join(made.sentences)
+    assert (
+        f"too few of their replicates have a condition index by what was detected: baseline at 10 m ({count})." in said
+    )
+    assert "was flown." not in said
+    limits = MissionLimits(min_coverage=0.99)
+    refused = recommend(only(table, few), limits, objective=Objective.TRUEST_INDEX)
+    assert refused.nearest is not None
+    assert refused.nearest["altitude_m"] != 10.0
+    alone = recommend(
+        only(table.filter(pl.col("altitude_m") != 6), few), MissionLimits(), objective=Objective.TRUEST_INDEX
+    )
+    assert "no other option" not in " ".join(alone.sentences).lower()
+
+
+def test_an_option_with_enough_indices_takes_part_and_the_fewest_are_counted(table: pl.DataFrame) -> None:
+    some = only(table, (pl.col("altitude_m") != 15) | (pl.col("replicate") < 8))
+    made = recommend(some, MissionLimits(), objective=Objective.TRUEST_INDEX)
+    assert made.options["altitude_m"].to_list() == [10.0, 15.0, 6.0]
+    assert made.options["feasible"].all()
+    assert "8 replicates separate it" in " ".join(made.sentences)
+
+
 def test_the_error_has_a_sign_in_the_summary_and_none_in_what_options_are_judged_by(table: pl.DataFrame) -> None:
     known = summarise(table, ["altitude_m"], metrics_in(table)).filter(altitude_m=10.0)
     (signed,), (size,) = (known.filter(metric=name).to_dicts() for name in DETECTED[1:])

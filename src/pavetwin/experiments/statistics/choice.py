@@ -197,7 +197,10 @@ def nearest_of(options: Sequence[Row], limits: MissionLimits) -> tuple[Row | Non
     breaches = [
         (max((_breach(option[name], limit, name), name) for name, limit in limits.named.items()), option)
         for option in options
-        if limits.named and not option["failed_alone"] and None not in (option[name] for name in COMPARED)
+        if limits.named
+        and not option["failed_alone"]
+        and not option["unmeasured"]
+        and None not in (option[name] for name in COMPARED)
     ]
     if not breaches:
         return None, None

@@ -7,7 +7,7 @@ from typing import Final
 
 import polars as pl
 
-from pavetwin.experiments.metrics import BATTERIES, metric_named
+from pavetwin.experiments.metrics import BATTERIES, INDEX_ERROR, metric_named
 from pavetwin.experiments.statistics.cells import levels_of, varied_columns
 from pavetwin.experiments.statistics.choice import (
     ALTITUDE,
@@ -116,7 +116,8 @@ def _rests_on(best: Row) -> list[str]:
         return []
     few = ", so few that its interval is wide" if best["defects"] < FEW_DEFECTS else ""
     return [
-        f"the coverage rests on {counted(best['defects'], 'defect')} in {counted(best['replicates'], 'replicate')}{few}"
+        f"the coverage rests on {counted(best['defects'], 'defect')} in "
+        f"{counted(best['coverage_replicates'], 'replicate')}{few}"
     ]
 
 
@@ -182,6 +183,8 @@ def _lead(
 ) -> list[str]:
     """Which options the replicates separate from the best: by what decides, compared in pairs, p not corrected."""
     rivals, count = [other for other in others if other["feasible"]], best["replicates"]
+    if not rivals and any(other["unmeasured"] for other in others):
+        return []
     if not rivals:
         return [f"no other option keeps {limits.words}" if limits.named and others else "there is no other option"]
     if count < FEW:
@@ -198,6 +201,7 @@ def _lead(
     apart = [other for other in rivals if other not in level and other["p"] is not None]
     close = [f"{_option(other, by)} ({probability(other['p'])})" for other in apart if other["p"] >= _SHOWN]
     leads = f"{f'within {limits.words}, ' if limits.named else ''}{_option(best, by)} {words.leads}"
+    count = min(count, *(other["replicates"] for other in rivals))
     sentences = []
     if close:
         sentences.append(f"{leads}; {count} replicates cannot separate it{words.compared} from {_first(close)}")
@@ -230,7 +234,7 @@ def _beyond(
     ahead = [other for other in others if other[decides] is not None and sign * other[decides] < sign * best[decides]]
     nearest, broken = nearest_of(ahead, limits)
     if nearest is None or broken is None:
-        return [f"no {better} was flown"] if not ahead else []
+        return [f"no {better} was flown"] if not ahead and not any(other["unmeasured"] for other in others) else []
     return [f"no {better} keeps {limits.words} on average: the nearest is {_broken(nearest, broken, by, limits)}"]
 
 
@@ -274,9 +278,22 @@ def _surer(
 
 
 def _left_out(options: Sequence[Row], by: Sequence[str]) -> list[str]:
-    """The options that failed where others did not."""
-    left = [f"{_option(option, by)} ({option['failed_alone']} failed)" for option in options if option["failed_alone"]]
-    return [f"left out, since their means lack missions that others flew: {_first(left)}"] if left else []
+    """The options that failed where others did not, and those of which too little was measured."""
+    failed = [
+        f"{_option(option, by)} ({option['failed_alone']} failed)" for option in options if option["failed_alone"]
+    ]
+    unmeasured = [
+        f"{_option(option, by)} ({option['replicates'] or 'none'})"
+        for option in options
+        if option["unmeasured"] and not option["failed_alone"]
+    ]
+    said = [f"left out, since their means lack missions that others flew: {_first(failed)}"] if failed else []
+    if unmeasured:
+        said.append(
+            "left out, since too few of their replicates have a condition index by what was detected: "
+            f"{_first(unmeasured)}"
+        )
+    return said
 
 
 def _averaged(table: pl.DataFrame, by: Sequence[str]) -> list[str]:
@@ -308,10 +325,16 @@ def _mean(option: Row, name: str) -> str:
 
 
 def refusal(
-    options: Sequence[Row], by: Sequence[str], nearest: Row | None, broken: str | None, limits: MissionLimits
+    options: Sequence[Row],
+    by: Sequence[str],
+    nearest: Row | None,
+    broken: str | None,
+    limits: MissionLimits,
+    objective: Objective,
 ) -> list[str]:
     """That no option keeps the limits, and which is the nearest."""
     left = _left_out(options, by)
     if nearest is None or broken is None:
-        return ["no option has a coverage, a time and an energy to judge by", *left]
+        index = ["a condition index by what was detected"] * (INDEX_ERROR in objective.judged)
+        return [f"no option has {listed(['a coverage', 'a time', 'an energy', *index])} to judge by", *left]
     return [f"no option keeps {limits.words} on average: the nearest is {_broken(nearest, broken, by, limits)}", *left]

@@ -59,11 +59,13 @@ class Recommendation:
     `ERROR_METRICS` where a sensor made such errors, and of `INDEX_ERROR` where it measured; of tours `batteries` (mean)
     and `batteries_p95`;
     `failed_alone` (missions that failed and that another option flew:
-    its means leave out what it failed on); `replicates` (with a coverage); `feasible` (it failed in none alone and its
-    means keep the limits), `kept` (the probability that its true means do) and `certainty` (that it also is the best of
-    all that do, or level with the best: these may add up to more than 1), as `…_expected` null where there are fewer
-    than five replicates; `p` (of the metric that decides, against that of the first; null where the altitude decides);
-    `same` (as the first in everything that is judged, in every replicate)."""
+    its means leave out what it failed on); `coverage_replicates` and `replicates` (with a coverage, and with all that
+    the objective judges by); `unmeasured` (the objective judges by what a sensor measured, and too few replicates have
+    that to compare the option); `feasible` (it failed in none alone, it is not unmeasured, and its means keep the
+    limits), `kept` (the probability that its true means do) and `certainty` (that it also is the best of all that do,
+    or level with the best: these may add up to more than 1), as `…_expected` null where no option has five replicates,
+    and where it is unmeasured; `p` (of the metric that decides, against that of the first; null where the altitude
+    decides); `same` (as the first in everything that is judged, in every replicate)."""
     best: Row | None
     """The first row of `options`; None when no option is feasible."""
     nearest: Row | None
@@ -88,7 +90,8 @@ def recommend(
     another objective.
 
     Options that are level in what decides are told apart by coverage, time and energy, in this order. An option that
-    failed in a mission which another flew is not recommended: the two means are over different missions. How sure: the
+    failed in a mission which another flew is not recommended: the two means are over different missions. Nor is one
+    with fewer than five replicates in which a sensor measured what decides, where another has more. How sure: the
     choice is made again in each draw of the true means (`true_means`: shrunk, so that the best of many is not believed
     for its random errors); `certainty` is the share of draws in which the option is the best or level with the best, so
     that it does not depend on how many others do the same.
@@ -106,8 +109,11 @@ def recommend(
     units = np.stack([cells.means(values_of(table, name)) for name in judged])
     means = np.stack([summary.filter(metric=name)["mean"].fill_null(float("nan")).to_numpy() for name in judged])
     alone = np.bincount(cells.cell[failed_alone(table, by)], minlength=len(cells.keys))
-    units[:, alone > 0] = means[:, alone > 0] = np.nan
-    replicates = np.isfinite(cells.means(values_of(table, COVERAGE))).sum(axis=1)
+    counts = np.isfinite(units).sum(axis=2)
+    replicates = counts.min(axis=0)
+    unmeasured = (replicates < min(FEW, max(replicates.max(), 1))) & (INDEX_ERROR in judged)
+    left_out = (alone > 0) | unmeasured
+    units[:, left_out] = means[:, left_out] = np.nan
     levels = [np.unique([str(key[at]) for key in cells.keys], return_inverse=True)[1] for at in range(len(by))]
     is_measured = INDEX_ERROR not in judged or has_detected(table)
     if replicates.max() < FEW or not is_measured:
@@ -126,10 +132,12 @@ def recommend(
         )
     options = widened(_options(summary, by, judged), sensor_errors(table, cells)).with_columns(
         failed_alone=alone,
+        coverage_replicates=counts[judged.index(COVERAGE)],
         replicates=replicates,
+        unmeasured=unmeasured,
         feasible=keeping(means[:, np.newaxis], limits)[0],
-        kept=nullable(chances.kept),
-        certainty=nullable(chances.certainty),
+        kept=nullable(np.where(unmeasured, np.nan, chances.kept)),
+        certainty=nullable(np.where(unmeasured, np.nan, chances.certainty)),
         **{f"{name}_expected": nullable(row) for name, row in zip(judged, chances.expected, strict=True)},
     )
     decides = list(dict.fromkeys((*objective.order, *judged)))
@@ -152,7 +160,7 @@ def recommend(
     elif best:
         sentences = proposal(table, rows, by, limits, objective)
     else:
-        sentences = refusal(rows, by, nearest, broken, limits)
+        sentences = refusal(rows, by, nearest, broken, limits, objective)
     said = tuple(map(opened, sentences))
     return Recommendation(limits, objective, tuple(by), options, best, nearest, broken, said, is_measured)
 
