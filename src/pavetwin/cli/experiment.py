@@ -45,8 +45,8 @@ Choose = Annotated[
     str,
     typer.Option(
         help="Of the options within the limits, the one with the best coverage (most-found), the highest altitude "
-        "(highest), the least time (fastest) or the least of a battery (least-energy), which all three need "
-        "--min-coverage; or whose detections give the truest condition index (truest-index)."
+        "(highest), the least time (fastest), the least of a battery (least-energy) or, by its detections, the "
+        "smallest error of the condition index (most-accurate-index); all but most-found need --min-coverage."
     ),
 ]
 

@@ -56,7 +56,7 @@ def advise(
 
     Raises:
         PaveTwinError: an option that finds nothing may be the best by the objective, and nothing says what must be
-            found; or it asks for the truest index, and no mission has one by what was detected.
+            found; or it asks for the most accurate index, and no mission has one by what was detected.
     """
     table = by_mission(table)
     if INDEX_ERROR in objective.judged and not has_detected(table):

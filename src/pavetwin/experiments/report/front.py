@@ -24,7 +24,7 @@ _ASKED = {
     Objective.HIGHEST: "flies highest",
     Objective.FASTEST: "is the fastest",
     Objective.LEAST_ENERGY: "takes the least energy",
-    Objective.TRUEST_INDEX: "gives the truest condition index",
+    Objective.MOST_ACCURATE_INDEX: "gives the most accurate condition index",
 }
 
 

@@ -33,7 +33,7 @@ from pavetwin.experiments.words import (
 SEEN: Final = ("coverage", "swath_coverage", "recovery")
 SPENT: Final = ("time_s", "energy", "wait_s")
 WRONG: Final = ("precision", "false_alarms_per_100_m2")
-TRUE: Final = (INDEX_ERROR,)
+ACCURACY: Final = (INDEX_ERROR,)
 
 _ENOUGH_OF_WAITING: Final = 20
 """With fewer replicates, simultaneous intervals of what rests on waiting are far from what they promise."""
@@ -96,7 +96,12 @@ def _over(group: Group, factor: str) -> Iterator[Block]:
 
 def _intervals(group: Group) -> Iterator[Block]:
     group = group.usual
-    parts = {"what is seen": SEEN, "what it costs": SPENT, "what is reported wrongly": WRONG, "how true it is": TRUE}
+    parts = {
+        "what is seen": SEEN,
+        "what it costs": SPENT,
+        "what is reported wrongly": WRONG,
+        "accuracy of the index": ACCURACY,
+    }
     for what, names in parts.items():
         metrics = _known(group, names)
         for traffics in _parts(group.traffics, _MOST_COLUMNS) if metrics else ():

@@ -41,8 +41,8 @@ class Objective(StrEnum):
     """The least time."""
     LEAST_ENERGY = "least-energy"
     """The least of a battery."""
-    TRUEST_INDEX = "truest-index"
-    """The condition index, by what was detected, that is nearest to the true one."""
+    MOST_ACCURATE_INDEX = "most-accurate-index"
+    """The smallest error of the condition index by what was detected."""
 
     @classmethod
     def named(cls, name: str) -> "Objective":
@@ -63,7 +63,7 @@ class Objective(StrEnum):
             Objective.HIGHEST: (ALTITUDE,),
             Objective.FASTEST: (TIME, COVERAGE, ENERGY),
             Objective.LEAST_ENERGY: (ENERGY, COVERAGE, TIME),
-            Objective.TRUEST_INDEX: (INDEX_ERROR, COVERAGE, TIME, ENERGY),
+            Objective.MOST_ACCURATE_INDEX: (INDEX_ERROR, COVERAGE, TIME, ENERGY),
         }[self]
 
     @property
@@ -73,8 +73,8 @@ class Objective(StrEnum):
 
     @property
     def needs_coverage(self) -> bool:
-        """Whether an option that finds nothing may be the best of all."""
-        return self not in (Objective.MOST_FOUND, Objective.TRUEST_INDEX)
+        """Whether an option that finds nothing may be the best of all: soon done, or right about a sound road."""
+        return self is not Objective.MOST_FOUND
 
 
 @dataclass(frozen=True)

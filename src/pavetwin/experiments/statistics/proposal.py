@@ -66,10 +66,10 @@ _SPOKEN: Final[Mapping[Objective, _Words]] = {
         " in energy",
         "took as much energy; the choice is by coverage, then by time",
     ),
-    Objective.TRUEST_INDEX: _Words(
-        "option of a truer index",
-        "has the truest index",
-        " in the error of the index",
+    Objective.MOST_ACCURATE_INDEX: _Words(
+        "option with a smaller error of the index",
+        "has the smallest error of the index",
+        " in this error",
         "errs as much; the choice is by coverage, then by time",
     ),
 }
