@@ -1,18 +1,22 @@
 """The condition index of segments by what a mission's sensor detected and measured, in scenes with known answers."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from pavetwin.errors import PaveTwinError
 from pavetwin.inventory.condition import detected_of_segments, with_detected
 from pavetwin.inventory.of_mission import flown, reported
 from pavetwin.mission.condition import ConditionReport
 from pavetwin.mission.fly import MissionResult, fly_over
 from pavetwin.mission.results import save_mission
 from pavetwin.pci import MeasuredDefect, Survey, mean_pci, measured_conditions, sample_units
+from pavetwin.perception.inference import Detector
 from pavetwin.sensing.detector import DetectorSensor
 from pavetwin.world.model import Severity
+from scenes import drawn_detector
 from scenes.spots import Painter, Spot, SpotDetector, fly_over_spots
 from scenes.tiny import Scene, straight
 
@@ -83,3 +87,39 @@ def test_a_detector_without_masks_measures_no_sizes_and_has_no_index() -> None:
     result = fly_over(environment, scene.traffic(), settings, [0], "hover", sensor=eyes, image_source=images)
     assert result.rows[0].confirmed == len(DEFECTS)
     assert detected_of_segments(result) == {}
+
+
+@pytest.mark.parametrize(("masks", "index"), [(True, 100.0), (False, None)])
+def test_a_mission_that_reports_nothing_has_an_index_where_its_model_gives_masks(
+    masks: bool, index: float | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, nothing = seen(count=0)
+    save_mission(nothing, tmp_path / "m")
+    world = nothing.environment.world
+    survey = Survey(sample_units(world.segments[:1]), world.defects)
+    report = ConditionReport(world, survey.conditions(), None, {}, world.defects)
+    model = SpotDetector(masks=masks)
+    monkeypatch.setattr(DetectorSensor, "_opened", lambda _: model)
+    assert with_detected(report, flown(tmp_path / "m")).pci_detected == index
+    eyes = DetectorSensor(nothing.settings.sensing, 0)
+    assert eyes.measures_sizes == masks, "which studies ask"
+    assert DetectorSensor.measures_sizes
+
+
+def test_a_mission_whose_sensor_cannot_be_asked_has_no_index_where_it_reports_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def gone(_: DetectorSensor) -> None:
+        raise PaveTwinError("there is no such model")
+
+    _, nothing = seen(count=0)
+    save_mission(nothing, tmp_path / "m")
+    monkeypatch.setattr(DetectorSensor, "_opened", gone)
+    assert not flown(tmp_path / "m").is_measured
+
+
+def test_a_model_file_says_whether_it_gives_masks() -> None:
+    detector = Detector(drawn_detector.FILE)
+    assert detector.gives_masks
+    detector.facts = replace(detector.facts, mask_px=0)
+    assert not detector.gives_masks

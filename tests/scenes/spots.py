@@ -52,6 +52,10 @@ class SpotDetector:
     confidence: float = 0.9
     masks: bool = True
 
+    @property
+    def gives_masks(self) -> bool:
+        return self.masks
+
     def detect(self, images: Iterable[UInt8Array]) -> list[Detections]:
         return [self._found(image) for image in images]
 

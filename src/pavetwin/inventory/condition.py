@@ -29,8 +29,6 @@ _EVERY: Final = tuple(Severity)
 
 def with_detected(report: ConditionReport, reading: Reading) -> ConditionReport:
     """The report with the condition by what a sensor measured; as it is where it measured nothing."""
-    if not reading.observations and reading.detector is None:
-        return report  # its sensor may be one that measures no sizes
     units = [condition.unit for condition in report.true]
     return replace(report, detected=detected_conditions(units, reading, report.world.georeference))
 
@@ -45,11 +43,13 @@ def detected_conditions(
         place: of the world.
 
     Returns:
-        None where none of what it reported was measured.
+        None where none of what it reported was measured, or it reported nothing and measures none.
     """
+    if not reading.is_measured:
+        return None
     defects: Iterator[MeasuredDefect] = iter(())
     if reading.observations:
-        if reading.frame is None or not any(each.sizes for each in reading.observations):
+        if reading.frame is None:
             return None
         defects = measured_defects(entries_of(reading), reading.frame, place, reading.entry_model)
     return measured_conditions(units, defects)[0]

@@ -21,7 +21,7 @@ from pavetwin.inventory.probability import entry_model
 from pavetwin.inventory.reading import Reading, check_size
 from pavetwin.labels.classes import label_name
 from pavetwin.mission.fly import MissionResult
-from pavetwin.mission.look_table import check_version, detector_of, detector_sha256, names_no_detector
+from pavetwin.mission.look_table import check_version, detector_of, detector_sha256, measures_sizes, names_no_detector
 from pavetwin.mission.results import detections_table
 from pavetwin.perception.inference.detector import pixels_of
 from pavetwin.perception.results.measuring import NOT_RESOLVABLE
@@ -74,6 +74,7 @@ def flown_together(
         entry_model=read[0].entry_model if len(detectors) == 1 else None,
         frame=frame,
         images=sum(reading.images for reading in read),
+        is_of_measuring=all(reading.is_of_measuring for reading in read),
         remarks=tuple(dict.fromkeys((*map(str, wrong), *(each for reading in read for each in reading.remarks)))),
     )
 
@@ -120,14 +121,16 @@ def flown(
     else:
         known = entry_model(detector, fitted)
     if not rows:
-        return Reading((), None, captures, remarks, detector=detector, entry_model=known)
+        measures = measures_sizes(folder, model)
+        return Reading((), None, captures, remarks, detector=detector, entry_model=known, is_of_measuring=measures)
     frame = frame or anchored(rows[0]["latitude"], rows[0]["longitude"])
     observations = tuple(_observed(row, frame, images, position_error_m) for row in rows)
     return Reading(observations, frame, captures, remarks, detector, known)
 
 
 def reported(result: MissionResult) -> Reading:
-    """What the sensor of a mission reported, without files: as `flown` reads it from the mission's folder."""
+    """What a sensor that measures sizes reported in a mission, without files: as `flown` reads it from the mission's
+    folder."""
     said, table = result.spec.as_values(), detections_table(result)
     detector = detector_of(said) if said["settings"]["sensing"]["sensor"] == "detector" else None
     frame = result.environment.world.georeference
@@ -138,6 +141,7 @@ def reported(result: MissionResult) -> Reading:
         table["capture"].n_unique(),
         detector=detector,
         entry_model=entry_model(detector),
+        is_of_measuring=True,
     )
 
 

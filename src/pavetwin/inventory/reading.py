@@ -25,6 +25,14 @@ class Reading:
     """SHA-256 of the model file that looked at the images; None where that is not known."""
     entry_model: EntryModel | None = None
     """Tells how likely entries show a defect; None where no sensor was fitted to the detector."""
+    is_of_measuring: bool = False
+    """Whether its sensor is known to measure sizes (`pavetwin.sensing.Sensor.measures_sizes`); asked where it reported
+    nothing."""
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether sizes were measured of what was reported, or would have been had there been something."""
+        return any(each.sizes for each in self.observations) if self.observations else self.is_of_measuring
 
     def confident(self, least: float) -> list[Observation]:
         """The observations of at least this confidence.

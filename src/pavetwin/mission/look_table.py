@@ -12,6 +12,7 @@ import polars as pl
 import shapely
 import yaml
 
+from pavetwin.config.mission import SensingSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256
 from pavetwin.mission.fly import MissionResult
@@ -22,6 +23,7 @@ from pavetwin.sensing import Outcome
 from pavetwin.sensing.detector import DetectorSensor
 from pavetwin.sensing.fit.tables import ALARM_SCHEMA, CAPTURE, GROUP, LOOK_COLUMNS, LOOK_SCHEMA, POSE_SCHEMA, LookSource
 from pavetwin.sensing.looks import LookMeter
+from pavetwin.sensing.registered import load_sensor, sensor_class
 from pavetwin.sensing.sensor_model import FittedDetector
 from pavetwin.world.georeference import anchored, from_wgs84
 
@@ -164,6 +166,23 @@ def names_no_detector(folder: Path) -> bool:
         sensing = _yaml(folder / "mission.yaml")["settings"]["sensing"]
         return bool(sensing["sensor"] == "detector" and "model" not in sensing["options"])
     except (KeyError, TypeError, PaveTwinError):
+        return False
+
+
+def measures_sizes(folder: Path, model: Path | None = None) -> bool:
+    """Whether the sensor of a mission measures sizes; not where it cannot be asked, as one whose file is gone.
+
+    Args:
+        model: the file of its detector, for a mission that does not name it.
+    """
+    if (unnamed := names_no_detector(folder)) and model is None:
+        return False
+    try:
+        sensing = SensingSettings.model_validate(_yaml(folder / "mission.yaml")["settings"]["sensing"])
+        if unnamed:
+            sensing = sensing.model_copy(update={"options": {**sensing.options, "model": str(model)}})
+        return sensor_class(sensing.sensor).measures_sizes and load_sensor(sensing, 0).measures_sizes
+    except (KeyError, TypeError, ValueError, PaveTwinError):
         return False
 
 

@@ -39,9 +39,9 @@ class Sensor(ABC):
     after_landing: bool = False
     """Whether the mission is flown before it looks at any capture: it is then handed all of them, see `look_at`, and
     policies know nothing of what is found."""
-    measures_sizes: ClassVar[bool] = False
+    measures_sizes: bool = False
     """Whether its detections have `measures`, and it reports all that it sees: the condition index of a road then
-    follows from what it detects."""
+    follows from what it detects. Of the class whether some do; one may say of itself that it does not."""
     default_options: ClassVar[Mapping[str, OptionValue]] = MappingProxyType({})
     """The options that it has, with the values that hold where `sensing.options` gives none. A value must have the type
     of its default; a whole number is a number too."""

@@ -44,6 +44,11 @@ class ImageDetector(Protocol):
         """Whether it looks at larger images in tiles."""
         ...
 
+    @property
+    def gives_masks(self) -> bool:
+        """Whether its detections of defects have masks."""
+        ...
+
     def detect(self, images: Iterable[UInt8Array]) -> "list[Detections]":
         """The detections of each image (height, width, 3)."""
         ...
@@ -87,6 +92,7 @@ class DetectorSensor(Sensor):
         super().__init__(settings, seed)
         self.after_landing = not self.options["aboard"]
         self._detector = detector or self._opened()
+        self.measures_sizes = self._detector.gives_masks
         self._found: dict[int, list[tuple[Frame, list[Detection]]]] = {}
         """By the capture's number: what was found in frames, which are without sightings."""
 

@@ -81,6 +81,11 @@ class Detector:
         self._session, facts = open_session(model_path(path), threads)
         return facts
 
+    @property
+    def gives_masks(self) -> bool:
+        """Whether its detections of defects have masks, from which they are measured."""
+        return self.facts.mask_px > 0
+
     def detect(self, images: Iterable[Picture], between: Callable[[], None] | None = None) -> list[Detections]:
         """The detections of each image.
 
