@@ -1,5 +1,8 @@
 """Cracks that are detected in pieces, in scenes drawn by hand."""
 
+from itertools import permutations
+from random import Random
+
 import pytest
 import shapely
 from hypothesis import given
@@ -9,7 +12,7 @@ from shapely import LineString, Polygon
 from pavetwin.inventory.entry import entry_of
 from pavetwin.inventory.merging import MOST_APART, merged
 from pavetwin.inventory.observation import Observation
-from pavetwin.inventory.pieces import are_beside, continues, looks_of
+from pavetwin.inventory.pieces import alignment, are_beside, looks_of
 
 Line = tuple[tuple[float, float], tuple[float, float]]
 
@@ -72,9 +75,10 @@ def test_whether_a_crack_goes_on_does_not_depend_on_the_frame_nor_on_the_order(
     moved = [
         shapely.affinity.translate(shapely.affinity.rotate(each, turn, (0, 0)), east, 3.0) for each in (one, other)
     ]
-    assert continues(one, other) == continues(other, one)
+    is_one = alignment(one, other) is not None
+    assert is_one == (alignment(other, one) is not None)
     if all(abs(value - edge) > 1e-3 for value, edge in ((gap_m, 1.0), (angle_deg, 15.0))) and aside_m < 0.1:
-        assert continues(*moved) == continues(one, other) == (gap_m < 1.0 and angle_deg < 15.0)
+        assert (alignment(*moved) is not None) == is_one == (gap_m < 1.0 and angle_deg < 15.0)
 
 
 def test_what_one_image_shows_in_pieces_is_one_look_with_all_its_length() -> None:
@@ -110,7 +114,7 @@ def wide(image: str, line: Line) -> Observation:
 
 def test_cracks_that_one_image_shows_side_by_side_are_two() -> None:
     """By angle and distance alone they would go on in one another."""
-    assert continues(stroke(LONG, 0.2), stroke(BESIDE, 0.2))
+    assert alignment(stroke(LONG, 0.2), stroke(BESIDE, 0.2))
     assert merged([wide("a", LONG), wide("a", BESIDE), wide("b", LONG), wide("b", BESIDE)]) == [[0, 2], [1, 3]]
     assert merged([wide("a", LONG), wide("b", BESIDE)]) == [[0, 1]], "no image shows both"
 
@@ -151,3 +155,47 @@ def test_one_image_in_many_that_shows_two_neighbours_as_one_does_not_join_them()
     few, half = ([seen(f"w{number}", whole) for number in range(count)] for count in (2, 3))
     assert len(merged([*looks, *few])) == 2
     assert len(merged([*looks, *half])) == 1
+
+
+def test_of_two_cracks_side_by_side_a_piece_goes_to_the_nearer_whatever_the_order() -> None:
+    """Both lie along its line; it follows the second after 0.4 m and the first after 0.9 m."""
+    lines: dict[str, Line] = {
+        "long": ((0, 0), (3, 0)),
+        "near": ((1, 0.25), (3.5, 0.3)),
+        "piece": ((3.9, 0.15), (6, 0.15)),
+    }
+    looks = {
+        name: Observation("Single Crack", 0.5, "b" if name == "piece" else "a", None, stroke(line, 0.2), pixel_m=0.01)
+        for name, line in lines.items()
+    }
+    for names in permutations(looks):
+        groups = [{names[index] for index in group} for group in merged([looks[name] for name in names])]
+        assert {"piece", "near"} in groups
+
+
+@given(
+    cells=st.dictionaries(
+        st.tuples(st.integers(0, 4), st.integers(0, 2)),
+        st.tuples(st.sampled_from("abc"), st.floats(0, 0.9), st.floats(-0.02, 0.02)),
+        min_size=2,
+        max_size=8,
+    ),
+    random=st.randoms(use_true_random=False),
+)
+def test_the_order_of_observations_decides_nothing(
+    cells: dict[tuple[int, int], tuple[str, float, float]], random: Random
+) -> None:
+    """Strokes in three rows, none over another."""
+    looks = [
+        Observation(
+            "Single Crack",
+            0.5,
+            image,
+            None,
+            stroke(((2 * place + cut, 0.25 * row), (2 * place + 1.95, 0.25 * row + turn)), 0.2),
+        )
+        for (place, row), (image, cut, turn) in cells.items()
+    ]
+    order = random.sample(range(len(looks)), len(looks))
+    shuffled = [sorted(order[index] for index in group) for group in merged([looks[index] for index in order])]
+    assert sorted(shuffled) == merged(looks)

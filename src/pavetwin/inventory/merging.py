@@ -7,8 +7,9 @@ observations of one image that lie apart: what one image shows twice is two defe
 shows in pieces are joined where another image shows it whole, and images that show it so are at least half as many as
 those that show the parts.
 
-Cracks that go on in one another are joined last. Two that an image shows side by side are two, and so are two that many
-images show apart and few as one: a crack breaks at another place from image to image, two cracks where they end.
+Cracks that go on in one another are joined last, those that lie best along one line first. Two that an image shows
+side by side are two, and so are two that many images show apart and few as one: a crack breaks at another place from
+image to image, two cracks where they end.
 """
 
 from collections import defaultdict
@@ -20,7 +21,7 @@ import numpy as np
 import shapely
 
 from pavetwin.inventory.observation import Observation
-from pavetwin.inventory.pieces import GAP_M, MOSTLY, are_beside, continues, may_be_piece
+from pavetwin.inventory.pieces import GAP_M, MOSTLY, Alignment, alignment, are_beside, may_be_piece
 
 SIGMAS: Final = 3.0
 
@@ -32,6 +33,8 @@ LEAST_WHOLE: Final = 0.5
 
 MOST_APART: Final = 7
 """So many images may show two pieces of a crack apart though too few show it whole."""
+
+_Content = tuple[bytes, str, float]
 
 
 def merged(observations: Sequence[Observation]) -> list[list[int]]:
@@ -49,7 +52,7 @@ def merged(observations: Sequence[Observation]) -> list[list[int]]:
         first, second = group_of[one], group_of[other]
         if first != second and not images.tell_apart(members[first], members[second]):
             join(first, second)
-    for one, other in _pieces(observations):
+    for _, one, other in sorted(_pieces(observations)):
         first, second = group_of[one], group_of[other]
         if first != second and not images.tell_cracks_apart(members[first], members[second]):
             join(first, second)
@@ -137,8 +140,9 @@ def _shares(observations: Sequence[Observation]) -> dict[tuple[int, int], float]
     return dict(zip(zip(at[one].tolist(), at[other].tolist(), strict=True), shares.tolist(), strict=True))
 
 
-def _pieces(observations: Sequence[Observation]) -> Iterator[tuple[int, int]]:
-    """Pairs that go on in one another."""
+def _pieces(observations: Sequence[Observation]) -> Iterator[tuple[tuple[Alignment, _Content, _Content], int, int]]:
+    """Pairs that go on in one another, each with what it is sorted by: how well, then what the two are, so that the
+    order of the observations decides nothing."""
     thin = [index for index, each in enumerate(observations) if may_be_piece(each)]
     if not thin:
         return
@@ -146,8 +150,17 @@ def _pieces(observations: Sequence[Observation]) -> Iterator[tuple[int, int]]:
     near = shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=GAP_M)
     for one, other in near.T.tolist():
         first, second = observations[thin[one]], observations[thin[other]]
-        if one < other and first.kind == second.kind and continues(shapes[one], shapes[other]):
-            yield thin[one], thin[other]
+        mine, others = _content(first), _content(second)
+        if first.kind == second.kind and (mine, one) < (others, other):
+            lie = alignment(shapes[one], shapes[other])
+            if lie is not None:
+                yield (lie, mine, others), thin[one], thin[other]
+
+
+def _content(observation: Observation) -> _Content:
+    """Tells observations of one class apart wherever they stand."""
+    assert observation.footprint is not None
+    return observation.footprint.wkb, observation.image, observation.confidence
 
 
 def _pairs(observations: Sequence[Observation], images: _Images) -> Iterator[tuple[float, int, int]]:

@@ -52,14 +52,28 @@ def may_be_piece(observation: Observation) -> bool:
     return observation.footprint is not None and is_thin(observation.kind.lower().replace(" ", "_"))
 
 
-def continues(one: Polygon, other: Polygon) -> bool:
-    """Whether two outlines may be pieces of one crack: slender, along one line, and not far from each other."""
+class Alignment(NamedTuple):
+    """How two outlines lie that may be pieces of one crack, first what tells most; less is likelier one crack."""
+
+    aside_m: float
+    """The end of a piece beside the line of the other."""
+    gap_m: float
+    angle_cosine: float
+    """Of the angle between them, negative: −1 where they are parallel."""
+
+
+def alignment(one: Polygon, other: Polygon) -> Alignment | None:
+    """None where two outlines are no pieces of one crack: these are slender, along one line, and not far from each
+    other."""
     first, second = _stroke(one), _stroke(other)
-    if first is None or second is None or abs(first.along @ second.along) < cos(radians(ANGLE_DEG)):
-        return False
-    return one.distance(other) <= GAP_M and all(
-        _aside_m(piece, line) <= ASIDE_M for piece, line in ((first, second), (second, first))
-    )
+    if first is None or second is None:
+        return None
+    cosine = abs(float(first.along @ second.along))
+    aside_m = max(_aside_m(first, second), _aside_m(second, first))
+    gap_m = float(one.distance(other))
+    if cosine < cos(radians(ANGLE_DEG)) or gap_m > GAP_M or aside_m > ASIDE_M:
+        return None
+    return Alignment(max(aside_m, 0.0), gap_m, -cosine)
 
 
 def are_beside(one: Observation, other: Observation) -> bool:
@@ -67,7 +81,7 @@ def are_beside(one: Observation, other: Observation) -> bool:
     another."""
     if one.footprint is None or other.footprint is None:
         return False
-    larger, smaller = sorted((one.footprint, other.footprint), key=lambda outline: -outline.area)
+    larger, smaller = sorted((one.footprint, other.footprint), key=lambda outline: (-outline.area, outline.wkb))
     corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(larger))
     if len(corners) < 5:
         return False
