@@ -1,28 +1,35 @@
 """A study with a sensor that measures and one that does not, flown as a user flies it."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
 import pytest
+import shapely
 from typer.testing import CliRunner
 
 from pavetwin.arrays import UInt8Array
 from pavetwin.cli.experiment import app
 from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
 from pavetwin.experiments.engines import Single
 from pavetwin.experiments.fly_unit import schema
 from pavetwin.experiments.metrics import DETECTED, INDEX_ERROR
 from pavetwin.experiments.planning import load_worlds, plan
 from pavetwin.experiments.run import run
+from pavetwin.inventory import condition
+from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.replay import Replay
 from pavetwin.sensing import Frame
+from pavetwin.sensing.detector import DetectorSensor
 from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.world.model import World
 from pavetwin.world.store import save_world
 from scenes import built, drawn_detector
+from scenes.spots import SpotDetector
 
 CAMERA = "small:\n  title: Few pixels\n  image_px: [320, 240]\n  vertical_fov_deg: 60\n"
 
@@ -97,3 +104,21 @@ def test_studies_of_sensors_that_measure_nothing_have_no_such_columns(folder: Pa
     both, bare = design(folder, ["recall", "detector"]), design(folder, ["recall", "calibrated"])
     assert set(DETECTED) <= set(schema(plan(both, load_worlds(both))))
     assert not set(DETECTED) & set(schema(plan(bare, load_worlds(bare))))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("error", [PaveTwinError("the model is gone"), shapely.errors.GEOSException("no ring")])
+def test_a_mission_of_which_no_inventory_can_be_made_is_flown_all_the_same(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    def fails(_: MissionResult) -> Mapping[str, float]:
+        raise error
+
+    monkeypatch.setattr(DetectorSensor, "_opened", lambda _: SpotDetector(image_px=240))
+    monkeypatch.setattr(condition, "detected_of_segments", fails)
+    (row,) = run(design(folder, ["detector"]), tmp_path / "s", Single(), image_source_factory=Painted).table.to_dicts()
+    assert row["status"] == "flown"
+    assert row["coverage"] is not None
+    assert [row[name] for name in DETECTED] == [None] * len(DETECTED)
+    assert row["reason"].startswith("no condition index by what was detected: ")
+    assert str(error) in row["reason"]

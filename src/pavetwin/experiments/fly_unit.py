@@ -11,6 +11,7 @@ from typing import Any, Final, get_args, get_type_hints
 
 import polars as pl
 import pyarrow.parquet
+from shapely.errors import ShapelyError
 
 from pavetwin.arrays import Float64Array
 from pavetwin.config import MissionSettings, load_settings
@@ -166,11 +167,11 @@ def _flown(plan: Plan, unit: Unit, cell: Cell, ground: "_Ground", on_flown: OnFl
         eyes = ground.sensor(settings, environment)
         inputs = MissionInputs(environment, ground.replay)
         result = fly(spec, inputs=inputs, sensor=eyes, image_source=ground.image_source(environment))
-        detected = _detected(result) if eyes.measures_sizes else {}
+        detected, reason = _detected(result) if eyes.measures_sizes else ({}, None)
         on_flown(unit, cell, result)
     except Exception as error:
         return _failed(plan, unit, cell, _words(error))
-    said: Row = {RENDERER: renderer_of(result.spec.versions), STATUS: FLOWN}
+    said: Row = {RENDERER: renderer_of(result.spec.versions), STATUS: FLOWN, REASON: reason}
     if plan.design.tours:
         said |= dict(zip(MISSION_COLUMNS, _whole(result), strict=True))
     return [
@@ -179,15 +180,21 @@ def _flown(plan: Plan, unit: Unit, cell: Cell, ground: "_Ground", on_flown: OnFl
     ]
 
 
-def _detected(result: MissionResult) -> Mapping[str, Row]:
-    """By segment, the columns `DETECTED`; of none where the sensor measured nothing of what it reported."""
+def _detected(result: MissionResult) -> tuple[Mapping[str, Row], str | None]:
+    """By segment, the columns `DETECTED`; of none where the sensor measured nothing of what it reported, or where no
+    inventory can be made of it, with the reason. The mission was flown all the same."""
     from pavetwin.inventory.condition import detected_of_segments
 
     true = {row.segment: row.pci for row in result.rows}
-    errors = {segment: (pci, pci - true[segment]) for segment, pci in detected_of_segments(result).items()}
-    return {
+    try:
+        indices = detected_of_segments(result)
+    except (PaveTwinError, ShapelyError) as error:
+        return {}, f"no condition index by what was detected: {_words(error)}"
+    errors = {segment: (pci, pci - true[segment]) for segment, pci in indices.items()}
+    columns = {
         segment: dict(zip(DETECTED, (pci, error, abs(error)), strict=True)) for segment, (pci, error) in errors.items()
     }
+    return columns, None
 
 
 def _drawn(row: SegmentMetrics, result: MissionResult, eyes: Sensor) -> Row:
