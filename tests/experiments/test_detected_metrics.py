@@ -250,7 +250,7 @@ def test_tours_of_a_sensor_that_measures_nothing_are_told_apart() -> None:
     assert detector.recommendation.best[INDEX_ERROR] == pytest.approx(10.0)
 
 
-def test_the_command_line_refuses_the_question_of_an_old_study_in_one_line(tmp_path: Path) -> None:
+def test_the_command_line_suggests_the_name_that_is_meant(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["recommend", str(tmp_path), "--choose", "most-acurate-index"])
     assert isinstance(done.exception, PaveTwinError)
     assert "did you mean 'most-accurate-index'?" in str(done.exception)

@@ -122,3 +122,14 @@ def test_a_mission_of_which_no_inventory_can_be_made_is_flown_all_the_same(
     assert [row[name] for name in DETECTED] == [None] * len(DETECTED)
     assert row["reason"].startswith("no condition index by what was detected: ")
     assert str(error) in row["reason"]
+
+
+def test_the_command_line_refuses_a_study_without_these_columns_in_one_line(folder: Path, tmp_path: Path) -> None:
+    """As studies of earlier versions are."""
+    bare = run(design(folder, ["recall"]), tmp_path / "s", Single()).table
+    assert not set(DETECTED) & set(bare.columns)
+    asked = ["recommend", str(tmp_path / "s"), "--choose", "most-accurate-index", "--min-coverage", "1"]
+    done = CliRunner().invoke(app, asked)
+    assert isinstance(done.exception, PaveTwinError)
+    assert "no mission has a condition index by what was detected" in str(done.exception)
+    assert "\n" not in str(done.exception)
