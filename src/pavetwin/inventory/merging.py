@@ -50,17 +50,17 @@ def merged(observations: Sequence[Observation]) -> list[list[int]]:
 
     for _, one, other in sorted(_pairs(observations, images)):
         first, second = group_of[one], group_of[other]
-        if first != second and not images.tell_apart(members[first], members[second]):
+        if first != second and not images.are_separate(members[first], members[second]):
             join(first, second)
     for _, one, other in sorted(_pieces(observations)):
         first, second = group_of[one], group_of[other]
-        if first != second and not images.tell_cracks_apart(members[first], members[second]):
+        if first != second and not images.are_separate_cracks(members[first], members[second]):
             join(first, second)
     return sorted(sorted(group) for group in members.values())
 
 
-class _Told(NamedTuple):
-    """What images tell of two groups."""
+class _Evidence(NamedTuple):
+    """What images show of two groups."""
 
     pairs: list[tuple[int, int]]
     """One of each group, of one image and apart in it."""
@@ -70,13 +70,13 @@ class _Told(NamedTuple):
     """Images in which one observation covers most of both of a pair of another image."""
 
     @property
-    def is_outvoted(self) -> bool:
-        """Whether too few images show them as one."""
+    def shows_separate(self) -> bool:
+        """Whether fewer images show them as one than `LEAST_WHOLE` of those that show them apart."""
         return self.whole < LEAST_WHOLE * self.apart
 
 
 class _Images:
-    """What the images show of observations: which of them they tell apart."""
+    """What the images show of observations: which of them are separate defects."""
 
     def __init__(self, observations: Sequence[Observation]) -> None:
         self._observations = observations
@@ -86,20 +86,20 @@ class _Images:
         """The ground that two of one class have in common, as a share of the smaller one."""
         return self._shares.get((one, other), 0.0)
 
-    def tell_apart(self, one: Sequence[int], other: Sequence[int]) -> bool:
+    def are_separate(self, one: Sequence[int], other: Sequence[int]) -> bool:
         """Whether an image shows two groups apart and no other one as one, or too few do."""
-        told = self._told(one, other)
-        return not all(self._is_bridged(pair, (*one, *other)) for pair in told.pairs) or told.is_outvoted
+        evidence = self._evidence(one, other)
+        return not all(self._is_bridged(pair, (*one, *other)) for pair in evidence.pairs) or evidence.shows_separate
 
-    def tell_cracks_apart(self, one: Sequence[int], other: Sequence[int]) -> bool:
+    def are_separate_cracks(self, one: Sequence[int], other: Sequence[int]) -> bool:
         """Whether images show two groups that may be pieces of one crack as two cracks: one image side by side, or many
         apart and too few as one."""
-        told = self._told(one, other)
-        if told.apart > MOST_APART and told.is_outvoted:
+        evidence = self._evidence(one, other)
+        if evidence.apart > MOST_APART and evidence.shows_separate:
             return True
-        return any(are_beside(self._observations[a], self._observations[b]) for a, b in told.pairs)
+        return any(are_beside(self._observations[a], self._observations[b]) for a, b in evidence.pairs)
 
-    def _told(self, one: Sequence[int], other: Sequence[int]) -> _Told:
+    def _evidence(self, one: Sequence[int], other: Sequence[int]) -> _Evidence:
         of_image: dict[str, list[int]] = defaultdict(list)
         for index in other:
             of_image[self._image(index)].append(index)
@@ -109,7 +109,7 @@ class _Images:
             for index in ((*one, *other) if pairs else ())
             if any(self._covers(index, pair) for pair in pairs)
         }
-        return _Told(pairs, len({self._image(a) for a, _ in pairs}), len(whole))
+        return _Evidence(pairs, len({self._image(a) for a, _ in pairs}), len(whole))
 
     def _is_bridged(self, pair: tuple[int, int], group: Sequence[int]) -> bool:
         return any(self._covers(index, pair) for index in group)
