@@ -17,14 +17,6 @@ from scenes.command_line import command, pavetwin, plain_refusal
 from scenes.processes import children, command_line, is_gone, is_over
 
 
-@pytest.fixture(autouse=True)
-def heeded_interrupt() -> Iterator[None]:
-    """A shell's background jobs ignore SIGINT, and so would what they start."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
 @contextmanager
 def started(folder: Path, *words: object) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """The process, and the address that it prints."""

@@ -682,9 +682,7 @@ def test_an_interruption_while_the_kernel_has_traffic_read_is_one(
         signal.raise_signal(number)
 
     monkeypatch.setattr(part_table, "from_columns", interrupted)
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
     done = pavetwin("fly", world, *SHORT, "-o", tmp_path / "m")
-    signal.signal(signal.SIGINT, before)
     assert done.returncode == code, done.stderr
     assert without_progress(done.stderr) == [f"Error: {said}; nothing half-written was left behind."]
     assert not list(tmp_path.iterdir())
