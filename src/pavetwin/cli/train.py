@@ -52,6 +52,12 @@ def train(
     held_gb: Annotated[
         float, typer.Option(metavar="GB", min=0, help="Decoded pictures of each dataset that are kept in memory.")
     ] = 2.0,
+    views: Annotated[
+        str, typer.Option(help="Where views are drawn: processor or device; on a graphics card with room unless given.")
+    ] = "",
+    compiled: Annotated[
+        bool, typer.Option("--compile", help="Compile the network first: a minute, then faster on graphics cards.")
+    ] = False,
 ) -> None:
     """Train the detector on labelled images, or go on with a run that was stopped.
 
@@ -81,7 +87,7 @@ def train(
     from pavetwin.perception.training.trainer import Trainer
 
     with _watched() as watcher:
-        machine = TrainingMachine(device, workers, held_gb)
+        machine = TrainingMachine(device, workers, held_gb, views, compiled)
         trainer = Trainer(read_examples(datasets), output, options, machine, watcher, begun, unlabelled)
         finished = trainer.run(60 * stop_after if stop_after is not None else None)
     if not finished:

@@ -16,6 +16,7 @@ import torch
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.examples.coco import read_coco
 from pavetwin.perception.examples.example import ExampleSet
+from pavetwin.perception.examples.unlabelled import read_unlabelled
 from pavetwin.perception.training.__main__ import main
 from pavetwin.perception.training.held_pictures import HeldExampleSet
 from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
@@ -121,6 +122,50 @@ def test_processes_and_memory_do_not_change_a_run(
     assert same(tmp_path / "run", whole)
 
 
+def test_views_drawn_on_the_device_teach_the_same(whole: Path, data: list[ExampleSet], tmp_path: Path) -> None:
+    machine = TrainingMachine("cpu", views="device")
+    assert Trainer(data, tmp_path / "run", TINY, machine, Silent()).run()
+    first, other = (
+        [float(value) for value in (path / "curves.csv").read_text().splitlines()[1].split(",")[2:9]]
+        for path in (whole, tmp_path / "run")
+    )
+    assert other == pytest.approx(first, rel=0.05)
+    assert not same(tmp_path / "run", whole)  # colours are not rounded to whole numbers
+
+
+def test_a_compiled_network_teaches_the_same(whole: Path, data: list[ExampleSet], tmp_path: Path) -> None:
+    machine = TrainingMachine("cpu", compiled=True)
+    trainer = Trainer(data, tmp_path / "run", TINY, machine, Silent())
+    compiled, calls = trainer._compiled, []
+    trainer._compiled = lambda images: calls.append(1) or compiled(images)
+    assert trainer.run()
+    totals = [
+        [float(line.split(",")[8]) for line in (path / "curves.csv").read_text().splitlines()[1:]]
+        for path in (whole, tmp_path / "run")
+    ]
+    assert totals[1] == pytest.approx(totals[0], rel=1e-3)
+    assert calls == []  # the momentum of batch normalisation changes in all of these few steps
+
+
+def test_a_run_from_weights_is_compiled_at_once(whole: Path, data: list[ExampleSet], tmp_path: Path) -> None:
+    found = {}
+    for compiled in (False, True):
+        run, machine = tmp_path / str(compiled), TrainingMachine("cpu", compiled=compiled)
+        trainer = Trainer(data, run, replace(TINY, epochs=1), machine, Silent(), whole / "best.pt")
+        assert trainer.run()
+        found[compiled] = trainer.curves[0]["total"]
+    assert found[True] == pytest.approx(found[False], rel=1e-3)
+
+
+def test_where_pictures_are_changed_a_processor_draws_views(
+    folder: Path, data: list[ExampleSet], tmp_path: Path
+) -> None:
+    machine, options = TrainingMachine("cpu", views="device"), replace(TINY, fourier=0.01)
+    with pytest.raises(PaveTwinError, match="a processor draws views where fourier is set"):
+        Trainer(data, tmp_path / "run", options, machine, Silent(), photographs=read_unlabelled(folder))
+    assert not (tmp_path / "run").exists()
+
+
 def test_pictures_are_decoded_before_processes_share_them(
     data: list[ExampleSet], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -144,6 +189,7 @@ def test_training_needs_nothing_but_torch_numpy_and_pillow(folder: Path, tmp_pat
     script = f"""
 import sys
 sys.modules.update(dict.fromkeys({BLOCKED!r}))
+from pavetwin.perception.examples.unlabelled import read_unlabelled
 from pavetwin.perception.training.__main__ import main
 sys.exit(main([{str(folder)!r}, "-o", {str(tmp_path / "run")!r}, "--device", "cpu", "--set", "width=0.03", "--set",
                "epochs=1", "--set", "classifier_epochs=0", "--set", "image_px=64", "--set", "depth=0.01"]))

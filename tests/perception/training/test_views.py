@@ -158,8 +158,8 @@ def test_a_class_counts_where_every_image_of_a_view_labels_it(data: ExampleSet) 
         view_of([fitted(data, each, 64) for each in examples], 64)
         for examples in ((data.examples[0],), (data.examples[0], other))
     )
-    assert labelled(alone, known, 28, None).known.tolist() == [True, True, True]
-    assert labelled(both, known, 28, None).known.tolist() == [True, False, True]
+    assert labelled(torch.empty(0), alone.labels, known, 28, None).known.tolist() == [True, True, True]
+    assert labelled(torch.empty(0), both.labels, known, 28, None).known.tolist() == [True, False, True]
 
 
 def test_a_batch_numbers_its_objects_and_regions_by_image(data: ExampleSet) -> None:

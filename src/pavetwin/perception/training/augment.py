@@ -61,6 +61,22 @@ def random_view(
         photometric: applied in order to what is shown of each synthetic image, before the colours of the view are
             varied. Their random numbers are their own: without them the rest of the view is the same.
     """
+    plan = planned_view(member, others, options, rng)
+    view = view_of(plan.parts, options.size_px, _changing(photometric, rng) if photometric else None)
+    return replace(view, pixels=in_colours(view.pixels, plan.colours))
+
+
+@dataclass(frozen=True, slots=True)
+class ViewPlan:
+    """A view before it is drawn."""
+
+    parts: tuple[ImagePart, ...]
+    colours: Float64Array | None
+    """(3, 3) red, green and blue of the view, of those of the images; None changes nothing."""
+
+
+def planned_view(member: Member, others: Sequence[Member], options: ViewOptions, rng: np.random.Generator) -> ViewPlan:
+    """A view as `random_view` draws it."""
     size = options.size_px
     windows: list[PixelBox] = [(0, 0, size, size)]
     members = [member]
@@ -69,9 +85,8 @@ def random_view(
         windows = [(0, 0, x, y), (x, 0, size, y), (0, y, x, size), (x, y, size, size)]
         members += [others[at] for at in rng.integers(len(others), size=3)]
         members = [members[at] for at in rng.permutation(4)]
-    parts = [_part(one, window, options, rng) for one, window in zip(members, windows, strict=True)]
-    view = view_of(parts, size, _changing(photometric, rng) if photometric else None)
-    return replace(view, pixels=vary_colours(view.pixels, options, rng))
+    parts = tuple(_part(one, window, options, rng) for one, window in zip(members, windows, strict=True))
+    return ViewPlan(parts, varied_colours(options, rng))
 
 
 def _changing(photometric: Sequence[Photometric], rng: np.random.Generator) -> Change:
@@ -116,12 +131,23 @@ def _part(member: Member, window: PixelBox, options: ViewOptions, rng: np.random
 
 
 def vary_colours(pixels: UInt8Array, options: ViewOptions, rng: np.random.Generator) -> UInt8Array:
-    """Hue turned, saturation and brightness scaled, each by a random amount: one matrix for all pixels."""
+    """Hue turned, saturation and brightness scaled, each by a random amount."""
+    return in_colours(pixels, varied_colours(options, rng))
+
+
+def varied_colours(options: ViewOptions, rng: np.random.Generator) -> Float64Array | None:
+    """The same as one matrix (3, 3) for all pixels; None where nothing varies."""
     spread = np.array([options.hue, options.saturation, options.brightness])
     if not spread.any():
-        return pixels
+        return None
     turn, saturate, brighten = rng.uniform(-1, 1, 3) * spread
-    matrix = (1 + brighten) * _turned(2 * pi * turn) @ _saturated(1 + saturate)
+    return np.asarray((1 + brighten) * _turned(2 * pi * turn) @ _saturated(1 + saturate))
+
+
+def in_colours(pixels: UInt8Array, matrix: Float64Array | None) -> UInt8Array:
+    """Pixels (height, width, 3) in the colours of a matrix (3, 3)."""
+    if matrix is None:
+        return pixels
     rows = np.hstack([matrix, np.zeros((3, 1))])
     return np.asarray(Image.fromarray(pixels).convert("RGB", tuple(rows.ravel().tolist())))
 

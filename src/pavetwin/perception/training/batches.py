@@ -13,13 +13,15 @@ import torch
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset, default_collate
 
+from pavetwin.arrays import UInt8Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import FloatBox
 from pavetwin.perception.classes import COARSE, NO_SUBTYPE, ROAD_DEFECT, class_of
 from pavetwin.perception.examples.example import TrueObject
-from pavetwin.perception.training.augment import Member, Photometric, ViewOptions, random_view
+from pavetwin.perception.training.augment import Member, Photometric, ViewOptions, planned_view, random_view
+from pavetwin.perception.training.device_pictures import Drawing, PictureRows, drawing_of, drawn_together
 from pavetwin.perception.training.targets import Targets
-from pavetwin.perception.training.views import ImagePart, LabelledView, fitted, mask_of, tiles, view_of
+from pavetwin.perception.training.views import ImagePart, ViewLabels, fitted, labels_of, mask_of, tiles, view_of
 from pavetwin.seeds import Stream, child
 
 REGION_JITTER: Final = 0.05
@@ -30,8 +32,8 @@ REGION_JITTER: Final = 0.05
 class Batch:
     """Images and what they should give."""
 
-    images: Tensor
-    """(batch, 3, height, width) uint8."""
+    images: Tensor | Drawing
+    """(batch, 3, height, width) uint8; or how they are drawn on the device that holds the pictures."""
     targets: Targets
     final: Tensor
     """(objects,) int64 number in `CLASSES` of each of the targets' objects; −1 for a defect of no known subtype."""
@@ -41,8 +43,8 @@ class Batch:
 class Labelled:
     """A view as numbers."""
 
-    pixels: Tensor
-    """(3, height, width) uint8."""
+    image: Tensor | Drawing
+    """(3, height, width) uint8; or how it is drawn."""
     boxes: Tensor
     classes: Tensor
     final: Tensor
@@ -67,13 +69,16 @@ class TrainingViews(Dataset[Labelled]):
         mask_px: int,
         key: tuple[int, ...],
         photometric: Sequence[Photometric] = (),
+        held: PictureRows | None = None,
     ) -> None:
         """Args:
         order: the members in the order of the epoch.
         key: seed, phase and epoch.
+        held: where the device holds the pictures; then views are drawn there, and `photometric` is empty.
         """
         self._members, self._order, self._known = members, order, known
         self._options, self._mask_px, self._key, self._photometric = options, mask_px, key, photometric
+        self._held = held
 
     def __len__(self) -> int:
         return len(self._order)
@@ -82,8 +87,12 @@ class TrainingViews(Dataset[Labelled]):
         seed, *keys = self._key
         rng = child(seed, Stream.TRAINING, *keys, index)
         member = self._members[self._order[index]]
+        if self._held is not None:
+            plan = planned_view(member, self._members, self._options, rng)
+            drawing = drawing_of(plan, self._held, self._options.size_px)
+            return labelled(drawing, labels_of(plan.parts), self._known, self._mask_px, rng)
         view = random_view(member, self._members, self._options, rng, self._photometric)
-        return labelled(view, self._known, self._mask_px, rng)
+        return labelled(_tensor(view.pixels), view.labels, self._known, self._mask_px, rng)
 
 
 class ValidationViews(Dataset[Labelled]):
@@ -103,11 +112,16 @@ class ValidationViews(Dataset[Labelled]):
         return len(self._parts)
 
     def __getitem__(self, index: int) -> Labelled:
-        return labelled(view_of([self._parts[index]], self._size), self._known, self._mask_px, None)
+        view = view_of([self._parts[index]], self._size)
+        return labelled(_tensor(view.pixels), view.labels, self._known, self._mask_px, None)
 
 
 def labelled(
-    view: LabelledView, known: Mapping[str, frozenset[int]], mask_px: int, rng: np.random.Generator | None
+    image: Tensor | Drawing,
+    labels: ViewLabels,
+    known: Mapping[str, frozenset[int]],
+    mask_px: int,
+    rng: np.random.Generator | None,
 ) -> Labelled:
     """A view as numbers.
 
@@ -115,14 +129,14 @@ def labelled(
         known: source → coarse classes that it labels. A class counts in a view if all its images label it.
         rng: varies the regions; without it they are the boxes.
     """
-    objects = view.objects
+    objects = labels.objects
     defects = [each for each in objects if each.true.coarse == ROAD_DEFECT and not each.is_ignored]
     regions = [_jittered(each.box, rng) for each in defects]
     masks = [mask_of(each, region, mask_px) for each, region in zip(defects, regions, strict=True)]
     blank = np.zeros((mask_px, mask_px), dtype=np.float32)
-    sources = view.sources
+    sources = labels.sources
     return Labelled(
-        pixels=torch.from_numpy(np.ascontiguousarray(view.pixels.transpose(2, 0, 1))),
+        image=image,
         boxes=_floats([each.box for each in objects], 4),
         classes=_whole([each.true.coarse for each in objects]),
         final=_whole([_final(each.true) for each in objects]),
@@ -135,6 +149,11 @@ def labelled(
         ),
         has_mask=torch.tensor([each is not None for each in masks], dtype=torch.bool),
     )
+
+
+def _tensor(pixels: UInt8Array) -> Tensor:
+    """(3, height, width)."""
+    return torch.from_numpy(np.ascontiguousarray(pixels.transpose(2, 0, 1)))
 
 
 def _final(true: TrueObject) -> int:
@@ -175,9 +194,15 @@ def collated(views: Sequence[Labelled]) -> Batch:
         masks=torch.cat([each.masks for each in views]),
         has_mask=torch.cat([each.has_mask for each in views]),
     )
+    return Batch(_together([each.image for each in views]), targets, torch.cat([each.final for each in views]))
+
+
+def _together(images: Sequence[Tensor | Drawing]) -> Tensor | Drawing:
+    drawings = [each for each in images if isinstance(each, Drawing)]
+    if drawings:
+        return drawn_together(drawings)
     # In a process that makes views, this puts them where the training process reads them, without another copy.
-    pixels = default_collate([each.pixels for each in views])
-    return Batch(pixels, targets, torch.cat([each.final for each in views]))
+    return default_collate(list(images))
 
 
 def batches(

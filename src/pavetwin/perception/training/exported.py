@@ -18,6 +18,7 @@ from torch import Tensor, nn
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.training.architecture import Architecture
 from pavetwin.perception.training.batches import Batch
+from pavetwin.perception.training.device_pictures import DevicePictures, images_of
 from pavetwin.perception.training.network import DetectorNetwork
 
 SUFFIX: Final = ".onnx"
@@ -126,12 +127,15 @@ def _name_in_network(weight: str) -> str:
 
 
 @torch.no_grad()
-def measure_normalisations(network: DetectorNetwork, batches: Iterable[Batch]) -> None:
+def measure_normalisations(
+    network: DetectorNetwork, batches: Iterable[Batch], pictures: DevicePictures | None = None
+) -> None:
     """Give each normalisation the mean and the variance of what it sees; what the network says stays as it is.
 
     Args:
         network: of `exported_network`.
         batches: training images. A head of regions of which they have none stays as it is.
+        pictures: of which they are drawn, where they are no pixels yet.
     """
     norms = [each for each in network.modules() if isinstance(each, nn.BatchNorm2d)]
     device = next(network.parameters()).device
@@ -148,7 +152,7 @@ def measure_normalisations(network: DetectorNetwork, batches: Iterable[Batch]) -
     network.eval()
     try:
         for batch in batches:
-            images = batch.images.to(device).to(memory_format=torch.channels_last).float() / 255
+            images = images_of(batch.images, device, pictures)
             regions = batch.targets.regions.to(device)
             encoded = network(images)
             if len(regions):

@@ -1,5 +1,6 @@
 """Decoded pictures, kept in memory from epoch to epoch: decoding is most of the work of making a view."""
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from multiprocessing import get_start_method
@@ -9,7 +10,7 @@ import numpy as np
 from PIL import Image
 
 from pavetwin.arrays import UInt8Array
-from pavetwin.perception.examples.example import Example, ExampleSet
+from pavetwin.perception.examples.example import SPLITS_USED, Example, ExampleSet
 
 GIGABYTE: Final = 10**9
 
@@ -28,12 +29,14 @@ class HeldExampleSet(ExampleSet):
     """
 
     most_bytes: int
+    splits: tuple[str, ...] = SPLITS_USED
+    """Of the pictures that `hold` decodes."""
     _held: dict[str | tuple[int, int], UInt8Array] = field(default_factory=dict, compare=False, repr=False)
 
     @classmethod
-    def of(cls, data: ExampleSet, most_bytes: int) -> Self:
+    def of(cls, data: ExampleSet, most_bytes: int, splits: Sequence[str] = SPLITS_USED) -> Self:
         """The same dataset."""
-        return cls(data.path, data.fingerprint, data.examples, most_bytes)
+        return cls(data.path, data.fingerprint, data.examples, most_bytes, tuple(splits))
 
     @property
     def held_bytes(self) -> int:
@@ -61,6 +64,8 @@ class HeldExampleSet(ExampleSet):
         """
         room, chosen = self.most_bytes, []
         for example in self.examples:
+            if example.split not in self.splits:
+                continue
             room -= 3 * example.size_px[0] * example.size_px[1]
             if room < 0:
                 break

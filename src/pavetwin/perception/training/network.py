@@ -63,10 +63,19 @@ class DetectorNetwork(nn.Module):
         """Args:
         images: (batch, 3, height, width) red, green, blue in 0 … 1; the sides are multiples of 32.
         """
+        return self.encoded(images, *self.maps(images))
+
+    def maps(self, images: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """What `Encoded` holds but for the anchors: all that is computed of the images' pixels."""
         levels = self.neck(self.backbone(images))
         distances, scores = self.detection(levels)
-        anchors = _anchors([(maps.shape[-2], maps.shape[-1]) for maps in levels], self.architecture, images.device)
-        return Encoded(distances, scores, anchors, levels[self.architecture.strides.index(8)])
+        return distances, scores, levels[self.architecture.strides.index(8)]
+
+    def encoded(self, images: Tensor, distances: Tensor, scores: Tensor, maps: Tensor) -> Encoded:
+        """The maps of images with their anchors."""
+        height, width = images.shape[-2:]
+        shapes = [(height // stride, width // stride) for stride in self.architecture.strides]
+        return Encoded(distances, scores, _anchors(shapes, self.architecture, images.device), maps)
 
 
 def _anchors(shapes: list[tuple[int, int]], architecture: Architecture, device: torch.device) -> Anchors:

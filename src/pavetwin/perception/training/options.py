@@ -15,6 +15,10 @@ ORDERS: Final = ("real-synthetic", "synthetic-real", "mixed", "real", "synthetic
 both together with the same share of photographs, or one of them alone."""
 
 
+VIEWS: Final = ("processor", "device")
+"""Where training views are drawn."""
+
+
 @dataclass(frozen=True, slots=True)
 class LossWeights:
     """Of the parts; the first three are those of the published YOLOv8."""
@@ -198,12 +202,19 @@ class TrainingMachine:
     """Processes that make views; 0 makes them in the main process."""
     held_gb: float = 2.0
     """Decoded pictures of each dataset that are kept in memory, in 10⁹ bytes: 2 are about 2,500 of 512 × 512."""
+    views: str = ""
+    """Where views are drawn: `processor`, or `device`, which then holds all training pictures; empty takes a graphics
+    card that has room for them."""
+    compiled: bool = False
+    """The network by `torch.compile`, which takes a minute at first."""
     half: bool = True
     """Mixed precision (bfloat16) on graphics cards that have it, and on processors with AMX."""
 
     def __post_init__(self) -> None:
         """Raises:
-        PaveTwinError: the memory is negative or not finite.
+        PaveTwinError: the memory is negative or not finite, or there is no such place for views.
         """
         if not 0 <= self.held_gb < inf:
             raise PaveTwinError(f"`held_gb` {self.held_gb:g}: it must be 0 or more, and finite.")
+        if self.views not in ("", *VIEWS):
+            raise PaveTwinError(no_such("place", self.views, VIEWS, key="`views`"))

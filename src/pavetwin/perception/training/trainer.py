@@ -14,13 +14,15 @@ from torch import Tensor, nn
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.classes import CLASSES
-from pavetwin.perception.examples.example import ExampleSet, labelled_classes
+from pavetwin.perception.examples.example import SPLITS_USED, ExampleSet, labelled_classes
+from pavetwin.perception.training.augment import Member
 from pavetwin.perception.training.batches import Batch, TrainingViews, ValidationViews, batches
 from pavetwin.perception.training.checks import check_labels, check_photographs
+from pavetwin.perception.training.device_pictures import DevicePictures, images_of, room_of
 from pavetwin.perception.training.exported import is_exported, measure_normalisations
 from pavetwin.perception.training.held_pictures import GIGABYTE, HeldExampleSet, is_inherited
 from pavetwin.perception.training.losses import Losses, detection_losses, mask_loss, subtype_loss
-from pavetwin.perception.training.network import DetectorNetwork
+from pavetwin.perception.training.network import DetectorNetwork, Encoded
 from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
 from pavetwin.perception.training.references import photometrics
 from pavetwin.perception.training.run_folder import TAUGHT, Curves, RunFolder, load_weights
@@ -37,6 +39,12 @@ forgotten at once."""
 
 LONGEST_GRADIENT: Final = 10.0
 """Gradients are scaled down to this length."""
+
+PICTURES_SHARE: Final = 0.25
+"""Of a graphics card's free memory that training pictures may take, so that views are drawn there."""
+
+VALIDATED: Final = ("val",)
+"""Splits whose pictures a processor shows."""
 
 MEASURED_VIEWS: Final = 320
 """Training views on which the normalisations of an exported model are measured."""
@@ -99,23 +107,30 @@ class Trainer:
         Raises:
             PaveTwinError: the data, the folder or the weights do not fit; nothing has been changed then.
         """
-        held = _held(sets, machine)
-        members = [(data, example) for data in held for example in data.examples]
+        self._device = _device(machine)
+        members = [(data, example) for data in sets for example in data.examples]
         training = [each for each in members if each[1].split == "train"]
-        self._validation = [each for each in members if each[1].split == "val"]
+        is_drawn_there = _draws_views(training, options, machine, self._device)
+        held = _held(sets, machine, VALIDATED if is_drawn_there else SPLITS_USED)
+        shown = [(data, example) for data in held for example in data.examples]
+        self._validation = [each for each in shown if each[1].split == "val"]
+        if not is_drawn_there:
+            training = [each for each in shown if each[1].split == "train"]
         check_labels(training, self._validation, options)
         check_photographs(training, photographs, options)
         self._options, self._machine, self._watcher = options, machine, watcher
         self._known = labelled_classes(example for _, example in training)
         self._phases = phases_of(training, options)
-        self._device = _device(machine)
         torch.backends.cudnn.deterministic = True
+        # Of the algorithms that are deterministic, the fastest for each shape.
+        torch.backends.cudnn.benchmark = self._device.type == "cuda"
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(options.seed)
             self.network = DetectorNetwork(options.architecture)
         if start is not None:
             load_weights(self.network, start)
         self.network.to(device=self._device, memory_format=torch.channels_last)
+        self._compiled = torch.compile(self.network.maps, dynamic=False) if machine.compiled else self.network.maps
         self._half = machine.half and _has_half(self._device)
         self._is_new = start is None
         self._folder = RunFolder(folder)
@@ -128,12 +143,13 @@ class Trainer:
         if photographs is not None:
             settings["photographs"] = photographs.fingerprint
             if options.teacher_weight:
-                (shown,) = _held([photographs], machine)
-                held = [*held, shown]
+                (unlabelled,) = _held([photographs], machine, SPLITS_USED)
+                held = [*held, unlabelled]
                 known = frozenset[int]().union(*self._known.values())
-                self._teacher = MeanTeacher(shown, options, known)
+                self._teacher = MeanTeacher(unlabelled, options, known)
         self._photometric = photometrics(photographs, options)
         self._folder.claim(settings, TrainingOptions().as_mapping())
+        self._pictures = DevicePictures(training, self._device) if is_drawn_there else None
         if machine.workers:
             for each in held:
                 if isinstance(each, HeldExampleSet):
@@ -172,7 +188,8 @@ class Trainer:
         phase, key = self._phases[0], (self._options.seed, 0, 0)
         order = epoch_order(phase, key)[:MEASURED_VIEWS]
         views = self._views(phase, order, key)
-        measure_normalisations(self.network, batches(views, self._options.batch, workers=self._machine.workers))
+        shown = batches(views, self._options.batch, workers=self._machine.workers)
+        measure_normalisations(self.network, shown, self._pictures)
 
     def _views(self, phase: Phase, order: Sequence[int], key: tuple[int, int, int]) -> TrainingViews:
         """What an epoch shows; `key` is seed, phase and epoch."""
@@ -186,6 +203,7 @@ class Trainer:
             options.architecture.mask_px,
             key,
             self._photometric,
+            self._pictures.rows if self._pictures is not None else None,
         )
 
     def _begin(self, phase: Phase) -> None:
@@ -306,21 +324,20 @@ class Trainer:
 
     def _losses(self, batch: Batch, phase: Phase, photographs: Photographs) -> tuple[Losses, Tensor]:
         """Of the labelled images, and of the photographs that the teacher labels."""
-        images = self._images(batch.images)
+        images = images_of(batch.images, self._device, self._pictures)
         targets = batch.targets.to(self._device)
         nothing = torch.zeros((), device=self._device)
         box = classes = distribution = subtype = mask = taught = nothing
         with torch.autocast(self._device.type, dtype=torch.bfloat16, enabled=self._half):
             if photographs is not None and self._teacher is not None:
                 # Together, so that batch normalisation learns the statistics of what it will be used on.
-                plain, varied = map(self._images, photographs)
+                plain, varied = (images_of(each, self._device) for each in photographs)
                 said = self._teacher.targets(self._average.network, plain)
-                both = self.network(torch.cat([images, varied]))
+                both = self._encode(torch.cat([images, varied]), phase)
                 encoded, theirs = both.images(slice(len(images))), both.images(slice(len(images), None))
                 taught = self._teacher.loss(self.network, theirs, said, self._options.weights)
             else:
-                with torch.set_grad_enabled(not phase.classifier):
-                    encoded = self.network(images)
+                encoded = self._encode(images, phase)
             if len(targets.regions):
                 logits, masks = self.network.regions(encoded.maps, targets.regions)
         if not phase.classifier:
@@ -331,9 +348,14 @@ class Trainer:
                 mask = mask_loss(masks, targets.masks, targets.has_mask)
         return Losses(box, classes, distribution, subtype, mask), taught
 
-    def _images(self, pixels: Tensor) -> Tensor:
-        """On the device, in 0 … 1."""
-        return pixels.to(self._device, non_blocking=True).to(memory_format=torch.channels_last).float() / 255
+    def _encode(self, images: Tensor, phase: Phase) -> Encoded:
+        if phase.classifier:
+            with torch.no_grad():
+                return self.network(images)
+        # While the momentum changes, each step would be compiled anew.
+        is_settled = self._average.steps * NORM_MOMENTUM > 1
+        maps = self._compiled if is_settled or not self._is_new else self.network.maps
+        return self.network.encoded(images, *maps(images))
 
     def _close_epoch(self) -> None:
         """Validate, keep the best, and step to the next epoch or phase."""
@@ -392,15 +414,34 @@ class Trainer:
         return validate(self._average.network, found, self._device)
 
 
-def _held(sets: Sequence[ExampleSet], machine: TrainingMachine) -> Sequence[ExampleSet]:
-    """The datasets, which decode each picture once.
+def _draws_views(
+    training: Sequence[Member], options: TrainingOptions, machine: TrainingMachine, device: torch.device
+) -> bool:
+    """Whether the device holds the training pictures and draws views of them.
+
+    Raises:
+        PaveTwinError: that is asked for, and pictures are to be changed one by one, which only a processor does.
+    """
+    if machine.views == "device":
+        if options.adaptations:
+            told = ", ".join(options.adaptations)
+            raise PaveTwinError(f"`views` device: a processor draws views where {told} is set; leave `views` out.")
+        return True
+    if machine.views or device.type != "cuda" or options.adaptations:
+        return False
+    free, _ = torch.cuda.mem_get_info(device)
+    return room_of(training) <= free * PICTURES_SHARE
+
+
+def _held(sets: Sequence[ExampleSet], machine: TrainingMachine, splits: Sequence[str]) -> Sequence[ExampleSet]:
+    """The datasets, which decode each picture of some splits once.
 
     Processes that prepare images end with each epoch, and what they would keep is lost. So they get all from here where
     they are forked, and keep nothing elsewhere.
     """
     if machine.workers and not is_inherited():
         return sets
-    return [HeldExampleSet.of(each, round(machine.held_gb * GIGABYTE)) for each in sets]
+    return [HeldExampleSet.of(each, round(machine.held_gb * GIGABYTE), splits) for each in sets]
 
 
 def _device(machine: TrainingMachine) -> torch.device:

@@ -10,6 +10,7 @@ from pavetwin.perception.average_precision import Scored, average_precision
 from pavetwin.perception.classes import CLASSES, ROAD_DEFECT, SUBTYPES
 from pavetwin.perception.training.batches import Batch
 from pavetwin.perception.training.detect import DetectLimits, ImageDetections, detect
+from pavetwin.perception.training.device_pictures import images_of
 from pavetwin.perception.training.network import DetectorNetwork
 
 LIMITS = DetectLimits(confidence=0.001)
@@ -23,8 +24,7 @@ def validate(network: DetectorNetwork, batches: Iterable[Batch], device: torch.d
     """
     scored = []
     for batch in batches:
-        images = batch.images.to(device, non_blocking=True).float() / 255
-        for at, found in enumerate(detect(network, images, LIMITS, masks=False)):
+        for at, found in enumerate(detect(network, images_of(batch.images, device), LIMITS, masks=False)):
             scored.append(_scored(found, batch, at))
     return average_precision(scored, len(CLASSES))
 

@@ -83,14 +83,26 @@ class SeenObject:
 
 
 @dataclass(frozen=True, slots=True)
+class ViewLabels:
+    """What is labelled in a view."""
+
+    objects: tuple[SeenObject, ...]
+    sources: frozenset[str]
+    """Of its images."""
+
+
+@dataclass(frozen=True, slots=True)
 class LabelledView:
     """A picture for the network, and what is labelled in it."""
 
     pixels: UInt8Array
     """(height, width, 3) red, green, blue."""
-    objects: tuple[SeenObject, ...]
-    sources: frozenset[str]
-    """Of its images."""
+    labels: ViewLabels
+
+    @property
+    def objects(self) -> tuple[SeenObject, ...]:
+        """What is labelled."""
+        return self.labels.objects
 
 
 def fitted(data: ExampleSet, example: Example, size_px: int) -> ImagePart:
@@ -127,32 +139,51 @@ def view_of(parts: Sequence[ImagePart], size_px: int, change: Change | None = No
     Raises:
         PaveTwinError: a picture cannot be read.
     """
+    return LabelledView(drawn(parts, size_px, change), labels_of(parts))
+
+
+def labels_of(parts: Sequence[ImagePart]) -> ViewLabels:
+    """What is labelled in a view."""
+    objects = tuple(seen for part in parts for seen in _seen(part))
+    return ViewLabels(objects, frozenset(part.example.source for part in parts))
+
+
+def drawn(parts: Sequence[ImagePart], size_px: int, change: Change | None = None) -> UInt8Array:
+    """The canvas (size_px, size_px, 3) with its parts; for `change` and errors see `view_of`."""
     canvas = np.full((size_px, size_px, 3), GREY, dtype=np.uint8)
-    objects: list[SeenObject] = []
     for part in parts:
         _draw(part, canvas, change)
-        objects += _seen(part)
-    return LabelledView(canvas, tuple(objects), frozenset(part.example.source for part in parts))
+    return canvas
 
 
-def _draw(part: ImagePart, canvas: UInt8Array, change: Change | None) -> None:
-    """Fill the part's window, resampling the image once."""
-    picture = part.data.picture(part.example)
-    width, height = picture.size
+def shown_of(part: ImagePart) -> tuple[PixelBox, FloatBox] | None:
+    """The whole pixels of the canvas that lie on the image, before it is mirrored, and the part of the image that they
+    show; None where there are none."""
+    width, height = part.example.size_px
     first, last = part.window[:2], part.window[2:]
-    # The whole pixels of the canvas that lie on the image.
     left = max(first[0], round(part.left))
     top = max(first[1], round(part.top))
     right = min(last[0], round(part.left + part.scale * width))
     bottom = min(last[1], round(part.top + part.scale * height))
     if left >= right or top >= bottom:
-        return
+        return None
     source = (
         max(0.0, (left - part.left) / part.scale),
         max(0.0, (top - part.top) / part.scale),
         min(float(width), (right - part.left) / part.scale),
         min(float(height), (bottom - part.top) / part.scale),
     )
+    return (left, top, right, bottom), source
+
+
+def _draw(part: ImagePart, canvas: UInt8Array, change: Change | None) -> None:
+    """Fill the part's window, resampling the image once."""
+    picture = part.data.picture(part.example)
+    found = shown_of(part)
+    if found is None:
+        return
+    (left, top, right, bottom), source = found
+    first, last = part.window[:2], part.window[2:]
     shown = np.asarray(picture.resize((right - left, bottom - top), Image.Resampling.BILINEAR, box=source))
     if change is not None:
         shown = change(part, shown)
