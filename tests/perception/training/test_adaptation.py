@@ -200,7 +200,7 @@ def test_in_a_mosaic_of_both_only_the_synthetic_parts_change(
 ) -> None:
     synthetic, real = sets
     plain, changed = (shown(synthetic, photographs, 1, real, **on) for on in ({}, SWITCHES))
-    assert plain.sources == {"drawn roads", "PaveTwin synthetic images"}
+    assert plain.labels.sources == {"drawn roads", "PaveTwin synthetic images"}
     moved = (plain.pixels != changed.pixels).any(axis=2)
     for each in plain.objects:
         left, top, right, bottom = (round(side) for side in each.box)

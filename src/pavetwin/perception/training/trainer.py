@@ -122,8 +122,6 @@ class Trainer:
         self._known = labelled_classes(example for _, example in training)
         self._phases = phases_of(training, options)
         torch.backends.cudnn.deterministic = True
-        # Of the algorithms that are deterministic, the fastest for each shape.
-        torch.backends.cudnn.benchmark = self._device.type == "cuda"
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(options.seed)
             self.network = DetectorNetwork(options.architecture)
