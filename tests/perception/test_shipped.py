@@ -19,6 +19,7 @@ LICENCES = {
     "cite it",
     "synthetic-1": "Apache-2.0",
     "synthetic-5": "Apache-2.0",
+    "synthetic-6": "Apache-2.0",
 }
 """What each file says; whoever saw photographs names them."""
 

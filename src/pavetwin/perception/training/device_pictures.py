@@ -22,10 +22,10 @@ from pavetwin.perception.examples.example import Example, ExampleSet
 from pavetwin.perception.training.augment import Member, ViewPlan
 from pavetwin.perception.training.views import GREY, shown_of
 
-Place = tuple[Path, tuple[int, int] | str]
+PicturePlace = tuple[Path, tuple[int, int] | str]
 """A dataset, and where a picture is in it."""
 
-PictureRows = dict[Place, tuple[int, int]]
+PictureRows = dict[PicturePlace, tuple[int, int]]
 """Where a picture is held: which of the stacks, one for each size, and which row of it."""
 
 DECODERS: Final = 8
@@ -79,7 +79,7 @@ def drawn_together(drawings: Sequence[Drawing]) -> Drawing:
     )
 
 
-def place_of(data: ExampleSet, example: Example) -> Place:
+def place_of(data: ExampleSet, example: Example) -> PicturePlace:
     """What a picture is found by."""
     return data.path, example.place
 
