@@ -15,13 +15,13 @@ from torch import Tensor, nn
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.classes import CLASSES
 from pavetwin.perception.examples.example import SPLITS_USED, ExampleSet, labelled_classes
-from pavetwin.perception.training.augment import Member
 from pavetwin.perception.training.batches import Batch, TrainingViews, ValidationViews, batches
 from pavetwin.perception.training.checks import check_labels, check_photographs
-from pavetwin.perception.training.device_pictures import DevicePictures, images_of, room_of
+from pavetwin.perception.training.device_pictures import DevicePictures, images_of
 from pavetwin.perception.training.exported import is_exported, measure_normalisations
-from pavetwin.perception.training.held_pictures import GIGABYTE, HeldExampleSet, is_inherited
+from pavetwin.perception.training.held_pictures import HeldExampleSet
 from pavetwin.perception.training.losses import Losses, detection_losses, mask_loss, subtype_loss
+from pavetwin.perception.training.machine import device_of, draws_views, has_half, held_sets
 from pavetwin.perception.training.network import DetectorNetwork, Encoded
 from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
 from pavetwin.perception.training.references import photometrics
@@ -39,9 +39,6 @@ forgotten at once."""
 
 LONGEST_GRADIENT: Final = 10.0
 """Gradients are scaled down to this length."""
-
-PICTURES_SHARE: Final = 0.25
-"""Of a graphics card's free memory that training pictures may take, so that views are drawn there."""
 
 VALIDATED: Final = ("val",)
 """Splits whose pictures a processor shows."""
@@ -107,11 +104,11 @@ class Trainer:
         Raises:
             PaveTwinError: the data, the folder or the weights do not fit; nothing has been changed then.
         """
-        self._device = _device(machine)
+        self._device = device_of(machine)
         members = [(data, example) for data in sets for example in data.examples]
         training = [each for each in members if each[1].split == "train"]
-        is_drawn_there = _draws_views(training, options, machine, self._device)
-        held = _held(sets, machine, VALIDATED if is_drawn_there else SPLITS_USED)
+        is_drawn_there = draws_views(training, options, machine, self._device)
+        held = held_sets(sets, machine, VALIDATED if is_drawn_there else SPLITS_USED)
         shown = [(data, example) for data in held for example in data.examples]
         self._validation = [each for each in shown if each[1].split == "val"]
         if not is_drawn_there:
@@ -129,7 +126,7 @@ class Trainer:
             load_weights(self.network, start)
         self.network.to(device=self._device, memory_format=torch.channels_last)
         self._compiled = torch.compile(self.network.maps, dynamic=False) if machine.compiled else self.network.maps
-        self._half = machine.half and _has_half(self._device)
+        self._half = machine.half and has_half(self._device)
         self._is_new = start is None
         self._folder = RunFolder(folder)
         settings = {
@@ -141,7 +138,7 @@ class Trainer:
         if photographs is not None:
             settings["photographs"] = photographs.fingerprint
             if options.teacher_weight:
-                (unlabelled,) = _held([photographs], machine, SPLITS_USED)
+                (unlabelled,) = held_sets([photographs], machine, SPLITS_USED)
                 held = [*held, unlabelled]
                 known = frozenset[int]().union(*self._known.values())
                 self._teacher = MeanTeacher(unlabelled, options, known)
@@ -410,51 +407,3 @@ class Trainer:
         )
         found = batches(views, options.batch, workers=self._machine.workers, whole=False)
         return validate(self._average.network, found, self._device)
-
-
-def _draws_views(
-    training: Sequence[Member], options: TrainingOptions, machine: TrainingMachine, device: torch.device
-) -> bool:
-    """Whether the device holds the training pictures and draws views of them.
-
-    Raises:
-        PaveTwinError: that is asked for, and pictures are to be changed one by one, which only a processor does.
-    """
-    if machine.views == "device":
-        if options.adaptations:
-            told = ", ".join(options.adaptations)
-            raise PaveTwinError(f"`views` device: a processor draws views where {told} is set; leave `views` out.")
-        return True
-    if machine.views or device.type != "cuda" or options.adaptations:
-        return False
-    free, _ = torch.cuda.mem_get_info(device)
-    return room_of(training) <= free * PICTURES_SHARE
-
-
-def _held(sets: Sequence[ExampleSet], machine: TrainingMachine, splits: Sequence[str]) -> Sequence[ExampleSet]:
-    """The datasets, which decode each picture of some splits once.
-
-    Processes that prepare images end with each epoch, and what they would keep is lost. So they get all from here where
-    they are forked, and keep nothing elsewhere.
-    """
-    if machine.workers and not is_inherited():
-        return sets
-    return [HeldExampleSet.of(each, round(machine.held_gb * GIGABYTE), splits) for each in sets]
-
-
-def _device(machine: TrainingMachine) -> torch.device:
-    try:
-        device = torch.device(machine.device or ("cuda" if torch.cuda.is_available() else "cpu"))
-        torch.zeros(1, device=device)
-    except (RuntimeError, AssertionError) as error:
-        raise PaveTwinError(f"`device`: '{machine.device}' cannot be used here.") from error
-    return device
-
-
-def _has_half(device: torch.device) -> bool:
-    """Whether bfloat16 is faster than single precision there: on most graphics cards, and on processors with matrix
-    units for it (AMX)."""
-    if device.type == "cuda":
-        return torch.cuda.is_bf16_supported()
-    told = getattr(torch.cpu, "get_capabilities", None)  # not in all versions
-    return device.type == "cpu" and told is not None and bool(told().get("amx_bf16"))
