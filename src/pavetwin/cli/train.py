@@ -53,10 +53,11 @@ def train(
         float, typer.Option(metavar="GB", min=0, help="Decoded pictures of each dataset that are kept in memory.")
     ] = 2.0,
     views: Annotated[
-        str, typer.Option(help="Where views are drawn: processor or device; on a graphics card with room unless given.")
+        str,
+        typer.Option(help="Where views are drawn: processor or device; a card that has room unless given."),
     ] = "",
     compiled: Annotated[
-        bool, typer.Option("--compile", help="Compile the network first: a minute, then faster on graphics cards.")
+        bool, typer.Option("--compile", help="Compile the network first, which takes a minute or more.")
     ] = False,
 ) -> None:
     """Train the detector on labelled images, or go on with a run that was stopped.

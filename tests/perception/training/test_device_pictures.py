@@ -10,7 +10,8 @@ import torch
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.examples.coco import read_coco
 from pavetwin.perception.examples.example import ExampleSet
-from pavetwin.perception.training.augment import Member, ViewOptions, planned_view, random_view
+from pavetwin.perception.training import device_pictures
+from pavetwin.perception.training.augment import Member, ViewOptions, ViewPlan, planned_view, random_view
 from pavetwin.perception.training.batches import TrainingViews, batches
 from pavetwin.perception.training.device_pictures import (
     DevicePictures,
@@ -20,7 +21,9 @@ from pavetwin.perception.training.device_pictures import (
     images_of,
     room_of,
 )
-from pavetwin.perception.training.options import TrainingMachine
+from pavetwin.perception.training.machine import draws_views
+from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
+from pavetwin.perception.training.views import GREY, fitted
 from scenes.drawn_roads import drawn_roads
 
 CPU = torch.device("cpu")
@@ -85,8 +88,65 @@ def test_batches_have_the_same_labels_and_the_same_images(roads: list[Member]) -
         torch.testing.assert_close(shown, images_of(plain.images, CPU), atol=1.1 / 255, rtol=0)
 
 
+def test_what_is_out_of_the_canvas_is_not_drawn(roads: list[Member]) -> None:
+    pictures, (data, example) = DevicePictures(roads, CPU), roads[0]
+    shown, hidden = fitted(data, example, 64), replace(fitted(data, example, 64), left=500.0)
+    plans = [ViewPlan((shown, hidden), None), ViewPlan((shown,), None), ViewPlan((hidden,), None)]
+    both, one, none = (pictures.draw(drawing_of(plan, pictures.rows, 64))[0] for plan in plans)
+    assert torch.equal(both, one)
+    assert (none == GREY / 255).all()
+
+
+def test_many_parts_are_drawn_in_little_room(roads: list[Member], monkeypatch: pytest.MonkeyPatch) -> None:
+    pictures, options = DevicePictures(roads, CPU), VARIED["mosaic"]
+    plans = [planned_view(roads[0], roads, options, np.random.default_rng(seed)) for seed in range(4)]
+    drawing = drawn_together([drawing_of(plan, pictures.rows, options.size_px) for plan in plans])
+    whole, counts, resampled = pictures.draw(drawing), [], pictures._resampled
+    monkeypatch.setattr(device_pictures, "WORKING_BYTES", 1_000_000)
+    monkeypatch.setattr(
+        pictures, "_resampled", lambda stack, parts, size: counts.append(len(parts)) or resampled(stack, parts, size)
+    )
+    torch.testing.assert_close(pictures.draw(drawing), whole, atol=1e-5, rtol=0)
+    assert len(counts) > 2
+    assert max(counts) < len(drawing.parts) / 2
+
+
 def test_pictures_take_a_byte_for_each_colour_of_a_pixel(roads: list[Member]) -> None:
-    assert room_of(roads) == 4 * 3 * (96 * 72 + 160 * 160)
+    assert room_of(roads, 96) == 4 * 3 * (96 * 72 + 160 * 160) + device_pictures.WORKING_BYTES
+
+
+@pytest.mark.parametrize(
+    ("views", "free_gb", "adapted", "there"),
+    [
+        ("", 80, {}, True),
+        ("", 6, {}, False),
+        ("", 80, {"fourier": 0.01}, False),
+        ("", 80, {"teacher_weight": 1.0}, False),
+        ("processor", 80, {}, False),
+        ("device", 6, {}, True),
+    ],
+)
+def test_a_graphics_card_that_has_room_draws(
+    roads: list[Member],
+    monkeypatch: pytest.MonkeyPatch,
+    views: str,
+    free_gb: float,
+    adapted: dict[str, float],
+    *,
+    there: bool,
+) -> None:
+    monkeypatch.setattr(torch.cuda, "mem_get_info", lambda _: (int(free_gb * 1e9), int(80e9)))
+    machine, options = TrainingMachine(views=views), TrainingOptions(**adapted)
+    assert draws_views(roads, options, machine, torch.device("cuda")) is there
+    assert draws_views(roads, options, machine, CPU) is (views == "device")
+
+
+def test_a_card_without_room_is_refused_where_it_is_asked_for(
+    roads: list[Member], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(torch.cuda, "mem_get_info", lambda _: (10**9, 10**10))
+    with pytest.raises(PaveTwinError, match=r"take 2\.0 GB, and cuda has 1\.0 free; leave `views` out"):
+        draws_views(roads, TrainingOptions(), TrainingMachine(views="device"), torch.device("cuda"))
 
 
 def test_a_picture_that_cannot_be_read_is_named(roads: list[Member], tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """`python -m benchmarks.full_training`: from a recipe to tables, stopped and continued, and refused in time."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -126,3 +127,6 @@ def test_the_recipes_of_the_project_are_read_and_compare_whole_seeds(name: str) 
     if name.endswith("cpu"):
         shipped = recipe.options("synthetic", "n", 0)
         assert (shipped.image_px, shipped.native, recipe.trainings["synthetic"].start) == (480, True, "synthetic-5")
+    else:
+        told = json.loads((RECIPES / "runs" / "synthetic-6" / "run.json").read_text())
+        assert recipe.options("synthetic", "n", 1).as_mapping() == told["options"]

@@ -6,9 +6,11 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from math import exp
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -133,21 +135,19 @@ def test_views_drawn_on_the_device_teach_the_same(whole: Path, data: list[Exampl
     assert not same(tmp_path / "run", whole)  # colours are not rounded to whole numbers
 
 
+@pytest.fixture
+def compiled_calls(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """A step of the average for each call of a network that was compiled."""
+    calls: list[int] = []
+
+    def compile_(called: Callable[..., Any], **_: Any) -> Callable[..., Any]:
+        return lambda images: calls.append(len(images)) or called(images)
+
+    monkeypatch.setattr(torch, "compile", compile_)
+    return calls
+
+
 def test_a_compiled_network_teaches_the_same(whole: Path, data: list[ExampleSet], tmp_path: Path) -> None:
-    machine = TrainingMachine("cpu", compiled=True)
-    trainer = Trainer(data, tmp_path / "run", TINY, machine, Silent())
-    compiled, calls = trainer._compiled, []
-    trainer._compiled = lambda images: calls.append(1) or compiled(images)
-    assert trainer.run()
-    totals = [
-        [float(line.split(",")[8]) for line in (path / "curves.csv").read_text().splitlines()[1:]]
-        for path in (whole, tmp_path / "run")
-    ]
-    assert totals[1] == pytest.approx(totals[0], rel=1e-3)
-    assert calls == []  # the momentum of batch normalisation changes in all of these few steps
-
-
-def test_a_run_from_weights_is_compiled_at_once(whole: Path, data: list[ExampleSet], tmp_path: Path) -> None:
     found = {}
     for compiled in (False, True):
         run, machine = tmp_path / str(compiled), TrainingMachine("cpu", compiled=compiled)
@@ -157,6 +157,23 @@ def test_a_run_from_weights_is_compiled_at_once(whole: Path, data: list[ExampleS
     assert found[True] == pytest.approx(found[False], rel=1e-3)
 
 
+@pytest.mark.parametrize("compiled", [False, True])
+def test_every_step_from_given_weights_is_compiled(
+    whole: Path, data: list[ExampleSet], tmp_path: Path, compiled_calls: list[int], *, compiled: bool
+) -> None:
+    machine = TrainingMachine("cpu", compiled=compiled)
+    assert Trainer(data, tmp_path / "run", TINY, machine, Silent(), whole / "best.pt").run()
+    assert compiled_calls == [4] * (6 if compiled else 0)  # two epochs of three steps; the heads alone are not
+
+
+def test_from_random_weights_a_network_is_compiled_once_its_normalisation_is_settled(
+    data: list[ExampleSet], tmp_path: Path, compiled_calls: list[int]
+) -> None:
+    options = replace(TINY, epochs=1, repeats=14, classifier_epochs=0)
+    assert Trainer(data, tmp_path / "run", options, TrainingMachine("cpu", compiled=True), Silent()).run()
+    assert compiled_calls == [4] * (3 * 14 - 34)
+
+
 def test_where_pictures_are_changed_a_processor_draws_views(
     folder: Path, data: list[ExampleSet], tmp_path: Path
 ) -> None:
@@ -164,6 +181,26 @@ def test_where_pictures_are_changed_a_processor_draws_views(
     with pytest.raises(PaveTwinError, match="a processor draws views where fourier is set"):
         Trainer(data, tmp_path / "run", options, machine, Silent(), photographs=read_unlabelled(folder))
     assert not (tmp_path / "run").exists()
+
+
+def test_pictures_that_the_device_holds_are_not_kept_elsewhere(
+    data: list[ExampleSet], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    held: list[tuple[str, ...]] = []
+    monkeypatch.setattr(HeldExampleSet, "hold", lambda self, _: held.append(self.splits))
+    for views in ("device", "processor"):
+        Trainer(data, tmp_path / views, TINY, TrainingMachine("cpu", workers=1, views=views), Silent())
+    assert held == [("val",)] * len(data) + [("train", "val")] * len(data)
+
+
+def test_a_command_says_where_views_are_drawn(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    values = [f"--set={name}={value}" for name, value in TINY.as_mapping().items() if value != ""]
+    words = [str(folder), "-o", str(tmp_path / "run"), "--device", "cpu"]
+    assert main([*words, *values, "--views", "devise"]) == 2
+    assert "did you mean 'device'" in capsys.readouterr().err
+    assert main([*words, *values, "--set=fourier=0.01", "--photographs", str(folder), "--views", "device"]) == 2
+    assert "a processor draws views where fourier is set" in capsys.readouterr().err
+    assert main([*words, *values, "--views", "device"]) == 0
 
 
 def test_pictures_are_decoded_before_processes_share_them(

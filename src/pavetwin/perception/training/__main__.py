@@ -29,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--device", default="", help="cpu or cuda; a graphics card where there is one unless given")
     parser.add_argument("--workers", type=int, default=0, help="processes that prepare images")
     parser.add_argument("--held-gb", type=float, default=2.0, help="decoded pictures of each dataset kept in memory")
-    parser.add_argument("--views", default="", help="processor or device; on a graphics card with room unless given")
+    parser.add_argument("--views", default="", help="processor or device; a graphics card that has room unless given")
     parser.add_argument("--compile", action="store_true", help="compile the network first, which takes a minute")
     given = parser.parse_args(arguments)
     try:

@@ -18,6 +18,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from pavetwin.arrays import UInt8Array
 from pavetwin.perception.examples.example import Example, ExampleSet
 from pavetwin.perception.training.augment import Member, ViewPlan
 from pavetwin.perception.training.views import GREY, shown_of
@@ -31,12 +32,12 @@ PictureRows = dict[PicturePlace, tuple[int, int]]
 DECODERS: Final = 8
 """Threads that decode pictures."""
 
-MOST_PARTS: Final = 256
-"""Parts that are resampled at once, so that the filters take little room."""
+WORKING_BYTES: Final = 2 * 10**9
+"""Room in which parts are resampled, as many at once as it holds."""
 
 _COLUMNS: Final = 16
-"""Numbers that say how a part is drawn: stack, row, box on the canvas, box of the picture, window, mirrored, upside
-down."""
+"""Numbers that say how a part is drawn: stack, row, box on the canvas (4), box of the picture (4), window (4), and
+whether it is mirrored and upside down."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +49,7 @@ class Drawing:
     views: Tensor
     """(parts,) int64 index of the view."""
     parts: Tensor
-    """(parts, 16) float64, made by `drawing_of`."""
+    """(parts, 16) float32, made by `drawing_of`."""
     colours: Tensor
     """(views, 3, 3) float32 red, green and blue of the view, of those of the pictures."""
 
@@ -61,7 +62,7 @@ def drawing_of(plan: ViewPlan, rows: PictureRows, size_px: int) -> Drawing:
         if shown is not None:
             flips = (float(part.mirrored), float(part.upside_down))
             found.append((*rows[place_of(part.data, part.example)], *shown[0], *shown[1], *part.window, *flips))
-    parts = torch.tensor(found, dtype=torch.float64).reshape(-1, _COLUMNS)
+    parts = torch.tensor(found, dtype=torch.float32).reshape(-1, _COLUMNS)
     colours = np.eye(3) if plan.colours is None else plan.colours
     return Drawing(
         size_px, torch.zeros(len(parts), dtype=torch.int64), parts, torch.tensor(colours, dtype=torch.float32)[None]
@@ -84,9 +85,16 @@ def place_of(data: ExampleSet, example: Example) -> PicturePlace:
     return data.path, example.place
 
 
-def room_of(members: Sequence[Member]) -> int:
-    """Bytes that pictures take on the device."""
-    return sum(3 * example.size_px[0] * example.size_px[1] for _, example in members)
+def room_of(members: Sequence[Member], size_px: int) -> int:
+    """Bytes that pictures take on the device, with the room in which views of a side are drawn."""
+    held = sum(3 * example.size_px[0] * example.size_px[1] for _, example in members)
+    return held + max(WORKING_BYTES, *(_room_of_part(*example.size_px, size_px) for _, example in members))
+
+
+def _room_of_part(width: int, height: int, size: int) -> int:
+    """Bytes in which a part of a picture is resampled: the picture in bytes and in half precision, the filters with
+    what they are made of, and what comes of the first and of the second."""
+    return 9 * width * height + 16 * size * (width + height) + 6 * size * height + 18 * size * size
 
 
 class DevicePictures:
@@ -99,15 +107,17 @@ class DevicePictures:
         by_size: dict[tuple[int, int], list[Member]] = defaultdict(list)
         for member in members:
             by_size[member[1].size_px].append(member)
+        if device.type == "cuda":
+            torch.backends.cuda.matmul.allow_fp16_reduced_precision_reduction = False
         self._device = device
         self._stacks: list[Tensor] = []
         self.rows: PictureRows = {}
         with ThreadPoolExecutor(DECODERS) as pool:
             for stack, ((width, height), of_size) in enumerate(by_size.items()):
-                held = np.empty((len(of_size), 3, height, width), dtype=np.uint8)
+                held = torch.empty(len(of_size), 3, height, width, dtype=torch.uint8, device=device)
                 for row, pixels in enumerate(pool.map(_decoded, of_size)):
-                    held[row] = pixels
-                self._stacks.append(torch.from_numpy(held).to(device))
+                    held[row] = torch.from_numpy(pixels)
+                self._stacks.append(held)
                 self.rows |= {place_of(*member): (stack, row) for row, member in enumerate(of_size)}
         self._kind = torch.float16 if device.type == "cuda" else torch.float32
 
@@ -118,7 +128,8 @@ class DevicePictures:
         covered = torch.zeros(count, 1, size, size, device=self._device)
         stacks = drawing.parts[:, 0].long()
         for at, stack in enumerate(self._stacks):
-            for chosen in torch.nonzero(stacks == at).squeeze(1).split(MOST_PARTS):
+            most = max(1, WORKING_BYTES // _room_of_part(stack.shape[3], stack.shape[2], size))
+            for chosen in torch.nonzero(stacks == at).squeeze(1).split(most):
                 views = drawing.views[chosen].to(self._device)
                 parts = drawing.parts[chosen].to(self._device)
                 pixels, cover = self._resampled(stack, parts, size)
@@ -154,14 +165,15 @@ def _filters(parts: Tensor, size: int, length: int) -> Tensor:
     centres = begin + (at - first + 0.5) * step
     reach = step.clamp(min=1)
     pixels = torch.arange(length, dtype=torch.float32, device=parts.device) + 0.5
-    apart = (pixels - centres.float()[..., None]).abs() / reach.float()[..., None]
+    apart = (pixels - centres[..., None]).abs() / reach[..., None]
     shares = (1 - apart).clamp(min=0)
     return torch.where(is_filled[..., None], shares / shares.sum(dim=2, keepdim=True).clamp(min=1e-6), 0.0)
 
 
-def _decoded(member: Member) -> np.ndarray:
+def _decoded(member: Member) -> UInt8Array:
+    """(3, height, width)."""
     data, example = member
-    return np.asarray(data.picture(example)).transpose(2, 0, 1)
+    return np.array(np.asarray(data.picture(example)).transpose(2, 0, 1))
 
 
 def images_of(images: Tensor | Drawing, device: torch.device, pictures: DevicePictures | None = None) -> Tensor:

@@ -22,17 +22,26 @@ def draws_views(
     """Whether the device holds the training pictures and draws views of them.
 
     Raises:
-        PaveTwinError: that is asked for, and pictures are to be changed one by one, which only a processor does.
+        PaveTwinError: that is asked for, and it has no room, or photographs without labels are used, which only a
+            processor does.
     """
-    if machine.views == "device":
-        if options.adaptations:
-            told = ", ".join(options.adaptations)
-            raise PaveTwinError(f"`views` device: a processor draws views where {told} is set; leave `views` out.")
-        return True
-    if machine.views or device.type != "cuda" or options.adaptations:
+    if machine.views == "device" and options.adaptations:
+        told = ", ".join(options.adaptations)
+        raise PaveTwinError(f"`views` device: a processor draws views where {told} is set; leave `views` out.")
+    if machine.views == "processor" or options.adaptations:
         return False
+    if device.type != "cuda":
+        return machine.views == "device"
     free, _ = torch.cuda.mem_get_info(device)
-    return room_of(training) <= free * PICTURES_SHARE
+    needed = room_of(training, options.image_px)
+    if machine.views == "device":
+        if needed > free:
+            raise PaveTwinError(
+                f"`views` device: the pictures and the drawing take {needed / GIGABYTE:.1f} GB, and {device} has "
+                f"{free / GIGABYTE:.1f} free; leave `views` out."
+            )
+        return True
+    return needed <= free * PICTURES_SHARE
 
 
 def held_sets(sets: Sequence[ExampleSet], machine: TrainingMachine, splits: Sequence[str]) -> Sequence[ExampleSet]:

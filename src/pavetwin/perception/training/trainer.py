@@ -143,8 +143,8 @@ class Trainer:
                 known = frozenset[int]().union(*self._known.values())
                 self._teacher = MeanTeacher(unlabelled, options, known)
         self._photometric = photometrics(photographs, options)
-        self._folder.claim(settings, TrainingOptions().as_mapping())
         self._pictures = DevicePictures(training, self._device) if is_drawn_there else None
+        self._folder.claim(settings, TrainingOptions().as_mapping())
         if machine.workers:
             for each in held:
                 if isinstance(each, HeldExampleSet):
