@@ -82,13 +82,13 @@ def train(
     given |= {"seed": seed, "without": without, "native": native or None}
     pairs = [f"{name}={value}" for name, value in given.items() if value is not None]
     options = TrainingOptions.parse([*pairs, *(overrides or [])])
+    machine = TrainingMachine(device, workers, held_gb, views, compiled)
     begun = start_path(start) if start is not None else None
     unlabelled = read_unlabelled(photographs) if photographs is not None else None
     check_torch("Training")
     from pavetwin.perception.training.trainer import Trainer
 
     with _watched() as watcher:
-        machine = TrainingMachine(device, workers, held_gb, views, compiled)
         trainer = Trainer(read_examples(datasets), output, options, machine, watcher, begun, unlabelled)
         finished = trainer.run(60 * stop_after if stop_after is not None else None)
     if not finished:
