@@ -113,6 +113,7 @@ def test_many_parts_are_drawn_in_little_room(roads: list[Member], monkeypatch: p
 
 def test_pictures_take_a_byte_for_each_colour_of_a_pixel(roads: list[Member]) -> None:
     assert room_of(roads, 96) == 4 * 3 * (96 * 72 + 160 * 160) + device_pictures.WORKING_BYTES
+    assert room_of([], 96) == device_pictures.WORKING_BYTES
 
 
 @pytest.mark.parametrize(

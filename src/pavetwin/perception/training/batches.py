@@ -92,7 +92,7 @@ class TrainingViews(Dataset[Labelled]):
             drawing = drawing_of(plan, self._held, self._options.size_px)
             return labelled(drawing, labels_of(plan.parts), self._known, self._mask_px, rng)
         view = random_view(member, self._members, self._options, rng, self._photometric)
-        return labelled(_tensor(view.pixels), view.labels, self._known, self._mask_px, rng)
+        return labelled(tensor_of(view.pixels), view.labels, self._known, self._mask_px, rng)
 
 
 class ValidationViews(Dataset[Labelled]):
@@ -113,7 +113,7 @@ class ValidationViews(Dataset[Labelled]):
 
     def __getitem__(self, index: int) -> Labelled:
         view = view_of([self._parts[index]], self._size)
-        return labelled(_tensor(view.pixels), view.labels, self._known, self._mask_px, None)
+        return labelled(tensor_of(view.pixels), view.labels, self._known, self._mask_px, None)
 
 
 def labelled(
@@ -151,8 +151,8 @@ def labelled(
     )
 
 
-def _tensor(pixels: UInt8Array) -> Tensor:
-    """(3, height, width)."""
+def tensor_of(pixels: UInt8Array) -> Tensor:
+    """Pixels (height, width, 3) as (3, height, width)."""
     return torch.from_numpy(np.ascontiguousarray(pixels.transpose(2, 0, 1)))
 
 

@@ -88,7 +88,7 @@ def place_of(data: ExampleSet, example: Example) -> PicturePlace:
 def room_of(members: Sequence[Member], size_px: int) -> int:
     """Bytes that pictures take on the device, with the room in which views of a side are drawn."""
     held = sum(3 * example.size_px[0] * example.size_px[1] for _, example in members)
-    return held + max(WORKING_BYTES, *(_room_of_part(*example.size_px, size_px) for _, example in members))
+    return held + max([WORKING_BYTES, *(_room_of_part(*example.size_px, size_px) for _, example in members)])
 
 
 def _room_of_part(width: int, height: int, size: int) -> int:

@@ -24,7 +24,7 @@ from pavetwin.arrays import UInt8Array
 from pavetwin.perception.classes import COARSE, NO_SUBTYPE, ROAD_DEFECT
 from pavetwin.perception.examples.example import ExampleSet
 from pavetwin.perception.training.augment import Member, ViewOptions, random_view, vary_colours
-from pavetwin.perception.training.batches import read
+from pavetwin.perception.training.batches import read, tensor_of
 from pavetwin.perception.training.detect import DetectLimits, detect
 from pavetwin.perception.training.losses import detection_losses, subtype_loss
 from pavetwin.perception.training.network import DetectorNetwork, Encoded
@@ -68,11 +68,7 @@ class PhotographViews(Dataset[tuple[Tensor, Tensor]]):
         rng = child(seed, Stream.PHOTOGRAPHS, *keys, index)
         member = self._members[int(rng.integers(len(self._members)))]
         pixels = random_view(member, self._members, self._options, rng).pixels
-        return _tensor(pixels), _tensor(strongly_varied(pixels, self._options, rng))
-
-
-def _tensor(pixels: UInt8Array) -> Tensor:
-    return torch.from_numpy(np.ascontiguousarray(pixels.transpose(2, 0, 1)))
+        return tensor_of(pixels), tensor_of(strongly_varied(pixels, self._options, rng))
 
 
 def strongly_varied(pixels: UInt8Array, options: ViewOptions, rng: np.random.Generator) -> UInt8Array:

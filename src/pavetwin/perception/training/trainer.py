@@ -347,7 +347,7 @@ class Trainer:
         if phase.classifier:
             with torch.no_grad():
                 return self.network(images)
-        # While the momentum changes, each step would be compiled anew.
+        # While the momentum changes, each step would be compiled again.
         is_settled = self._average.steps * NORM_MOMENTUM > 1
         maps = self._compiled if is_settled or not self._is_new else self.network.maps
         return self.network.encoded(images, *maps(images))
