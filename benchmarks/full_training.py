@@ -251,13 +251,14 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--stop-after", type=float, metavar="MINUTES", help="save after this time, and stop")
     parser.add_argument("--workers", type=int, default=0, help="processes that prepare images")
     parser.add_argument("--held-gb", type=float, default=2.0, help="decoded pictures of each dataset kept in memory")
+    parser.add_argument("--views", default="", help="where views are drawn, as `pavetwin train` has it")
     parser.add_argument("--resamples", type=int, default=RESAMPLES, help="of the bootstrap over images")
     asked = parser.parse_args(arguments)
     deadline = float("inf") if asked.stop_after is None else time.monotonic() + 60 * asked.stop_after
     try:
         recipe = TrainingRecipe.read(asked.recipe)
         beside = asked.recipe.absolute().parent
-        machine = TrainingMachine(workers=asked.workers, held_gb=asked.held_gb)
+        machine = TrainingMachine(workers=asked.workers, held_gb=asked.held_gb, views=asked.views)
         study = Study(recipe, beside, asked.output, machine=machine, deadline=deadline)
         run(study, recipe, asked.output, asked.resamples)
     except OutOfTimeError:

@@ -26,6 +26,7 @@ class Stream(IntEnum):
     TRAINING = 15
     PHOTOGRAPHS = 16
     FALSE_ALARMS = 17
+    DISTRACTORS = 18
 
 
 def child(seed: int, stream: Stream, *keys: int) -> np.random.Generator:

@@ -41,6 +41,10 @@ class LiveCurves:
         self._curves: Curves = []
         self._drawn_s = 0.0
 
+    def on_start(self, where: str) -> None:
+        """The steps begin."""
+        self._live.console.print(where, highlight=False)
+
     def on_step(self, phase: "Phase", epoch: int, step: int, steps: int, total: float) -> None:
         """A step is done."""
         now = time.monotonic()

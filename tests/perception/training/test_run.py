@@ -201,6 +201,11 @@ def test_a_command_says_where_views_are_drawn(folder: Path, tmp_path: Path, caps
     assert main([*words, *values, "--set=fourier=0.01", "--photographs", str(folder), "--views", "device"]) == 2
     assert "a processor draws views where fourier is set" in capsys.readouterr().err
     assert main([*words, *values, "--views", "device"]) == 0
+    told = "Training on cpu in single precision; views are drawn by"
+    assert capsys.readouterr().err.count(f"{told} cpu, labels are made by this process.") == 1
+    processes = [*values, "--workers", "2", "--set=epochs=1", "--set=classifier_epochs=0"]
+    assert main([words[0], "-o", str(tmp_path / "other"), *words[3:], *processes, "--views", "processor"]) == 0
+    assert capsys.readouterr().err.count(f"{told} 2 processes.") == 1
 
 
 def test_pictures_are_decoded_before_processes_share_them(

@@ -74,6 +74,7 @@ class TrainingOptions:
     hue: float = _about("Hues turn by at most this share of a circle.", 0.015, 0, 0.5)
     saturation: float = _about("Saturations vary by at most this share.", 0.7, 0, 1)
     brightness: float = _about("Brightnesses vary by at most this share.", 0.4, 0, 1)
+    distractors: int = _about("Random shapes tried for each view, where nothing is labelled.", 0, 0, 64)
     subtype_weight: float = _about("α of L_total.", 1.0, 0, 100)
     mask_weight: float = _about("Of the mask loss; 0 trains no masks.", 1.0, 0, 100)
     seed: int = _about("Random seed; 0 is a seed too.", 0, 0, 2**31)

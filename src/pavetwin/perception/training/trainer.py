@@ -18,6 +18,7 @@ from pavetwin.perception.examples.example import SPLITS_USED, ExampleSet, labell
 from pavetwin.perception.training.batches import Batch, TrainingViews, ValidationViews, batches
 from pavetwin.perception.training.checks import check_labels, check_photographs
 from pavetwin.perception.training.device_pictures import DevicePictures, images_of
+from pavetwin.perception.training.distractors import with_distractors
 from pavetwin.perception.training.exported import is_exported, measure_normalisations
 from pavetwin.perception.training.held_pictures import HeldExampleSet
 from pavetwin.perception.training.losses import Losses, detection_losses, mask_loss, subtype_loss
@@ -28,7 +29,9 @@ from pavetwin.perception.training.references import photometrics
 from pavetwin.perception.training.run_folder import TAUGHT, Curves, RunFolder, load_weights
 from pavetwin.perception.training.schedule import MovingAverage, Phase, epoch_order, phases_of, rate_at
 from pavetwin.perception.training.self_training import MeanTeacher
+from pavetwin.perception.training.targets import Targets
 from pavetwin.perception.training.validate import validate
+from pavetwin.seeds import Stream, child
 
 SAVE_S: Final = 300.0
 """Between two checkpoints within an epoch."""
@@ -61,6 +64,9 @@ Photographs = Sequence[Tensor] | None
 
 class Watcher(Protocol):
     """Is told how a training goes."""
+
+    def on_start(self, where: str) -> None:
+        """The steps begin; `where` is a sentence on the device, its precision, and who draws the views."""
 
     def on_step(self, phase: Phase, epoch: int, step: int, steps: int, total: float) -> None:
         """A step is done. `epoch` counts from 0, `step` from 1."""
@@ -165,6 +171,7 @@ class Trainer:
             PaveTwinError: a loss is not finite; the last checkpoint stays as it is.
         """
         deadline = time.monotonic() + stop_after_s if stop_after_s is not None else float("inf")
+        self._watcher.on_start(self._where())
         while self._progress.phase < len(self._phases):
             if not self._epoch(deadline):
                 self._save()
@@ -177,6 +184,13 @@ class Trainer:
     def curves(self) -> Curves:
         """A row for each epoch so far."""
         return self._progress.curves
+
+    def _where(self) -> str:
+        precision = "bfloat16" if self._half else "single precision"
+        workers = self._machine.workers
+        processes = f"{workers} process{'es' if workers > 1 else ''}" if workers else "this process"
+        drawn = f"{self._device}, labels are made by {processes}" if self._pictures is not None else processes
+        return f"Training on {self._device} in {precision}; views are drawn by {drawn}."
 
     def _measure(self) -> None:
         """Give the normalisations of an exported model the statistics of the first epoch's views."""
@@ -319,8 +333,8 @@ class Trainer:
 
     def _losses(self, batch: Batch, phase: Phase, photographs: Photographs) -> tuple[Losses, Tensor]:
         """Of the labelled images, and of the photographs that the teacher labels."""
-        images = images_of(batch.images, self._device, self._pictures)
         targets = batch.targets.to(self._device)
+        images = self._seen(images_of(batch.images, self._device, self._pictures), targets)
         nothing = torch.zeros((), device=self._device)
         box = classes = distribution = subtype = mask = taught = nothing
         with torch.autocast(self._device.type, dtype=torch.bfloat16, enabled=self._half):
@@ -342,6 +356,14 @@ class Trainer:
             if masks is not None and self._options.mask_weight:
                 mask = mask_loss(masks, targets.masks, targets.has_mask)
         return Losses(box, classes, distribution, subtype, mask), taught
+
+    def _seen(self, images: Tensor, targets: Targets) -> Tensor:
+        """The images of this step as the network sees them."""
+        it, options = self._progress, self._options
+        if not options.distractors:
+            return images
+        rng = child(options.seed, Stream.DISTRACTORS, it.phase, it.epoch, it.step)
+        return with_distractors(images, targets, options.distractors, rng).to(memory_format=torch.channels_last)
 
     def _encode(self, images: Tensor, phase: Phase) -> Encoded:
         if phase.classifier:

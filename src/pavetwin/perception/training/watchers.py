@@ -13,6 +13,9 @@ LINE_S = 30.0
 class Silent:
     """Says nothing."""
 
+    def on_start(self, where: str) -> None:
+        """The steps begin."""
+
     def on_step(self, phase: Phase, epoch: int, step: int, steps: int, total: float) -> None:
         """A step is done."""
 
@@ -25,6 +28,10 @@ class PlainLines:
 
     def __init__(self) -> None:
         self._said = self._began = time.monotonic()
+
+    def on_start(self, where: str) -> None:
+        """The steps begin."""
+        self._say(where)
 
     def on_step(self, phase: Phase, epoch: int, step: int, steps: int, total: float) -> None:
         """A step is done."""
