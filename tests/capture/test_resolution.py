@@ -143,6 +143,10 @@ def test_the_uav_stays_where_it_may_fly_at_any_altitude(records: list[Record], w
         assert flight_domain(world, altitude_m).surface.buffer(-0.45).contains(shapely.Point(xy))
 
 
+def test_the_coarsest_resolution_that_is_told_is_taken() -> None:
+    check(CROPS.model_copy(update={"gsd_mm": (2.0, 13.3)}))
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from pavetwin.capture.settings import CaptureSettings
     from pavetwin.scene.view import View
 
+ROUNDING: Final = 1e-9
+"""Share by which a number may be above a bound that was computed: 13.3 mm are taken where 13.299999999999999 are."""
+
 EVEN: Final = 0.2
 """An image has one ground resolution where that of its corners differs from its middle's by no more than this share."""
 
@@ -54,7 +57,7 @@ def check_resolution(settings: "CaptureSettings") -> None:
     camera = find_camera(settings.camera)
     (low, high), focal = settings.gsd_mm, native_focal_px(camera)
     finest, coarsest = 1000 * LOWEST_M / focal, 1000 * min(CEILING_M / focal, AIMED_PIXEL_M)
-    if low < finest or high > coarsest:
+    if low < finest or high > coarsest * (1 + ROUNDING):
         at_m, limit = (LOWEST_M, finest) if low < finest else (coarsest * focal / 1000, coarsest)
         why = "the lowest altitude" if low < finest else "the highest at which defects are seen"
         raise PaveTwinError(
