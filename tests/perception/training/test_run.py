@@ -208,6 +208,20 @@ def test_a_command_says_where_views_are_drawn(folder: Path, tmp_path: Path, caps
     assert capsys.readouterr().err.count(f"{told} 2 processes.") == 1
 
 
+def test_compiling_without_a_compiler_is_refused(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("CXX", raising=False)
+    words = [str(folder), "-o", str(tmp_path / "run"), "--device", "cpu", "--compile"]
+    assert main(words) == 2
+    assert "Error: `compiled`: it needs a compiler (g++, clang++, c++)" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+    monkeypatch.setenv("CXX", "nosuch++")
+    assert main(words) == 2
+    assert "it needs a compiler (nosuch++)" in capsys.readouterr().err
+
+
 def test_pictures_are_decoded_before_processes_share_them(
     data: list[ExampleSet], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,5 +1,7 @@
 """What a training asks of the machine that it runs on."""
 
+import os
+import shutil
 from collections.abc import Sequence
 from typing import Final
 
@@ -42,6 +44,21 @@ def draws_views(
             )
         return True
     return needed <= free * PICTURES_SHARE
+
+
+def check_compiler(machine: TrainingMachine, device: torch.device) -> None:
+    """Check that what `torch.compile` writes can be built: C++ for a processor, and C to start kernels on a card.
+
+    Raises:
+        PaveTwinError: compiling is asked for, and there is no compiler.
+    """
+    variable, names = ("CC", ("gcc", "clang", "cc")) if device.type == "cuda" else ("CXX", ("g++", "clang++", "c++"))
+    wanted = [os.environ[variable]] if os.environ.get(variable) else names
+    if machine.compiled and not any(map(shutil.which, wanted)):
+        raise PaveTwinError(
+            f"`compiled`: it needs a compiler ({', '.join(wanted)}), and there is none; install one, name it in "
+            f"{variable}, or leave `compiled` out."
+        )
 
 
 def held_sets(sets: Sequence[ExampleSet], machine: TrainingMachine, splits: Sequence[str]) -> Sequence[ExampleSet]:

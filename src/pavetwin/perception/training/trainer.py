@@ -22,7 +22,7 @@ from pavetwin.perception.training.distractors import with_distractors
 from pavetwin.perception.training.exported import is_exported, measure_normalisations
 from pavetwin.perception.training.held_pictures import HeldExampleSet
 from pavetwin.perception.training.losses import Losses, detection_losses, mask_loss, subtype_loss
-from pavetwin.perception.training.machine import device_of, draws_views, has_half, held_sets
+from pavetwin.perception.training.machine import check_compiler, device_of, draws_views, has_half, held_sets
 from pavetwin.perception.training.network import DetectorNetwork, Encoded
 from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
 from pavetwin.perception.training.references import photometrics
@@ -111,6 +111,7 @@ class Trainer:
             PaveTwinError: the data, the folder or the weights do not fit; nothing has been changed then.
         """
         self._device = device_of(machine)
+        check_compiler(machine, self._device)
         members = [(data, example) for data in sets for example in data.examples]
         training = [each for each in members if each[1].split == "train"]
         is_drawn_there = draws_views(training, options, machine, self._device)
