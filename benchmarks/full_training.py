@@ -24,6 +24,8 @@ from benchmarks.adaptation import write_found
 from benchmarks.model_tables import tables_of
 from benchmarks.training_recipe import TrainingRecipe
 from pavetwin.cli.console import err, fail, out
+from pavetwin.datasets.packing import FILE as PACKED
+from pavetwin.datasets.recipe import recipe_values
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.detector_report.write import write_detector_report
 from pavetwin.files import writing
@@ -61,7 +63,8 @@ class Study:
 
     @cached_property
     def datasets(self) -> dict[str, Path]:
-        """Folders with COCO files, by name; they are built where that has not been done.
+        """Folders with COCO files, by name; they are built where that has not been done. A recipe that packs smaller
+        pictures is taken for its packed file.
 
         Raises:
             PaveTwinError: one cannot be built.
@@ -85,7 +88,8 @@ class Study:
                 f"The recipe '{source}' makes {len(made)} datasets with COCO files; give photographs and synthetic "
                 "images a recipe each, and photographs `export: [coco]`."
             )
-        return made[0]
+        packed = recipe_values(source)[0].get("pack") or {}
+        return target / PACKED if "longest_px" in packed else made[0]
 
     @cached_property
     def splits(self) -> dict[str, LabelledSplit]:

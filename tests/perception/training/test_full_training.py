@@ -2,18 +2,22 @@
 
 import json
 from collections.abc import Callable
+from math import inf
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 from benchmarks import full_training
-from benchmarks.full_training import jobs, main
+from benchmarks.full_training import Study, jobs, main
 from benchmarks.training import ORDERS, PHOTOGRAPHS, PLAIN
 from benchmarks.training_recipe import TrainingRecipe
 
+from pavetwin.datasets.packing import RecipePack, pack
 from pavetwin.errors import PaveTwinError
+from pavetwin.perception.examples.opening import read_examples
 from pavetwin.perception.inference.model_file import open_session
+from pavetwin.perception.training.options import TrainingMachine
 from scenes.drawn_roads import drawn_roads
 
 pytestmark = pytest.mark.slow
@@ -113,6 +117,27 @@ def test_what_cannot_work_is_refused(
     assert not (tmp_path / "out" / "runs").exists()
 
 
+def test_a_dataset_of_smaller_pictures_is_the_packed_one(tmp_path: Path) -> None:
+    for name, packed in (("plain", {"quality": 80}), ("small", {"longest_px": 32})):
+        (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump({"pack": packed}))
+        built = tmp_path / "out" / "datasets" / name
+        drawn_roads(built / "synthetic", {"train": 2, "val": 1, "test": 1}, size=(64, 48))
+        (built / "built").touch()
+        pack([built / "synthetic"], built / "all.pack", RecipePack(longest_px=32))
+    content = {
+        "datasets": {"plain": "plain.yaml", "small": "small.yaml"},
+        "settings": TINY,
+        "seeds": 1,
+        "trainings": {"real": {"datasets": ["plain", "small"]}},
+    }
+    (tmp_path / "recipe.yaml").write_text(yaml.safe_dump(content))
+    recipe = TrainingRecipe.read(tmp_path / "recipe.yaml")
+    study = Study(recipe, tmp_path, tmp_path / "out", machine=TrainingMachine("cpu"), deadline=inf)
+    plain, small = read_examples(list(study.datasets.values()))
+    assert [max(each.examples[0].size_px) for each in (plain, small)] == [64, 32]
+    assert list(study.splits) == ["plain"]
+
+
 def test_a_recipe_that_is_no_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(PaveTwinError, match=r"The recipe '.*none.yaml' cannot be read"):
         TrainingRecipe.read(tmp_path / "none.yaml")
@@ -129,4 +154,4 @@ def test_the_recipes_of_the_project_are_read_and_compare_whole_seeds(name: str) 
         assert (shipped.image_px, shipped.native, recipe.trainings["synthetic"].start) == (480, True, "synthetic-5")
     else:
         told = json.loads((RECIPES / "runs" / "synthetic-6" / "run.json").read_text())
-        assert recipe.options("synthetic", "n", 1).as_mapping() == told["options"]
+        assert recipe.options("synthetic", "n", 1).as_mapping() == {"distractors": 0} | told["options"]
