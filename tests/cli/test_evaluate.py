@@ -93,7 +93,7 @@ def test_bad_input_is_refused_in_one_line(place: Path, arguments: tuple[str, ...
 
 def test_what_ships_is_evaluated_by_name(tmp_path: Path) -> None:
     town = drawn_roads(tmp_path / "town", {"test": 1}, size=(64, 64))
-    words = ("-o", tmp_path / "report", "--against", "mixed-2", "--resamples", 0)
+    words = ("-o", tmp_path / "report", "--against", "mixed-3", "--resamples", 0)
     done = pavetwin("evaluate", "synthetic-1", town, *words)
     assert done.returncode == 0, done.stderr
     told = json.loads((tmp_path / "report" / "metrics.json").read_text())

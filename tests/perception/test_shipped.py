@@ -15,11 +15,11 @@ ROOT = Path(__file__).resolve().parents[2]
 MOST_BYTES = 15_000_000
 
 LICENCES = {
-    "mixed-2": "Apache-2.0; trained on photographs of RDD2022 (Arya et al. 2022), whose terms are stated there: "
+    "mixed-3": "Apache-2.0; trained on photographs of RDD2022 (Arya et al. 2022), whose terms are stated there: "
     "cite it",
     "synthetic-1": "Apache-2.0",
     "synthetic-5": "Apache-2.0",
-    "synthetic-6": "Apache-2.0",
+    "synthetic-7": "Apache-2.0",
 }
 """What each file says; whoever saw photographs names them."""
 

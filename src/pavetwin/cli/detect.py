@@ -16,7 +16,7 @@ Model = Annotated[
     typer.Option(
         "--model",
         metavar="NAME|FILE.onnx",
-        help="A file of `pavetwin export`, or a detector that ships: synthetic-5 unless given; mixed-2 for "
+        help="A file of `pavetwin export`, or a detector that ships: synthetic-7 unless given; mixed-3 for "
         "photographs.",
     ),
 ]
@@ -72,10 +72,10 @@ def detect(
     """Find defects, persons and cars in pictures: annotated pictures, and files for other programs.
 
     \b
-    pavetwin detect photographs -o found --model mixed-2
+    pavetwin detect photographs -o found --model mixed-3
     pavetwin detect flight.mp4 --model model.onnx -o found --every 0.5
     pavetwin detect street.jpg --model model.onnx -o found --tiled --gsd-mm 2.7
-    pavetwin detect photographs -o found --model mixed-2 --overview
+    pavetwin detect photographs -o found --model mixed-3 --overview
 
     Needs onnxruntime (`pip install pavetwin\\[detect]`), and no PyTorch.
     """

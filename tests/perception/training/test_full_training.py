@@ -153,5 +153,6 @@ def test_the_recipes_of_the_project_are_read_and_compare_whole_seeds(name: str) 
         shipped = recipe.options("synthetic", "n", 0)
         assert (shipped.image_px, shipped.native, recipe.trainings["synthetic"].start) == (480, True, "synthetic-5")
     else:
-        told = json.loads((RECIPES / "runs" / "synthetic-6" / "run.json").read_text())
-        assert recipe.options("synthetic", "n", 1).as_mapping() == {"distractors": 0} | told["options"]
+        for training, name, seed in (("synthetic", "synthetic-7", 1), ("mixed", "mixed-3", 2)):
+            told = json.loads((RECIPES / "runs" / name / "run.json").read_text())
+            assert recipe.options(training, "n", seed).as_mapping() == told["options"]
