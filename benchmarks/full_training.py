@@ -88,8 +88,13 @@ class Study:
                 f"The recipe '{source}' makes {len(made)} datasets with COCO files; give photographs and synthetic "
                 "images a recipe each, and photographs `export: [coco]`."
             )
-        packed = recipe_values(source)[0].get("pack") or {}
-        return target / PACKED if "longest_px" in packed else made[0]
+        if not (recipe_values(source)[0].get("pack") or {}).get("longest_px"):
+            return made[0]
+        if (made[0] / "annotations" / "instances_test.json").is_file():
+            raise PaveTwinError(
+                f"The recipe '{source}' makes pictures smaller (pack.longest_px), and has some to test on."
+            )
+        return target / PACKED
 
     @cached_property
     def splits(self) -> dict[str, LabelledSplit]:

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 from rich.console import Console
+from rich.live import Live
 
-from pavetwin.cli.training_curves import curves_table, sparkline
+from pavetwin.cli.training_curves import LiveCurves, curves_table, sparkline
 from scenes.command_line import pavetwin, plain_refusal
 from scenes.drawn_roads import drawn_roads
 
@@ -72,3 +73,13 @@ def test_the_curves_are_drawn() -> None:
     assert "mAP@0.5       ▁▃▅▆█  0.400  0.400" in text
     assert "mask" not in text
     assert sparkline([3.0]) == "▁"
+
+
+def test_where_it_trains_stands_above_the_curves() -> None:
+    console = Console(width=80, file=StringIO(), force_terminal=True)
+    with Live(console=console, auto_refresh=False) as live:
+        curves = LiveCurves(live)
+        curves.on_start("Training on cpu.")
+        curves.on_epoch([{"phase": "all", "epoch": 1, "total": 1.0, "map50": 0.5, "map": 0.25}])
+    text = console.file.getvalue()
+    assert 0 <= text.index("Training on cpu.") < text.rindex("mAP@0.5")

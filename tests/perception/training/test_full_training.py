@@ -118,10 +118,12 @@ def test_what_cannot_work_is_refused(
 
 
 def test_a_dataset_of_smaller_pictures_is_the_packed_one(tmp_path: Path) -> None:
-    for name, packed in (("plain", {"quality": 80}), ("small", {"longest_px": 32})):
+    shown = {"train": 2, "val": 1}
+    both = (("plain", {"longest_px": None}, {**shown, "test": 1}), ("small", {"longest_px": 32}, shown))
+    for name, packed, splits in both:
         (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump({"pack": packed}))
         built = tmp_path / "out" / "datasets" / name
-        drawn_roads(built / "synthetic", {"train": 2, "val": 1, "test": 1}, size=(64, 48))
+        drawn_roads(built / "synthetic", splits, size=(64, 48))
         (built / "built").touch()
         pack([built / "synthetic"], built / "all.pack", RecipePack(longest_px=32))
     content = {
@@ -136,6 +138,10 @@ def test_a_dataset_of_smaller_pictures_is_the_packed_one(tmp_path: Path) -> None
     plain, small = read_examples(list(study.datasets.values()))
     assert [max(each.examples[0].size_px) for each in (plain, small)] == [64, 32]
     assert list(study.splits) == ["plain"]
+    (tmp_path / "plain.yaml").write_text(yaml.safe_dump({"pack": {"longest_px": 32}}))
+    again = Study(recipe, tmp_path, tmp_path / "out", machine=TrainingMachine("cpu"), deadline=inf)
+    with pytest.raises(PaveTwinError, match=r"makes pictures smaller \(pack.longest_px\), and has some to test on"):
+        _ = again.datasets
 
 
 def test_a_recipe_that_is_no_file_is_refused(tmp_path: Path) -> None:
@@ -156,3 +162,4 @@ def test_the_recipes_of_the_project_are_read_and_compare_whole_seeds(name: str) 
         for training, name, seed in (("synthetic", "synthetic-7", 1), ("mixed", "mixed-3", 2)):
             told = json.loads((RECIPES / "runs" / name / "run.json").read_text())
             assert recipe.options(training, "n", seed).as_mapping() == told["options"]
+            assert Path(recipe.trainings[training].start or "").name == told["start"]

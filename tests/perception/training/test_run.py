@@ -21,6 +21,7 @@ from pavetwin.perception.examples.example import ExampleSet
 from pavetwin.perception.examples.unlabelled import read_unlabelled
 from pavetwin.perception.training.__main__ import main
 from pavetwin.perception.training.held_pictures import HeldExampleSet
+from pavetwin.perception.training.machine import check_compiler
 from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
 from pavetwin.perception.training.run_folder import load_network
 from pavetwin.perception.training.schedule import MovingAverage, epoch_order, phases_of, rate_at
@@ -212,14 +213,24 @@ def test_compiling_without_a_compiler_is_refused(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr("sys.platform", "linux")
     monkeypatch.delenv("CXX", raising=False)
+    monkeypatch.delenv("CC", raising=False)
     words = [str(folder), "-o", str(tmp_path / "run"), "--device", "cpu", "--compile"]
     assert main(words) == 2
-    assert "Error: `compiled`: it needs a compiler (g++, clang++, c++)" in capsys.readouterr().err
+    assert "Error: --compile: it needs a compiler (g++), and there is none" in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
-    monkeypatch.setenv("CXX", "nosuch++")
+    monkeypatch.setenv("CXX", "nosuch++ -O2")
     assert main(words) == 2
     assert "it needs a compiler (nosuch++)" in capsys.readouterr().err
+    compiled = TrainingMachine("cpu", compiled=True)
+    with pytest.raises(PaveTwinError, match=r"a compiler \(gcc, clang\), and there is none; .* name it in CC"):
+        check_compiler(compiled, torch.device("cuda"))
+    for name in ("nosuch++", "clang"):
+        (tmp_path / name).write_text("")
+        (tmp_path / name).chmod(0o755)
+    check_compiler(compiled, torch.device("cpu"))
+    check_compiler(compiled, torch.device("cuda"))
 
 
 def test_pictures_are_decoded_before_processes_share_them(

@@ -44,7 +44,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         finished = trainer.run(60 * given.stop_after if given.stop_after is not None else None)
     except PaveTwinError as error:
-        sys.stderr.write(f"Error: {re.sub(r'`overrides`', 'settings', str(error))}\n")
+        told = re.sub(r"`overrides`", "settings", re.sub(r"`compiled`", "--compile", str(error)))
+        sys.stderr.write(f"Error: {told}\n")
         return 2
     print(f"{'Finished' if finished else 'Stopped; the same command goes on'}: {given.output}")
     return 0

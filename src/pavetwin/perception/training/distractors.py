@@ -33,7 +33,7 @@ CELL_PX: Final = 8
 """Side of the cells in which shapes and labelled boxes are compared."""
 
 SEEN: Final = 0.02
-"""Opacity from which a shape covers a pixel."""
+"""Opacity from which a shape covers a pixel; where it would cover less, it ends."""
 
 _PI: Final = float(np.pi)
 
@@ -47,6 +47,7 @@ class _Layer:
     centre: Tensor
     """(batch, 2) as shares of the sides."""
     angle: Tensor
+    """Radians."""
     half: Tensor
     """(batch, 2) half sides, as shares of the image's."""
     rough: Tensor
@@ -54,6 +55,7 @@ class _Layer:
     soft: Tensor
     """Width over which the shape ends, as a share of the side."""
     opacity: Tensor
+    """Of its middle, 0 … 1."""
     texture: Tensor
     """Number in `TEXTURES`."""
     slope: Tensor
@@ -88,13 +90,16 @@ def with_distractors(images: Tensor, targets: Targets, count: int, rng: np.rando
         layer = _random_layer(len(images), rng, device)
         first, second = _noise(images, layer.slope, noise), _noise(images, torch.full_like(layer.slope, 1.5), noise)
         cover = _cover(layer, second, images.shape[-1])
-        touched = max_pool2d((cover > SEEN).float()[:, None], CELL_PX, ceil_mode=True) * labelled
-        cover = cover * (touched.amax(dim=(1, 2, 3)) == 0)[:, None, None]
-        images = torch.lerp(images, _painted(images, layer, first), cover[:, None])
-    return images.clamp(0, 1)
+        is_seen = cover > SEEN
+        touched = max_pool2d(is_seen.float()[:, None], CELL_PX, ceil_mode=True) * labelled
+        is_kept = (touched.amax(dim=(1, 2, 3)) == 0)[:, None, None]
+        images = torch.lerp(images, _painted(images, layer, first).clamp(0, 1), (cover * is_seen * is_kept)[:, None])
+    return images
 
 
 def _random_layer(count: int, rng: np.random.Generator, device: torch.device) -> _Layer:
+    """A shape for each of `count` images."""
+
     def uniform(low: float, high: float, *more: int) -> Tensor:
         return _on(rng.uniform(low, high, (count, *more)), device)
 
@@ -185,13 +190,17 @@ def _cover(layer: _Layer, outline: Tensor, side: int) -> Tensor:
 
 
 def _painted(images: Tensor, layer: _Layer, noise: Tensor) -> Tensor:
-    """What the shapes would look like if they filled the images."""
+    """(batch, 3, side, side): what the shapes would look like if they filled the images.
+
+    Args:
+        noise: (batch, side, side) of mean 0 and standard deviation 1.
+    """
     along, across = _turned(layer, images.shape[-1])
     period = layer.period[:, None, None]
     row = torch.floor(across / period)
     column = along / period + layer.offset[:, None, None] * row
     joints = torch.maximum(_from_middle(across / period), _from_middle(column)) > 1 - layer.joint[:, None, None]
-    # A shade for each paver, as good as random: the fraction of a great multiple.
+    # A shade from −1 to 1 for each paver: a hash of its row and column.
     shade = torch.frac(torch.sin(row * 12.9898 + torch.floor(column) * 78.233) * 43758.5453).abs() * 2 - 1
     fields = (noise, torch.tanh(4 * noise), torch.where(joints, torch.full_like(shade, -2.5), shade + 0.3 * noise))
     which = layer.texture[:, None, None]

@@ -1,7 +1,9 @@
 """What a training asks of the machine that it runs on."""
 
 import os
+import shlex
 import shutil
+import sys
 from collections.abc import Sequence
 from typing import Final
 
@@ -16,6 +18,10 @@ from pavetwin.perception.training.options import TrainingMachine, TrainingOption
 
 PICTURES_SHARE: Final = 0.25
 """Of a graphics card's free memory that training pictures may take, so that views are drawn there."""
+
+
+_CPP_COMPILERS: Final = {"darwin": "clang++", "win32": "cl"}
+"""What `torch.compile` starts where CXX names none; elsewhere it is g++."""
 
 
 def draws_views(
@@ -52,8 +58,10 @@ def check_compiler(machine: TrainingMachine, device: torch.device) -> None:
     Raises:
         PaveTwinError: compiling is asked for, and there is no compiler.
     """
-    variable, names = ("CC", ("gcc", "clang", "cc")) if device.type == "cuda" else ("CXX", ("g++", "clang++", "c++"))
-    wanted = [os.environ[variable]] if os.environ.get(variable) else names
+    variable, names = "CXX", [_CPP_COMPILERS.get(sys.platform, "g++")]
+    if device.type == "cuda":
+        variable, names = "CC", ["gcc", "clang"]
+    wanted = shlex.split(os.environ.get(variable, ""))[:1] or names
     if machine.compiled and not any(map(shutil.which, wanted)):
         raise PaveTwinError(
             f"`compiled`: it needs a compiler ({', '.join(wanted)}), and there is none; install one, name it in "

@@ -172,7 +172,8 @@ class Trainer:
             PaveTwinError: a loss is not finite; the last checkpoint stays as it is.
         """
         deadline = time.monotonic() + stop_after_s if stop_after_s is not None else float("inf")
-        self._watcher.on_start(self._where())
+        if self._progress.phase < len(self._phases):
+            self._watcher.on_start(self._where())
         while self._progress.phase < len(self._phases):
             if not self._epoch(deadline):
                 self._save()
