@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from pavetwin.labels.boxes import FloatBox, PixelBox, within
 from pavetwin.perception.inference import Detections
 from pavetwin.perception.inference.detections import MaskPart
-from pavetwin.perception.inference.tiles import EDGE_PX, OVERLAP, merged, tile_windows
+from pavetwin.perception.inference.tiles import OVERLAP, merged, tile_windows
 
 SIDE = 128
 SIZE = (300, 220)
-POTHOLE, CAR = 2, 4
+CRACK, POTHOLE, CAR = 0, 2, 4
 
 FEW = settings(max_examples=40, deadline=None)
 
@@ -37,6 +37,28 @@ def seen(box: FloatBox, tiles: list[PixelBox], *, kind: int = POTHOLE, confidenc
                 tuple((MaskPart(each, grid),) if kind == POTHOLE else () for each in parts),
             )
         )
+    return found
+
+
+def seen_crack(
+    start: tuple[float, float], end: tuple[float, float], tiles: list[PixelBox], *, masks: bool = True
+) -> list[Detections]:
+    """What each tile says of a straight thin crack: the box and the mask of what it sees of it."""
+    along = np.linspace(start, end, 2001)
+    found = []
+    for tile in tiles:
+        inside = along[((along >= tile[:2]) & (along <= tile[2:])).all(axis=1)]
+        count = int(len(inside) > 240)  # of less a network says nothing
+        boxes, parts = np.empty((0, 4), dtype=np.float32), ()
+        if count:
+            low, high = inside.min(axis=0) - 2, inside.max(axis=0) + 2
+            cells = np.floor((inside - low) / (high - low) * 28).astype(int)
+            grid = np.zeros((28, 28), dtype=np.float32)
+            grid[cells[:, 1], cells[:, 0]] = 1
+            boxes = np.array([[*low, *high]], dtype=np.float32)
+            parts = ((MaskPart(tuple(boxes[0].tolist()), grid),) if masks else (),)
+        kind, sure = np.full(count, CRACK, dtype=np.int64), np.full(count, 0.8, dtype=np.float32)
+        found.append(Detections(SIZE, boxes, kind, sure, np.ones(count, dtype=np.float32), parts))
     return found
 
 
@@ -85,10 +107,42 @@ def test_what_crosses_seams_comes_out_once_with_the_whole_box(left: int, right: 
     parts = seen(box, tiles)
     assert sum(map(len, parts)) > 1
     result = merged(parts, tiles)
-    np.testing.assert_allclose(result.boxes, [box], atol=EDGE_PX)
+    np.testing.assert_allclose(result.boxes, [box], atol=3)
     mask = result.mask(0)
     assert mask is not None
     assert mask[1].mean() > 0.98
+
+
+@FEW
+@given(st.floats(10, 40), st.floats(5, 205), st.floats(260, 290), st.floats(5, 205))
+def test_a_crack_across_seams_at_any_angle_comes_out_once(x0: float, y0: float, x1: float, y1: float) -> None:
+    tiles = tile_windows(SIZE, SIDE)
+    result = merged(seen_crack((x0, y0), (x1, y1), tiles), tiles)
+    around = [x0, min(y0, y1), x1, max(y0, y1)]
+    np.testing.assert_allclose(result.boxes[0], around, atol=8)
+    assert len(result) == 1
+
+
+def test_the_masks_are_what_joins_a_slanting_crack() -> None:
+    tiles = tile_windows(SIZE, SIDE)
+    slanting = ((20.0, 10.0), (280.0, 200.0))
+    assert len(merged(seen_crack(*slanting, tiles), tiles)) == 1
+    assert len(merged(seen_crack(*slanting, tiles, masks=False), tiles)) > 1
+
+
+def test_two_cracks_that_meet_a_seam_apart_stay_two() -> None:
+    tiles = tile_windows(SIZE, SIDE)
+    seam = (tiles[0][2] + tiles[1][0]) / 2
+    first = [
+        each if at % 3 == 0 else each.chosen([]) for at, each in enumerate(seen_crack((10, 20), (seam + 20, 60), tiles))
+    ]
+    second = [
+        each.chosen([]) if at % 3 == 0 else each for at, each in enumerate(seen_crack((seam - 20, 20), (200, 5), tiles))
+    ]
+    assert sum(map(len, first)) == 1
+    assert sum(map(len, second)) >= 1
+    result = merged(together(first, second), tiles)
+    assert len(result) == 2
 
 
 def test_neighbours_of_other_classes_or_places_stay_apart() -> None:

@@ -10,23 +10,30 @@ import numpy as np
 
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
 from pavetwin.labels.boxes import PixelBox
-from pavetwin.perception.classes import SUBTYPES
-from pavetwin.perception.inference.detections import Detections, MaskPart
+from pavetwin.perception.classes import CRACKS, SUBTYPES
+from pavetwin.perception.inference.detections import IS_COVERED, Detections, MaskPart
 
 OVERLAP: Final = 0.2
 """Of neighbouring tiles, as a share of their side, at least."""
 
-EDGE_PX: Final = 3.0
-"""A box that ends this near to a seam may go on behind it."""
+EDGE_PX: Final = 16.0
+"""A box that ends this near to a seam may go on behind it: boxes of thin cracks often end before the crack does."""
 
 SAME: Final = 0.5
 """IoU from which two tiles' boxes of one coarse class are one object, compared in what both tiles see."""
+
+GOES_ON: Final = 0.3
+"""The same of the boxes around what the masks of two cracks cover there, in cells of a 28th of their boxes."""
 
 ABSORBED: Final = 0.7
 """Share of a part within the box of an object from which it adds nothing to it."""
 
 TRUSTED: Final = 0.5
 """Share of the confidence of an object's most confident part from which another part may change its box."""
+
+
+_CRACKS: Final = [SUBTYPES.index(name) for name in SUBTYPES if name in CRACKS]
+"""Numbers of the classes whose parts may run across a seam at an angle."""
 
 
 def tile_windows(size_px: tuple[int, int], side_px: int) -> list[PixelBox]:
@@ -46,10 +53,12 @@ def tile_windows(size_px: tuple[int, int], side_px: int) -> list[PixelBox]:
 def merged(found: Sequence[Detections], tiles: Sequence[PixelBox]) -> Detections:
     """The detections of an image from those of its tiles, an object once.
 
-    Two boxes of one coarse class are one object where they agree (IoU) in what both tiles see. The most confident one
-    goes first and takes those with it, as non-maximum suppression does. What one tile sees whole stays as it is; parts
-    that end at seams are joined, unless they are much less confident: a doubtful box never makes a good one larger.
-    The class of an object is that of its most confident part, weighted by the part's area.
+    Two boxes of one coarse class are one object where they agree (IoU) in what both tiles see; of two cracks that end
+    at seams it is enough that their masks agree there, since one that runs across a seam at an angle has a box in each
+    tile that goes its own way from there. The most confident one goes first and takes those with it, as non-maximum
+    suppression does. What one tile sees whole stays as it is; parts that end at seams are joined, unless they are much
+    less confident: a doubtful box never makes a good one larger. The class of an object is that of its most confident
+    part, weighted by the part's area.
 
     Args:
         found: of each tile, in pixels of the image.
@@ -81,6 +90,9 @@ class _Pieces:
     """Among the detections of its tile."""
     is_cut: BoolArray
     """Whether it ends at a seam."""
+    cells: tuple[Float64Array | None, ...]
+    """(n,) of a crack that ends at a seam: (cells, 4) left, top, right and bottom of what its mask covers, in pixels of
+    the image; None of others."""
     coarse: IndexArray
     """0 for every defect, else the class."""
     confidence: Float64Array
@@ -93,11 +105,15 @@ def _pieces(found: Sequence[Detections], tiles: Sequence[PixelBox]) -> _Pieces:
     edges = np.array(tiles, dtype=float)[tile]
     width, height = found[0].size_px
     seams = edges != [0, 0, width, height]
+    is_cut = (seams & (np.abs(boxes - edges) <= EDGE_PX)).any(axis=1)
+    is_crack = np.isin(np.concatenate([each.classes for each in found]), _CRACKS)
+    masks = [mask for each in found for mask in each.masks]
     return _Pieces(
         boxes=boxes,
         tile=tile,
         row=np.concatenate([np.arange(count) for count in counts]),
-        is_cut=(seams & (np.abs(boxes - edges) <= EDGE_PX)).any(axis=1),
+        is_cut=is_cut,
+        cells=tuple(_cells(mask) if wanted else None for mask, wanted in zip(masks, is_cut & is_crack, strict=True)),
         coarse=np.maximum(0, np.concatenate([each.classes for each in found]) - len(SUBTYPES) + 1),
         confidence=np.concatenate([each.confidence for each in found]).astype(float),
     )
@@ -125,7 +141,7 @@ def _groups(pieces: _Pieces, tiles: Sequence[PixelBox]) -> list[list[int]]:
             whole = trusted[~pieces.is_cut[trusted]][:1].tolist()
             group = whole or group + trusted.tolist()
             heads.extend(whole or trusted.tolist())
-        others = near[pieces.tile[group[0]]]
+        others = np.unique(np.concatenate([near[tile] for tile in {int(pieces.tile[at]) for at in group}]))
         covered = _box(group, pieces)
         rest = others[is_left[others] & pieces.is_cut[others] & (pieces.coarse[others] == pieces.coarse[first])]
         is_left[rest[_shares(pieces.boxes[rest], covered) >= ABSORBED]] = False
@@ -149,8 +165,46 @@ def _same(piece: int, others: IndexArray, pieces: _Pieces, windows: Float64Array
     mine = _within(np.broadcast_to(pieces.boxes[piece], shared.shape), shared)
     seen = _within(pieces.boxes[others], shared)
     both = _areas(_within(mine, seen))
-    same = others[both > SAME * np.maximum(_areas(mine) + _areas(seen) - both, 1e-9)]
+    is_same = both > SAME * np.maximum(_areas(mine) + _areas(seen) - both, 1e-9)
+    cells = pieces.cells[piece]
+    if cells is not None:
+        for at in np.flatnonzero(~is_same & (both > 0)):
+            theirs_cells = pieces.cells[others[at]]
+            if theirs_cells is not None:
+                is_same[at] = _go_on(cells, theirs_cells, shared[at])
+    same = others[is_same]
     return same[np.argsort(-pieces.confidence[same], kind="stable")]
+
+
+def _go_on(first: Float64Array, second: Float64Array, shared: Float64Array) -> bool:
+    """Whether two parts of cracks are one where both tiles see them: the boxes around what their masks cover there
+    agree. The boxes of the parts themselves need not: of a crack that runs across a seam, each goes its own way from
+    there."""
+    seen = [_around(cells, shared) for cells in (first, second)]
+    if seen[0] is None or seen[1] is None:
+        return False
+    mine, theirs = seen[0][None], seen[1][None]
+    both = _areas(_within(mine, theirs))[0]
+    return bool(both > GOES_ON * max(_areas(mine)[0] + _areas(theirs)[0] - both, 1e-9))
+
+
+def _around(cells: Float64Array, window: Float64Array) -> Float64Array | None:
+    """The box around what lies within a window; None where nothing does."""
+    inside = _within(cells, np.broadcast_to(window, cells.shape))
+    inside = inside[(inside[:, :2] < inside[:, 2:]).all(axis=1)]
+    return np.concatenate([inside[:, :2].min(axis=0), inside[:, 2:].max(axis=0)]) if len(inside) else None
+
+
+def _cells(parts: Sequence[MaskPart]) -> Float64Array | None:
+    """(cells, 4) what a mask covers; None where it covers nothing, or there is none."""
+    found = []
+    for part in parts:
+        rows, columns = np.nonzero(part.grid >= IS_COVERED)
+        width, height = part.cell_px
+        left, top = part.box[0] + columns * width, part.box[1] + rows * height
+        found.append(np.stack([left, top, left + width, top + height], axis=1))
+    cells = np.concatenate(found) if found else np.empty((0, 4))
+    return cells if len(cells) else None
 
 
 def _box(group: Sequence[int], pieces: _Pieces) -> Float64Array:
