@@ -1,5 +1,6 @@
 """Tiles cover an image, and what several of them see is one object."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -128,6 +129,43 @@ def test_the_masks_are_what_joins_a_slanting_crack() -> None:
     slanting = ((20.0, 10.0), (280.0, 200.0))
     assert len(merged(seen_crack(*slanting, tiles), tiles)) == 1
     assert len(merged(seen_crack(*slanting, tiles, masks=False), tiles)) > 1
+
+
+FRAME = tile_windows((2048, 1536), 480)
+LONG = ((100.0, 100.0), (1900.0, 1400.0))
+
+
+@pytest.mark.parametrize("end", [(260.0, 1500.0), (1990.0, 110.0), (1900.0, 1400.0)])
+def test_a_crack_over_a_frame_is_one_steep_or_flat(end: tuple[float, float]) -> None:
+    result = merged(seen_crack((100, 100), end, FRAME), FRAME)
+    np.testing.assert_allclose(result.boxes, [[100, 100, *end]], atol=3)
+
+
+@pytest.mark.parametrize("second", [((900.0, 100.0), (1900.0, 820.0)), ((400.0, 100.0), (1900.0, 1180.0))])
+def test_a_crack_within_the_box_of_another_stays_its_own(second: tuple[tuple[float, float], ...]) -> None:
+    result = merged(together(seen_crack(*LONG, FRAME), seen_crack(*second, FRAME)), FRAME)
+    wanted = sorted([*start, *end] for start, end in (LONG, second))
+    np.testing.assert_allclose(sorted(result.boxes.tolist()), wanted, atol=3)
+
+
+def test_a_pothole_within_the_box_of_a_crack_stays() -> None:
+    pothole = (1000.0, 346.0, 1110.0, 486.0)
+    assert all(len(each.boxes) == 0 or pothole != tuple(each.boxes[0]) for each in seen(pothole, FRAME))
+    result = merged(together(seen_crack(*LONG, FRAME), seen(pothole, FRAME, confidence=0.7)), FRAME)
+    assert result.names == ["Single Crack", "Pothole"]
+    assert result.boxes[1].tolist() == list(pothole)
+
+
+def test_a_box_that_ends_before_the_seam_is_a_part_too() -> None:
+    """The networks' boxes of thin cracks often end some pixels early."""
+    parts = seen_crack((20, 60), (280, 60), tile_windows(SIZE, SIDE))
+    early = [
+        replace(each, boxes=each.boxes - np.array([0, 0, 10, 0], dtype=np.float32)) if at == 0 else each
+        for at, each in enumerate(parts)
+    ]
+    result = merged(early, tile_windows(SIZE, SIDE))
+    assert len(result) == 1
+    np.testing.assert_allclose(result.boxes[0], [20, 60, 280, 60], atol=3)
 
 
 def test_two_cracks_that_meet_a_seam_apart_stay_two() -> None:

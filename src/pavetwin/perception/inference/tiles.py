@@ -10,7 +10,7 @@ import numpy as np
 
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
 from pavetwin.labels.boxes import PixelBox
-from pavetwin.perception.classes import CRACKS, SUBTYPES
+from pavetwin.perception.classes import SUBTYPES
 from pavetwin.perception.inference.detections import IS_COVERED, Detections, MaskPart
 
 OVERLAP: Final = 0.2
@@ -23,7 +23,8 @@ SAME: Final = 0.5
 """IoU from which two tiles' boxes of one coarse class are one object, compared in what both tiles see."""
 
 GOES_ON: Final = 0.3
-"""The same of the boxes around what the masks of two cracks cover there, in cells of a 28th of their boxes."""
+"""The same of two single cracks, between the boxes around what their masks cover there, which are coarse: masks have
+28 × 28 cells."""
 
 ABSORBED: Final = 0.7
 """Share of a part within the box of an object from which it adds nothing to it."""
@@ -32,8 +33,8 @@ TRUSTED: Final = 0.5
 """Share of the confidence of an object's most confident part from which another part may change its box."""
 
 
-_CRACKS: Final = [SUBTYPES.index(name) for name in SUBTYPES if name in CRACKS]
-"""Numbers of the classes whose parts may run across a seam at an angle."""
+_LONG: Final = SUBTYPES.index("Single Crack")
+"""Number of the class that is thin and long: in a tile it fills little of its box."""
 
 
 def tile_windows(size_px: tuple[int, int], side_px: int) -> list[PixelBox]:
@@ -53,12 +54,12 @@ def tile_windows(size_px: tuple[int, int], side_px: int) -> list[PixelBox]:
 def merged(found: Sequence[Detections], tiles: Sequence[PixelBox]) -> Detections:
     """The detections of an image from those of its tiles, an object once.
 
-    Two boxes of one coarse class are one object where they agree (IoU) in what both tiles see; of two cracks that end
-    at seams it is enough that their masks agree there, since one that runs across a seam at an angle has a box in each
-    tile that goes its own way from there. The most confident one goes first and takes those with it, as non-maximum
-    suppression does. What one tile sees whole stays as it is; parts that end at seams are joined, unless they are much
-    less confident: a doubtful box never makes a good one larger. The class of an object is that of its most confident
-    part, weighted by the part's area.
+    Two boxes of one coarse class are one object where they agree (IoU) in what both tiles see. Single cracks that end
+    at seams are compared by the boxes around what their masks cover there: a crack that runs across a seam at an angle
+    has a box in each tile that goes its own way from there, and two cracks side by side have boxes that overlap. The
+    most confident one goes first and takes those with it, as non-maximum suppression does. What one tile sees whole
+    stays as it is; parts that end at seams are joined, unless they are much less confident: a doubtful box never makes
+    a good one larger. The class of an object is that of its most confident part, weighted by the part's area.
 
     Args:
         found: of each tile, in pixels of the image.
@@ -91,8 +92,8 @@ class _Pieces:
     is_cut: BoolArray
     """Whether it ends at a seam."""
     cells: tuple[Float64Array | None, ...]
-    """(n,) of a crack that ends at a seam: (cells, 4) left, top, right and bottom of what its mask covers, in pixels of
-    the image; None of others."""
+    """(n,) of a single crack that ends at a seam: (cells, 4) left, top, right and bottom of what its mask covers, in
+    pixels of the image; None of others."""
     coarse: IndexArray
     """0 for every defect, else the class."""
     confidence: Float64Array
@@ -106,7 +107,7 @@ def _pieces(found: Sequence[Detections], tiles: Sequence[PixelBox]) -> _Pieces:
     width, height = found[0].size_px
     seams = edges != [0, 0, width, height]
     is_cut = (seams & (np.abs(boxes - edges) <= EDGE_PX)).any(axis=1)
-    is_crack = np.isin(np.concatenate([each.classes for each in found]), _CRACKS)
+    is_crack = np.concatenate([each.classes for each in found]) == _LONG
     masks = [mask for each in found for mask in each.masks]
     return _Pieces(
         boxes=boxes,
@@ -137,16 +138,21 @@ def _groups(pieces: _Pieces, tiles: Sequence[PixelBox]) -> list[list[int]]:
             is_left[same] = False
             if not pieces.is_cut[group[0]]:
                 continue
-            trusted = same[pieces.confidence[same] >= TRUSTED * pieces.confidence[first]]
-            whole = trusted[~pieces.is_cut[trusted]][:1].tolist()
-            group = whole or group + trusted.tolist()
-            heads.extend(whole or trusted.tolist())
-        others = np.unique(np.concatenate([near[tile] for tile in {int(pieces.tile[at]) for at in group}]))
-        covered = _box(group, pieces)
-        rest = others[is_left[others] & pieces.is_cut[others] & (pieces.coarse[others] == pieces.coarse[first])]
-        is_left[rest[_shares(pieces.boxes[rest], covered) >= ABSORBED]] = False
+            trusted = [at for at in same.tolist() if pieces.confidence[at] >= TRUSTED * pieces.confidence[first]]
+            whole = [at for at in trusted if not pieces.is_cut[at] and _covers(at, group, pieces)][:1]
+            group = whole or group + trusted
+            heads.extend(whole or trusted)
+        for at in group:
+            others = near[pieces.tile[at]]
+            rest = others[is_left[others] & pieces.is_cut[others] & (pieces.coarse[others] == pieces.coarse[first])]
+            is_left[rest[_shares(pieces.boxes[rest], pieces.boxes[at]) >= ABSORBED]] = False
         groups.append(group)
     return groups
+
+
+def _covers(piece: int, group: Sequence[int], pieces: _Pieces) -> bool:
+    """Whether a piece shows most of what the pieces of a group show together."""
+    return bool(_shares(_box(group, pieces)[None], pieces.boxes[piece])[0] >= ABSORBED)
 
 
 def _beside(tile: int, windows: Float64Array, in_tile: Sequence[IndexArray]) -> IndexArray:
@@ -168,7 +174,7 @@ def _same(piece: int, others: IndexArray, pieces: _Pieces, windows: Float64Array
     is_same = both > SAME * np.maximum(_areas(mine) + _areas(seen) - both, 1e-9)
     cells = pieces.cells[piece]
     if cells is not None:
-        for at in np.flatnonzero(~is_same & (both > 0)):
+        for at in np.flatnonzero(both > 0):
             theirs_cells = pieces.cells[others[at]]
             if theirs_cells is not None:
                 is_same[at] = _go_on(cells, theirs_cells, shared[at])
@@ -177,9 +183,7 @@ def _same(piece: int, others: IndexArray, pieces: _Pieces, windows: Float64Array
 
 
 def _go_on(first: Float64Array, second: Float64Array, shared: Float64Array) -> bool:
-    """Whether two parts of cracks are one where both tiles see them: the boxes around what their masks cover there
-    agree. The boxes of the parts themselves need not: of a crack that runs across a seam, each goes its own way from
-    there."""
+    """Whether two parts of cracks are one: the boxes around what their masks cover agree in what both tiles see."""
     seen = [_around(cells, shared) for cells in (first, second)]
     if seen[0] is None or seen[1] is None:
         return False
