@@ -10,7 +10,13 @@ from pavetwin.errors import PaveTwinError
 
 
 def export(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or its best.pt.")],
+    runs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RUN",
+            help="Folder of a run, or its best.pt; several that began with the same weights give the mean of theirs.",
+        ),
+    ],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="The file, such as model.onnx.")] = None,
     half: Annotated[
         bool, typer.Option("--half", help="Store the weights in half precision: half the size, the same speed.")
@@ -27,6 +33,7 @@ def export(
     pavetwin export runs/first -o model.onnx
     pavetwin export runs/first/best.pt -o small.onnx --half --licence Apache-2.0
     pavetwin export runs/first -o int8.onnx --int8 datasets/town/images/train
+    pavetwin export runs/seed-0 runs/seed-1 runs/seed-2 -o mean.onnx --half
 
     Needs PyTorch (`pip install pavetwin\\[train]`); `pavetwin detect` and `pavetwin serve` run the file without it.
     """
@@ -38,22 +45,24 @@ def export(
         raise PaveTwinError("`int8`: weights are stored in int8 or in half precision; leave `half` out.")
     if int8 is not None and not int8.is_dir():
         raise PaveTwinError(f"`int8`: there is no folder of pictures '{int8}'.")
-    if not run.exists():
-        raise PaveTwinError(f"There is no run '{run}'; `pavetwin train` makes one.")
+    for run in runs:
+        if not run.exists():
+            raise PaveTwinError(f"There is no run '{run}'; `pavetwin train` makes one.")
     _check_installed()
     from pavetwin.perception.training.export import export as exported
 
     with progress("Exporting"):
         if int8 is None:
-            facts = exported(run, output, licence=licence, half=half)
+            facts = exported(runs, output, licence=licence, half=half)
         else:
             from pavetwin.perception.training.quantise import pictures_in, store_in_int8
 
             pictures = pictures_in(int8)
-            facts = exported(run, output, licence=licence)
+            facts = exported(runs, output, licence=licence)
             store_in_int8(output, pictures)
     masks = "with masks" if facts.mask_px else "without masks"
-    out.line(f"Model: {output}, {output.stat().st_size / 1e6:.1f} MB, {masks}, for images of {facts.image_px} px.")
+    of = f" the mean of {len(runs)} runs," if len(runs) > 1 else ""
+    out.line(f"Model: {output},{of} {output.stat().st_size / 1e6:.1f} MB, {masks}, for images of {facts.image_px} px.")
 
 
 def _check_installed() -> None:

@@ -44,7 +44,8 @@ class ModelFacts:
     mask_px: int = 0
     """Side of a mask; 0 without masks."""
     recipe: str = ""
-    """SHA-256 of the training's settings and data (`run.json`); empty where they are not known."""
+    """SHA-256 of the training's settings and data (`run.json`), of a mean of those of all its runs, one after another
+    in the order given; empty where they are not known."""
     licence: str = ""
     """Of the weights; empty where nothing is said."""
     architecture: Mapping[str, Any] = field(default_factory=dict)

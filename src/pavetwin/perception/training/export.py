@@ -3,7 +3,7 @@
 PyTorch exports the encoder and the heads of regions; what lies between them is `export_graph`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from hashlib import sha256
 from pathlib import Path
@@ -19,11 +19,12 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.perception.classes import CLASSES
 from pavetwin.perception.inference.model_file import OUTPUTS, ModelFacts
+from pavetwin.perception.training.averaging import averaged_network, weights_of
 from pavetwin.perception.training.detect import DetectLimits
 from pavetwin.perception.training.export_graph import OPSET, answers, joined, store_in_half, suppression
 from pavetwin.perception.training.heads import REGION_STRIDE, RegionHead, pooled
 from pavetwin.perception.training.network import DetectorNetwork
-from pavetwin.perception.training.run_folder import BEST, SETTINGS, load_network
+from pavetwin.perception.training.run_folder import SETTINGS
 
 SIDE_STEP: Final = 32
 """Sides of images are multiples of it."""
@@ -61,20 +62,22 @@ class _Regions(nn.Module):
         return subtypes, self.head.mask(sampled).squeeze(1).sigmoid()
 
 
-def export(run: Path, target: Path, *, licence: str = "", half: bool = False) -> ModelFacts:
-    """Write the ONNX file of a run's best weights, or of a file of weights.
+def export(runs: Path | Sequence[Path], target: Path, *, licence: str = "", half: bool = False) -> ModelFacts:
+    """Write the ONNX file of a run's best weights, or of a file of weights; of several, with the mean of their weights.
 
     Args:
         licence: of the weights, as the file shall say it.
         half: store the weights in half precision: half the size; they are computed with in single precision.
 
     Raises:
-        PaveTwinError: there are no weights, they are damaged, or the file cannot be written.
+        PaveTwinError: there are no weights, they are damaged, a mean cannot be made of them (`averaged_network`), or
+            the file cannot be written.
     """
-    weights = run / BEST if run.is_dir() else run
-    network, told = load_network(weights)
-    settings = weights.parent / SETTINGS
-    recipe = sha256(settings.read_bytes()).hexdigest() if settings.is_file() else ""
+    given = [runs] if isinstance(runs, Path) else list(runs)
+    network, told = averaged_network(given)
+    settings = [weights_of(run).parent / SETTINGS for run in given]
+    is_known = all(each.is_file() for each in settings)
+    recipe = sha256(b"".join(each.read_bytes() for each in settings)).hexdigest() if is_known else ""
     facts = replace(facts_of(network, told), recipe=recipe, licence=licence)
     content = onnx_model(network, facts, half=half).SerializeToString()
     with writing(target) as temporary:

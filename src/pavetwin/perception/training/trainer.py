@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from hashlib import sha256
 from itertools import repeat
 from math import isfinite
 from pathlib import Path
@@ -135,6 +136,7 @@ class Trainer:
         self._compiled = torch.compile(self.network.maps, dynamic=False) if machine.compiled else self.network.maps
         self._half = machine.half and has_half(self._device)
         self._is_new = start is None
+        self._start = sha256(start.read_bytes()).hexdigest() if start is not None else None
         self._folder = RunFolder(folder)
         settings = {
             "options": options.as_mapping(),
@@ -405,6 +407,7 @@ class Trainer:
                 "phase": phase.name,
                 "epoch": it.epoch + 1,
                 "options": self._options.as_mapping(),
+                "start": self._start,
             }
             self._folder.save_best(self._average.network, told)
         self._watcher.on_epoch(it.curves)
