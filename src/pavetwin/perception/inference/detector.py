@@ -13,6 +13,7 @@ from pavetwin.labels.boxes import PixelBox
 from pavetwin.perception.classes import SUBTYPES
 from pavetwin.perception.inference.detections import Detections, MaskPart
 from pavetwin.perception.inference.model_file import ModelFacts, open_session
+from pavetwin.perception.inference.parts import whole_objects
 from pavetwin.perception.inference.tiles import merged, tile_windows
 from pavetwin.perception.shipped import model_path
 
@@ -151,7 +152,9 @@ class Detector:
         for at in range(len(shown)):
             sides = told["boxes"][:, 2:] - told["boxes"][:, :2]
             mine = np.flatnonzero((told["image"] == at) & (final >= self._confidence) & (sides > 0).all(axis=1))
-            best = mine[np.argsort(-final[mine], kind="stable")][:MOST]
+            best = mine[np.argsort(-final[mine], kind="stable")]
+            grids = told["masks"][best] if "masks" in told else None
+            best = best[whole_objects(told["boxes"][best], told["classes"][best], grids)][:MOST]
             rows.append({name: values[best] for name, values in told.items()})
         return rows
 

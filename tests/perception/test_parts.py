@@ -1,0 +1,111 @@
+"""Parts of an object beside the whole: a wheel is no second car, but a crack beside a slanting crack is a crack."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pavetwin.perception.classes import CLASSES
+from pavetwin.perception.inference import Detector
+from pavetwin.perception.inference.parts import whole_objects
+from scenes.drawn_detector import FILE
+
+CRACK, POTHOLE, PERSON, CAR = (CLASSES.index(name) for name in ("Single Crack", "Pothole", "Person", "Car"))
+CELLS = 28
+
+
+def kept(*rows: tuple[int, tuple[float, float, float, float]], masks: np.ndarray | None = None) -> list[int]:
+    """Of classes and boxes, the most confident first."""
+    boxes = np.array([box for _, box in rows], dtype=np.float32).reshape(-1, 4)
+    return whole_objects(boxes, np.array([each for each, _ in rows], dtype=np.int64), masks).tolist()
+
+
+def slanting() -> np.ndarray:
+    """From the upper left to the lower right, two cells wide."""
+    return (np.eye(CELLS) + np.eye(CELLS, k=1)).astype(np.float32).clip(0, 1)
+
+
+CAR_BOX = (100.0, 100.0, 300.0, 200.0)
+
+
+def test_a_wheel_is_no_second_car_and_who_stands_before_a_car_is_a_person() -> None:
+    wheel = (110.0, 150.0, 150.0, 199.0)
+    assert kept((CAR, CAR_BOX), (CAR, wheel), (PERSON, wheel)) == [0, 2]
+    assert kept((CAR, wheel), (CAR, CAR_BOX)) == [0, 1]  # a doubtful whole takes nothing from a sure part
+
+
+@pytest.mark.parametrize(("left", "rows"), [(91.0, [0]), (89.0, [0, 1])])
+def test_what_stands_out_by_more_than_a_tenth_is_an_object_of_its_own(left: float, rows: list[int]) -> None:
+    assert kept((CAR, CAR_BOX), (CAR, (left, 120.0, left + 100.0, 180.0))) == rows
+
+
+def test_what_is_dropped_takes_no_others_with_it() -> None:
+    half = (100.0, 100.0, 195.0, 205.0)
+    beyond = (150.0, 150.0, 194.0, 204.9)  # lies in the half, and less than nine tenths of it in the whole
+    outer = (100.0, 100.0, 300.0, 197.0)
+    assert kept((CAR, outer), (CAR, half)) == [0]
+    assert kept((CAR, half), (CAR, beyond)) == [0]
+    assert kept((CAR, outer), (CAR, half), (CAR, beyond)) == [0, 2]
+
+
+def test_a_pothole_in_a_pothole_is_one_and_in_a_network_is_a_pothole() -> None:
+    crocodile = CLASSES.index("Crocodile Crack")
+    inner = (150.0, 120.0, 180.0, 140.0)
+    assert kept((POTHOLE, CAR_BOX), (POTHOLE, inner)) == [0]
+    assert kept((crocodile, CAR_BOX), (POTHOLE, inner)) == [0, 1]
+
+
+def test_half_of_a_crack_is_a_part_and_a_crack_beside_it_is_not() -> None:
+    whole, half = (0.0, 0.0, 280.0, 280.0), (0.0, 0.0, 140.0, 140.0)
+    beside = (150.0, 10.0, 270.0, 60.0)  # above the diagonal
+    masks = np.stack([slanting(), slanting(), np.ones((CELLS, CELLS), dtype=np.float32)])
+    cracks = ((CRACK, whole), (CRACK, half), (CRACK, beside))
+    assert kept(*cracks, masks=masks) == [0, 2]
+    assert kept(*cracks) == [0, 1, 2]  # nothing tells them apart
+    masks[1] = 0
+    assert kept(*cracks, masks=masks) == [0, 1, 2]
+
+
+BOXES = st.lists(
+    st.tuples(
+        st.sampled_from([POTHOLE, PERSON, CAR]),
+        st.tuples(*[st.integers(0, 40)] * 2),
+        st.tuples(*[st.integers(1, 40)] * 2),
+    ),
+    max_size=12,
+)
+
+
+@given(BOXES)
+def test_the_first_stays_no_part_stays_and_a_second_pass_changes_nothing(
+    drawn: list[tuple[int, tuple[int, int], tuple[int, int]]],
+) -> None:
+    rows = [(each, (float(x), float(y), float(x + w), float(y + h))) for each, (x, y), (w, h) in drawn]
+    stay = kept(*rows)
+    assert stay[:1] == [0] * bool(rows)
+    assert kept(*[rows[at] for at in stay]) == list(range(len(stay)))
+    for at in set(range(len(rows))) - set(stay):
+        assert any(share(rows[at][1], rows[o][1]) >= 0.9 - 1e-9 and rows[o][0] == rows[at][0] for o in stay if o < at)
+
+
+def share(part: tuple[float, ...], whole: tuple[float, ...]) -> float:
+    across, down = (max(0.0, min(part[k + 2], whole[k + 2]) - max(part[k], whole[k])) for k in (0, 1))
+    return across * down / ((part[2] - part[0]) * (part[3] - part[1]))
+
+
+def test_a_detector_says_no_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    detector = Detector(FILE, confidence=0.2, tiled=False)
+    side = detector.image_px
+    boxes = np.array([[0, 0, 40, 30], [2, 2, 20, 20], [2, 2, 20, 20]], dtype=np.float32)
+    told = {
+        "image": np.zeros(3, dtype=np.int64),
+        "boxes": boxes,
+        "classes": np.array([CAR, CAR, PERSON]),
+        "detection": np.array([0.6, 0.9, 0.5], dtype=np.float32),
+        "subtype": np.array([1.0, 0.5, 1.0], dtype=np.float32),
+        "masks": np.zeros((3, CELLS, CELLS), dtype=np.float32),
+    }
+    monkeypatch.setattr(detector, "_told", lambda _: dict(told))
+    (found,) = detector.detect([np.zeros((side, side, 3), dtype=np.uint8)])
+    assert found.classes.tolist() == [CAR, PERSON]
+    assert found.confidence.tolist() == pytest.approx([0.6, 0.5])
