@@ -13,6 +13,7 @@ from pavetwin.perception.classes import CLASSES
 from pavetwin.perception.shipped import shipped_models
 
 COLOURS: Final = ("#1F6FB2", "#C4572E", "#3A8C5F", "#B58900", "#7A4FA3")
+RUNS: Final = Path("recipes/runs")
 PARTS: Final = {"box": 7.5, "classes": 0.5, "distribution": 1.5, "subtype": 1.0, "mask": 1.0}
 """Parts of the loss and their weights in it, see docs/explanation/detector.md."""
 
@@ -35,14 +36,14 @@ def run_panels(losses: Axes, precisions: Axes, name: str, curves: pl.DataFrame) 
 
 
 def main() -> None:
-    """Draw one row for each run."""
+    """Draw one row for each run; what ships may be the mean of several."""
     parser = argparse.ArgumentParser(prog="python -m gallery.training", description=__doc__)
     parser.add_argument("-o", "--output", type=Path, default=Path("docs/images/training.png"))
     output = parser.parse_args().output
-    runs = [Path("recipes/runs") / name / "curves.csv" for name in shipped_models()]
+    runs = [file for name in shipped_models() for file in sorted((RUNS / name).rglob("curves.csv"))]
     figure, rows = plt.subplots(len(runs), 2, figsize=(11, 3.4 * len(runs)), squeeze=False, layout="constrained")
     for (losses, precisions), file in zip(rows, runs, strict=True):
-        run_panels(losses, precisions, file.parent.name, pl.read_csv(file))
+        run_panels(losses, precisions, " ".join(file.parent.relative_to(RUNS).parts), pl.read_csv(file))
     figure.savefig(output, dpi=110)
     print(output)
 

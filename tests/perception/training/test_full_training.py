@@ -159,7 +159,8 @@ def test_the_recipes_of_the_project_are_read_and_compare_whole_seeds(name: str) 
         shipped = recipe.options("synthetic", "n", 0)
         assert (shipped.image_px, shipped.native, recipe.trainings["synthetic"].start) == (480, True, "synthetic-5")
     else:
-        for training, name, seed in (("synthetic", "synthetic-7", 1), ("mixed", "mixed-3", 2)):
+        streets = [("streets", f"synthetic-8/seed-{seed}", seed) for seed in range(3)]
+        for training, name, seed in (("synthetic", "synthetic-7", 1), ("mixed", "mixed-3", 2), *streets):
             told = json.loads((RECIPES / "runs" / name / "run.json").read_text())
             assert recipe.options(training, "n", seed).as_mapping() == told["options"]
             assert Path(recipe.trainings[training].start or "").name == told["start"]
