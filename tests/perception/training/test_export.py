@@ -229,8 +229,8 @@ def test_weights_say_what_their_file_says_and_are_asked_of_regions(tmp_path: Pat
     weights = WeightsDetector(run / "best.pt", confidence=0.3)
     image = images_of(1, (128, 160), np.random.default_rng(1))[0]
     mine, theirs = weights.detect([image])[0], Detector(tmp_path / "model.onnx", confidence=0.3).detect([image])[0]
-    assert len(mine) > 20
-    assert abs(len(mine) - len(theirs)) <= 0.05 * len(mine)
+    assert len(mine) > 10
+    assert abs(len(mine) - len(theirs)) <= 1
     boxes, others = torch.from_numpy(mine.boxes), torch.from_numpy(theirs.boxes)
     assert (box_iou(boxes, others).amax(dim=1) > 0.98).float().mean() > 0.95
     whole = WeightsDetector(run / "best.pt", confidence=0.3, tiled=False)

@@ -120,7 +120,7 @@ def _check_starts(members: Sequence[_Member]) -> None:
         if each.start is None:
             raise PaveTwinError(
                 f"'{each.run}' began with random weights: a mean with others finds nothing. "
-                "Train each with --start and the same weights, and another --seed."
+                "Train each from the same weights with another seed: `pavetwin train DATASET start=WEIGHTS seed=1`."
             )
     for starts in ([each.start for each in members], [each.name for each in members]):
         known = [(each, start) for each, start in zip(members, starts, strict=True) if start]
@@ -128,5 +128,5 @@ def _check_starts(members: Sequence[_Member]) -> None:
             if start != known[0][1]:
                 raise PaveTwinError(
                     f"'{each.run}' began with other weights ('{each.name}') than '{known[0][0].run}' "
-                    f"('{known[0][0].name}'); a mean is of runs with the same --start: export them apart."
+                    f"('{known[0][0].name}'); a mean is of runs that begin with the same: export them apart."
                 )
