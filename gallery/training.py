@@ -18,15 +18,17 @@ PARTS: Final = {"box": 7.5, "classes": 0.5, "distribution": 1.5, "subtype": 1.0,
 """Parts of the loss and their weights in it, see docs/explanation/detector.md."""
 
 
-def run_panels(losses: Axes, precisions: Axes, name: str, curves: pl.DataFrame) -> None:
-    """Weighted parts of the loss, and the average precision on the validation images, over the detector's epochs."""
-    detector = curves.filter(~pl.col("phase").str.contains("classifier"))
-    epochs = range(1, len(detector) + 1)
-    for colour, (part, weight) in zip(COLOURS, PARTS.items(), strict=True):
-        losses.plot(epochs, weight * detector[part], color=colour, label=part)
-    for colour, kind in zip(COLOURS, CLASSES, strict=True):
-        precisions.plot(epochs, 100 * detector[kind], color=colour, lw=1.1, label=kind)
-    precisions.plot(epochs, 100 * detector["map50"], color="black", lw=2.2, label="mean")
+def model_panels(losses: Axes, precisions: Axes, name: str, runs: list[pl.DataFrame]) -> None:
+    """Weighted parts of the loss, and the average precision on the validation images, over the detector's epochs; a
+    line for each run of a mean."""
+    for first, curves in zip([True, *[False] * (len(runs) - 1)], runs, strict=True):
+        detector = curves.filter(~pl.col("phase").str.contains("classifier"))
+        epochs = range(1, len(detector) + 1)
+        for colour, (part, weight) in zip(COLOURS, PARTS.items(), strict=True):
+            losses.plot(epochs, weight * detector[part], color=colour, label=part if first else None)
+        for colour, kind in zip(COLOURS, CLASSES, strict=True):
+            precisions.plot(epochs, 100 * detector[kind], color=colour, lw=1.1, label=kind if first else None)
+        precisions.plot(epochs, 100 * detector["map50"], color="black", lw=2.2, label="mean" if first else None)
     losses.set(title=f"{name}: parts of the loss, weighted", xlabel="epoch", ylim=(0, None))
     precisions.set(title="AP@0.5 on the validation images, per cent", xlabel="epoch", ylim=(0, 100))
     for axes in (losses, precisions):
@@ -36,14 +38,16 @@ def run_panels(losses: Axes, precisions: Axes, name: str, curves: pl.DataFrame) 
 
 
 def main() -> None:
-    """Draw one row for each run; what ships may be the mean of several."""
+    """Draw one row for each model; what ships may be the mean of several runs."""
     parser = argparse.ArgumentParser(prog="python -m gallery.training", description=__doc__)
     parser.add_argument("-o", "--output", type=Path, default=Path("docs/images/training.png"))
     output = parser.parse_args().output
-    runs = [file for name in shipped_models() for file in sorted((RUNS / name).rglob("curves.csv"))]
-    figure, rows = plt.subplots(len(runs), 2, figsize=(11, 3.4 * len(runs)), squeeze=False, layout="constrained")
-    for (losses, precisions), file in zip(rows, runs, strict=True):
-        run_panels(losses, precisions, " ".join(file.parent.relative_to(RUNS).parts), pl.read_csv(file))
+    names = shipped_models()
+    figure, rows = plt.subplots(len(names), 2, figsize=(11, 3.4 * len(names)), squeeze=False, layout="constrained")
+    for (losses, precisions), name in zip(rows, names, strict=True):
+        runs = [pl.read_csv(file) for file in sorted((RUNS / name).rglob("curves.csv"))]
+        title = name if len(runs) == 1 else f"{name} ({len(runs)} runs)"
+        model_panels(losses, precisions, title, runs)
     figure.savefig(output, dpi=110)
     print(output)
 

@@ -5,6 +5,9 @@ from typing import Final
 SUBTYPES: Final = ("Single Crack", "Crocodile Crack", "Pothole")
 """What the subtype head tells apart, by number; the first classes of label files."""
 
+SINGLE_CRACK: Final = SUBTYPES.index("Single Crack")
+"""The number of the class that is thin and long: it fills little of its box."""
+
 CRACKS: Final = SUBTYPES[:2]
 """Of which a part looks like the whole."""
 

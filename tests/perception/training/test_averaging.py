@@ -106,6 +106,9 @@ def test_what_training_writes_tells_which_runs_belong_together(tmp_path: Path) -
     of_one = [trained(f"of-one-{seed}", seed, one / "best.pt") for seed in (3, 4)]
     of_other = trained("of-other", 5, other / "best.pt")
     averaged_network(of_one)
+    copied = tmp_path / "copied.pt"
+    copied.write_bytes((one / "best.pt").read_bytes())
+    averaged_network([*of_one, trained("of-copied", 6, copied)])  # the same weights by another name
     with pytest.raises(PaveTwinError, match="began with other weights"):
         averaged_network([of_one[0], of_other])
     with pytest.raises(PaveTwinError, match="began with random weights"):

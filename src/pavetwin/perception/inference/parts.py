@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from pavetwin.arrays import BoolArray, Float32Array, Float64Array, IndexArray, Int64Array
-from pavetwin.perception.classes import SUBTYPES
+from pavetwin.perception.classes import SINGLE_CRACK
 from pavetwin.perception.inference.detections import IS_COVERED
 
 WITHIN: Final = 0.9
@@ -16,8 +16,6 @@ WITHIN: Final = 0.9
 
 COVERED: Final = 0.7
 """The same of two single cracks, between what their masks cover: within the box of a slanting crack others may lie."""
-
-_LONG: Final = SUBTYPES.index("Single Crack")
 
 
 def whole_objects(boxes: Float32Array, classes: Int64Array, masks: Float32Array | None) -> IndexArray:
@@ -29,7 +27,7 @@ def whole_objects(boxes: Float32Array, classes: Int64Array, masks: Float32Array 
         masks: (n, cells, cells) of defects within their boxes, 0 … 1; without them single cracks are all kept.
     """
     is_part = (_shares(boxes.astype(float)) >= WITHIN) & (classes[:, None] == classes)
-    for part, whole in np.argwhere(np.tril(is_part, -1) & (classes == _LONG)).tolist():
+    for part, whole in np.argwhere(np.tril(is_part, -1) & (classes == SINGLE_CRACK)).tolist():
         is_part[part, whole] = masks is not None and _covered(boxes, masks, part, whole) >= COVERED
     is_kept = np.zeros(len(boxes), dtype=bool)
     for row in range(len(boxes)):

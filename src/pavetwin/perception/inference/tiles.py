@@ -10,7 +10,7 @@ import numpy as np
 
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
 from pavetwin.labels.boxes import PixelBox
-from pavetwin.perception.classes import SUBTYPES
+from pavetwin.perception.classes import SINGLE_CRACK, SUBTYPES
 from pavetwin.perception.inference.detections import IS_COVERED, Detections, MaskPart
 
 OVERLAP: Final = 0.2
@@ -31,10 +31,6 @@ ABSORBED: Final = 0.7
 
 TRUSTED: Final = 0.5
 """Share of the confidence of an object's most confident part from which another part may change its box."""
-
-
-_LONG: Final = SUBTYPES.index("Single Crack")
-"""Number of the class that is thin and long: in a tile it fills little of its box."""
 
 
 def tile_windows(size_px: tuple[int, int], side_px: int) -> list[PixelBox]:
@@ -107,7 +103,7 @@ def _pieces(found: Sequence[Detections], tiles: Sequence[PixelBox]) -> _Pieces:
     width, height = found[0].size_px
     seams = edges != [0, 0, width, height]
     is_cut = (seams & (np.abs(boxes - edges) <= EDGE_PX)).any(axis=1)
-    is_crack = np.concatenate([each.classes for each in found]) == _LONG
+    is_crack = np.concatenate([each.classes for each in found]) == SINGLE_CRACK
     masks = [mask for each in found for mask in each.masks]
     return _Pieces(
         boxes=boxes,

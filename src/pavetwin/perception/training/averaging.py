@@ -9,6 +9,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -122,11 +123,10 @@ def _check_starts(members: Sequence[_Member]) -> None:
                 f"'{each.run}' began with random weights: a mean with others finds nothing. "
                 "Train each from the same weights with another seed: `pavetwin train DATASET start=WEIGHTS seed=1`."
             )
-    for starts in ([each.start for each in members], [each.name for each in members]):
-        known = [(each, start) for each, start in zip(members, starts, strict=True) if start]
-        for each, start in known:
-            if start != known[0][1]:
-                raise PaveTwinError(
-                    f"'{each.run}' began with other weights ('{each.name}') than '{known[0][0].run}' "
-                    f"('{known[0][0].name}'); a mean is of runs that begin with the same: export them apart."
-                )
+    for one, other in combinations(members, 2):
+        starts = (one.start, other.start) if one.start and other.start else (one.name, other.name)
+        if all(starts) and starts[0] != starts[1]:
+            raise PaveTwinError(
+                f"'{other.run}' began with other weights ('{other.name}') than '{one.run}' ('{one.name}'); a mean is "
+                "of runs that begin with the same: export them apart."
+            )
