@@ -1,0 +1,93 @@
+"""The memory of the process of `pavetwin serve`, whatever it is sent."""
+
+import http.client
+import re
+import signal
+import socket
+import subprocess
+import sys
+import zlib
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from io import BytesIO
+from pathlib import Path
+from struct import pack
+
+import pytest
+from PIL import Image
+
+from scenes.command_line import command
+from scenes.drawn_detector import FILE, drawn
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the peak of a process's memory is read from /proc")
+
+KIND = "multipart/form-data; boundary=x"
+LARGEST_MB = 256
+"""That all requests hold together by default, `ServerLimits.held_mb`."""
+
+
+def test_its_memory_stays_bounded_and_it_answers_on() -> None:
+    """A whole picture of 200 megapixels, uploads of 100 MB from many at once, hung clients, damaged files."""
+    words = command("serve", "--model", FILE, "--port", 0)
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            found = re.search(r"http://127\.0\.0\.1:(\d+)/", process.stdout.readline())
+            assert found is not None
+            port = int(found[1])
+            street = encoded(drawn((96, 64), ("Car", (20, 12, 50, 56))))
+            assert sent(port, street) == 200
+            begun = peak_mb(process.pid)
+            hung = [socket.create_connection(("127.0.0.1", port)) for _ in range(8)]
+            for each in hung:
+                each.sendall(f"POST /predict HTTP/1.1\r\nHost: a\r\nContent-Type: {KIND}\r\n".encode())
+            huge = grey_png(20_000, 10_000)
+            assert [sent(port, each) for each in (huge, b"text", street[:-40])] == [413, 415, 400]
+            with ThreadPoolExecutor(32) as clients:
+                large = list(clients.map(lambda _: sent(port, bytes(100_000_000)), range(4)))
+                many = list(clients.map(lambda _: sent(port, street), range(32)))
+            assert (set(large), set(many)) == ({413}, {200})
+            for each in hung:
+                each.close()
+            assert sent(port, street) == 200
+            grown = peak_mb(process.pid) - begun
+        finally:
+            process.send_signal(signal.SIGTERM)
+            process.wait(20)
+    assert grown < LARGEST_MB  # the pixels of the large picture alone would take 600 MB, the uploads 400 MB
+
+
+def peak_mb(process: int) -> float:
+    """Greatest resident memory of a process so far."""
+    (line,) = (each for each in Path(f"/proc/{process}/status").read_text().splitlines() if each.startswith("VmHWM:"))
+    return int(line.split()[1]) / 1000
+
+
+def sent(port: int, content: bytes) -> int:
+    """The status of the answer to a file."""
+    body = b'--x\r\nContent-Disposition: form-data; name="file"; filename="a.jpg"\r\n\r\n' + content + b"\r\n--x--\r\n"
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
+    try:
+        with suppress(BrokenPipeError, ConnectionResetError):  # refused before all was sent: the answer is there
+            connection.request("POST", "/predict", body, {"Content-Type": KIND})
+        return connection.getresponse().status
+    finally:
+        connection.close()
+
+
+def encoded(picture: Image.Image) -> bytes:
+    stream = BytesIO()
+    picture.save(stream, "PNG")
+    return stream.getvalue()
+
+
+def grey_png(width: int, height: int) -> bytes:
+    """A picture in red, green and blue with all its pixels, made row by row."""
+
+    def chunk(kind: bytes, content: bytes) -> bytes:
+        return pack(">I", len(content)) + kind + content + pack(">I", zlib.crc32(kind + content))
+
+    squeezed = zlib.compressobj(1)
+    rows = b"".join(squeezed.compress(b"\0" + bytes([128]) * (3 * width)) for _ in range(height)) + squeezed.flush()
+    head = pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", rows) + chunk(b"IEND", b"")
