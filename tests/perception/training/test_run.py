@@ -21,7 +21,7 @@ from pavetwin.perception.examples.example import ExampleSet
 from pavetwin.perception.examples.unlabelled import read_unlabelled
 from pavetwin.perception.training.__main__ import main
 from pavetwin.perception.training.held_pictures import HeldExampleSet
-from pavetwin.perception.training.machine import check_compiler
+from pavetwin.perception.training.machine import check_compiler, has_half
 from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
 from pavetwin.perception.training.run_folder import load_network
 from pavetwin.perception.training.schedule import MovingAverage, epoch_order, phases_of, rate_at
@@ -207,6 +207,18 @@ def test_a_command_says_where_views_are_drawn(folder: Path, tmp_path: Path, caps
     processes = [*values, "--workers", "2", "--set=epochs=1", "--set=classifier_epochs=0"]
     assert main([words[0], "-o", str(tmp_path / "other"), *words[3:], *processes, "--views", "processor"]) == 0
     assert capsys.readouterr().err.count(f"{told} 2 processes.") == 1
+
+
+@pytest.mark.parametrize(
+    ("capabilities", "is_used"),
+    [({"amx_bf16": True}, True), ({"amx_bf16": False, "avx512_bf16": True}, True), ({"avx512_f": True}, False)],
+    ids=["amx", "avx512 bf16", "avx512"],
+)
+def test_processors_with_instructions_for_it_train_in_mixed_precision(
+    monkeypatch: pytest.MonkeyPatch, capabilities: dict[str, bool], *, is_used: bool
+) -> None:
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: capabilities)
+    assert has_half(torch.device("cpu")) is is_used
 
 
 def test_compiling_without_a_compiler_is_refused(

@@ -19,6 +19,8 @@ from pavetwin.perception.training.options import TrainingMachine, TrainingOption
 PICTURES_SHARE: Final = 0.25
 """Of a graphics card's free memory that training pictures may take, so that views are drawn there."""
 
+HALF_INSTRUCTIONS: Final = ("amx_bf16", "avx512_bf16")
+"""Of processors that multiply bfloat16 faster than single precision, as `torch.cpu.get_capabilities` names them."""
 
 _CPP_COMPILERS: Final = {"darwin": "clang++", "win32": "cl"}
 """What `torch.compile` starts where CXX names none; elsewhere it is g++."""
@@ -95,9 +97,9 @@ def device_of(machine: TrainingMachine) -> torch.device:
 
 
 def has_half(device: torch.device) -> bool:
-    """Whether bfloat16 is faster than single precision there: on most graphics cards, and on processors with matrix
-    units for it (AMX)."""
+    """Whether bfloat16 is faster than single precision there: on most graphics cards, and on processors with
+    instructions for it (AMX or AVX-512 BF16)."""
     if device.type == "cuda":
         return torch.cuda.is_bf16_supported()
     told = getattr(torch.cpu, "get_capabilities", None)  # not in all versions
-    return device.type == "cpu" and told is not None and bool(told().get("amx_bf16"))
+    return device.type == "cpu" and told is not None and any(map(told().get, HALF_INSTRUCTIONS))

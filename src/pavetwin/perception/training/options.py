@@ -209,7 +209,7 @@ class TrainingMachine:
     compiled: bool = False
     """The network by `torch.compile`, which takes a minute at first."""
     half: bool = True
-    """Mixed precision (bfloat16) on graphics cards that have it, and on processors with AMX."""
+    """Mixed precision (bfloat16) on graphics cards that have it, and on processors with AMX or AVX-512 BF16."""
 
     def __post_init__(self) -> None:
         """Raises:
