@@ -98,5 +98,5 @@ def test_what_ships_is_evaluated_by_name(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     told = json.loads((tmp_path / "report" / "metrics.json").read_text())
     assert len(told["runs"]["others"]) == len(told["runs"]["these"]) == 1
-    refused = plain_refusal(pavetwin("evaluate", "synthetic-9", town, "-o", tmp_path / "other"))
-    assert "synthetic-9" in refused
+    refused = plain_refusal(pavetwin("evaluate", "synthetic-none", town, "-o", tmp_path / "other"))
+    assert "synthetic-none" in refused
