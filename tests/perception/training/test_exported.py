@@ -219,6 +219,6 @@ def test_the_command_takes_what_ships_by_name(tmp_path: Path) -> None:
     done = pavetwin(*words, "--start", "synthetic-1", "--set", "classifier_epochs=0")
     assert done.returncode == 0, done.stderr
     assert json.loads((tmp_path / "run" / "run.json").read_text())["start"] == "synthetic-1.onnx"
-    refused = plain_refusal(pavetwin(*words[:3], tmp_path / "other", "--start", "synthetic-9"))
-    assert refused.startswith("Error: --start: there is no file of weights 'synthetic-9'; name the best.pt of a run")
+    refused = plain_refusal(pavetwin(*words[:3], tmp_path / "other", "--start", "synthetic-none"))
+    assert refused.startswith("Error: --start: there is no file of weights 'synthetic-none'; name the best.pt of a run")
     assert "synthetic-1" in refused
