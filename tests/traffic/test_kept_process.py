@@ -1,5 +1,6 @@
 """One process of SUMO's for simulations that follow each other, as studies have."""
 
+import gc
 import os
 import signal
 import subprocess
@@ -22,19 +23,10 @@ from scenes.traffic import bytes_of, scene_world
 TRAFFIC = (("medium", 1), ("low", 2), ("medium", 1))
 
 
-BEFORE: set[int] = set()
-"""Simulations that an earlier test in this process has left to the garbage collector."""
-
-
 @pytest.fixture(autouse=True)
-def _apart() -> None:
-    BEFORE.clear()
-    BEFORE.update(simulations(os.getpid()))
-
-
-def begun_here() -> list[int]:
-    """The processes that simulate for the test."""
-    return [process for process in simulations(os.getpid()) if process not in BEFORE]
+def _none_runs() -> None:
+    """A recorder of an earlier test in this process keeps its simulation until it is garbage collected."""
+    gc.collect()
 
 
 @pytest.fixture
@@ -50,20 +42,20 @@ def keeping(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     runner.keep_process()
     yield
     runner._Kept.end()
-    assert not begun_here()
+    assert not simulations(os.getpid())
 
 
 def recorded(world: World, density: str, seed: int) -> tuple[bytes, list[int]]:
     """The bytes of a recording, and the processes while it was made."""
     with Recorder(Inputs.of(world, density, seed), force=True) as recorder:
         recorder.until(12.0)
-        processes = begun_here()
+        processes = simulations(os.getpid())
     return bytes_of(recorder.until(12.0)), processes
 
 
 def test_it_repeats_the_bytes_of_processes_of_their_own(cross: World, request: pytest.FixtureRequest) -> None:
     apart = {traffic: recorded(cross, *traffic)[0] for traffic in TRAFFIC}
-    assert not begun_here()
+    assert not simulations(os.getpid())
     request.getfixturevalue("keeping")
     found = [recorded(cross, *traffic) for traffic in TRAFFIC]
     assert [content for content, _ in found] == [apart[traffic] for traffic in TRAFFIC]
@@ -125,7 +117,7 @@ def test_what_sumo_prints_of_a_later_simulation_is_told(cross: World, tmp_path: 
         Recorder(Inputs.of(cross, None, 1, [routes])) as recorder,
     ):
         recorder.until(5.0)
-    assert is_over(lambda: not begun_here()), "one that failed is not kept"
+    assert is_over(lambda: not simulations(os.getpid())), "one that failed is not kept"
 
 
 @pytest.mark.usefixtures("keeping")
@@ -148,4 +140,4 @@ def test_one_that_was_interrupted_is_not_kept(cross: World) -> None:
     assert simulation._simulation is not None
     simulation._simulation.begin(400)
     simulation._end()
-    assert not begun_here()
+    assert not simulations(os.getpid())

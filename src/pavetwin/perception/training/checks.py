@@ -22,7 +22,7 @@ def check_labels(training: Sequence[Member], validation: Sequence[Member], optio
         names = ", ".join(absent)
         raise PaveTwinError(
             f"No training image shows a labelled {names}; add a dataset that has some, or leave them out "
-            f"(`without={','.join(absent)}`)."
+            f"(`without` '{','.join(absent)}')."
         )
 
 
