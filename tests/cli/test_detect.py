@@ -79,6 +79,16 @@ def test_annotated_pictures_show_the_boxes(found: Path) -> None:
     assert (found / "pictures" / "sub" / "b-png.jpg").is_file()
 
 
+def test_pictures_of_like_names_are_annotated_each(tmp_path: Path) -> None:
+    for name in ("a.b.png", "a-b.png", "a.png", "a.jpg"):
+        (tmp_path / "in").mkdir(exist_ok=True)
+        drawn((96, 96)).save(tmp_path / "in" / name)
+    done = pavetwin("detect", "in", "--model", FILE, "-o", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    made = {path.name for path in (tmp_path / "out" / "pictures").iterdir()}
+    assert made == {"a.b-png.jpg", "a-b-png.jpg", "a-png.jpg", "a-jpg.jpg"}
+
+
 def test_a_video_is_looked_at_every_second(tmp_path: Path) -> None:
     film = cv2.VideoWriter(str(tmp_path / "v.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 5.0, (96, 96))
     for at in range(10):

@@ -55,6 +55,19 @@ def test_a_packed_dataset_holds_the_same(data: ExampleSet, tmp_path: Path) -> No
     assert [each.split for each in read_pack(path, ("val",)).examples] == ["val", "val"]
 
 
+def test_datasets_with_pictures_of_one_name_keep_their_own(tmp_path: Path) -> None:
+    colours = {"red": (200, 20, 20), "blue": (20, 20, 200)}
+    for name, colour in colours.items():
+        for path in drawn_roads(tmp_path / name, {"train": 1}).glob("images/train/*.png"):
+            Image.new("RGB", (128, 96), colour).save(path)
+    sets = [read_coco(tmp_path / name, SPLITS) for name in colours]
+    write_pack(sets, tmp_path / "both.pack", PackOptions())
+    packed = read_pack(tmp_path / "both.pack", SPLITS)
+    assert [each.name for each in packed.examples] == ["000.png", "000.png"]
+    for example, colour in zip(packed.examples, colours.values(), strict=True):
+        assert pixels(packed, example).mean(axis=(0, 1)) == pytest.approx(colour, abs=12)
+
+
 def test_the_quality_falls_until_the_file_is_small_enough(data: ExampleSet, tmp_path: Path) -> None:
     whole = write_pack([data], tmp_path / "a.pack", PackOptions())
     limit = 0.75 * whole.size_mb

@@ -83,7 +83,7 @@ def write_pack(
     members = [(data, example) for data in sets for example in data.examples]
     if not members:
         raise PaveTwinError("The datasets have no images to pack.")
-    labels = [_row(_scaled(example, options.longest_px)) for _, example in members]
+    labels = [_row(at, _scaled(example, options.longest_px)) for at, (_, example) in enumerate(members)]
     text = json.dumps({"format": FORMAT, "images": labels}, ensure_ascii=False).encode()
     limit = options.most_mb * MEGABYTE
     told = on_progress or (lambda _: None)
@@ -169,11 +169,13 @@ def _within(shape: Shape, box: FloatBox, scale: tuple[float, float]) -> RunLengt
     return RunLengths(encode(small), (bottom - top, right - left), (left, top))
 
 
-def _row(example: Example) -> dict[str, Any]:
-    safe = "".join(letter if letter.isalnum() or letter in "-_" else "-" for letter in Path(example.name).stem)
+def _row(number: int, example: Example) -> dict[str, Any]:
+    """Args:
+    number: of the example, which names its picture: several datasets may have pictures of one name.
+    """
     return {
         "name": example.name,
-        "picture": f"{example.split}-{safe}.webp",
+        "picture": f"{number:06}.webp",
         "split": example.split,
         "size": list(example.size_px),
         "source": example.source,

@@ -73,7 +73,8 @@ def detect_source(
         done.append(described(image.name, found, pose, gsd_mm))
         if pictures:
             name = PurePosixPath(image.name)
-            target = output / PICTURES_FOLDER / name.with_name(f"{name.name.replace('.', '-')}.jpg")
+            # The suffix is part of the name, since a.jpg and a.png are two pictures.
+            target = output / PICTURES_FOLDER / name.with_name(f"{name.stem}-{name.suffix[1:]}.jpg")
             with writing(target) as temporary:
                 annotated(pixels, done[-1]).save(temporary, "JPEG", quality=_QUALITY)
     if not done:
