@@ -183,9 +183,11 @@ def test_an_error_keeps_its_words_and_says_where_it_was_raised() -> None:
     assert "in broken" in caught.value.__notes__[0]
 
 
-def test_an_error_that_cannot_be_sent_is_told_by_its_name() -> None:
-    with WorkerPool(1, unpicklable) as pool, pytest.raises(RuntimeError, match="UnpicklableError: this and that"):
+def test_an_error_that_cannot_be_sent_is_told_by_its_name_and_place() -> None:
+    told = pytest.raises(RuntimeError, match="UnpicklableError: this and that")
+    with WorkerPool(1, unpicklable) as pool, told as caught:
         ran(pool, [1])
+    assert "in unpicklable" in caught.value.__notes__[0]
 
 
 def test_workers_are_ended_through_their_finally_blocks(tmp_path: Path) -> None:

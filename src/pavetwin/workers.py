@@ -260,9 +260,11 @@ def _die_with_parent() -> None:
 
 def _picklable(error: Exception) -> Exception:
     """The error with its traceback in the worker as a note."""
-    error.add_note("In a worker process:\n" + "".join(traceback.format_exception(error)))
+    note = "In a worker process:\n" + "".join(traceback.format_exception(error))
+    error.add_note(note)
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:
-        return RuntimeError(f"{type(error).__name__}: {error}")
+        error = RuntimeError(f"{type(error).__name__}: {error}")
+        error.add_note(note)
     return error

@@ -128,6 +128,8 @@ def test_a_mission_is_exported_as_the_command_line_does(page: RunningPage, ids: 
         answer = page.get(f"/api/played/{key}/made/{name}")
         assert answer.body == (tmp_path / "plan" / Path(name).name).read_bytes()
         assert "attachment" in answer.headers["Content-Disposition"]
+    (refused,) = page.ask({"do": "export", "key": key, "mission": 0, "what": "exe"})
+    assert "no kind of file 'exe'" in refused["error"]
     (made,) = page.ask({"do": "export", "key": key, "mission": 0, "what": "html"})
     (name,) = made["done"]["files"]
     replayed = pavetwin("replay", folder, "-o", tmp_path / "replay.html")

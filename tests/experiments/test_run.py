@@ -314,8 +314,10 @@ def test_a_folder_with_anything_else_is_refused(world: Path, tmp_path: Path) -> 
 
 
 def test_a_mission_that_fails_is_a_row_with_its_reason_and_stops_nothing(
-    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
+    """A fault of the program leaves its traceback once, though six missions have it."""
+
     def badly(spec, **how):
         if spec.policy.name == "hover" and spec.settings.altitude_m == 6.0:
             raise ZeroDivisionError("of all things")
@@ -329,6 +331,7 @@ def test_a_mission_that_fails_is_a_row_with_its_reason_and_stops_nothing(
     assert failed["coverage"].is_null().all()
     assert failed["time_s"].is_null().all()
     assert dict(ran.failures) == {"ZeroDivisionError: of all things": 6}
+    assert capfd.readouterr().err.count("in badly") == 1
     assert ran.table.filter(status="flown")["time_s"].is_not_null().all()
     monkeypatch.undo()
     assert run(small(world), tmp_path / "study", Single()).missions_flown == 0

@@ -12,6 +12,7 @@ from pavetwin.app.replay_page import replay_page
 from pavetwin.app.rerun_file import is_installed, write_rerun
 from pavetwin.app.street_map import packed_map
 from pavetwin.app.task_report import TaskReport
+from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.files import writing
 from pavetwin.flightplan import PLAN_FORMATS, PlanLimits, check_limits, plan_of, save_plan
 from pavetwin.flightplan.save import remark_on_parts
@@ -75,6 +76,8 @@ def make_export(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
         PaveTwinError: it cannot be made.
     """
     what, made, results = task["what"], Path(task["made"]), Path(task["results"])
+    if what not in (known := [each["name"] for each in exports()]):
+        raise PaveTwinError(no_such("kind of file", what[:40], known, key="`what`"))
     made.mkdir(parents=True, exist_ok=True)
     world = kept_world(Path(task["world"]))
     if what == HTML:

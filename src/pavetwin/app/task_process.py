@@ -1,7 +1,7 @@
 """The process that runs tasks for the page: `python -m pavetwin.app.task_process`.
 
 It reads a task a line from its input, and what is said to a task that runs, and writes lines of JSON: progress, then a
-result or an error. It ends with its
+result or an error. The traceback of an error that is a fault of the program goes to the error stream. It ends with its
 input, so that it does not outlive the server, and takes what it has started with it: it leads a session of its own.
 """
 
@@ -12,6 +12,7 @@ import signal
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Mapping
 from contextlib import suppress
 from types import FrameType
@@ -45,10 +46,13 @@ def main() -> None:
 
 def _reply(known: Any, task: Mapping[str, Any], progress: "_Progress") -> Mapping[str, Any]:
     from pavetwin.app.failures import failure_words
+    from pavetwin.errors import PaveTwinError
 
     try:
         return {"result": known.run(task, progress)}
     except Exception as error:
+        if not isinstance(error, PaveTwinError):
+            traceback.print_exception(error)  # where the server was started, for a report of the fault
         return {"error": failure_words(error)}
 
 

@@ -2,6 +2,7 @@
 
 import io
 import json
+import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache, lru_cache
@@ -265,10 +266,21 @@ def _measured(row: SegmentMetrics) -> Row:
     return {name: value for name, value in asdict(row).items() if name not in _LEFT_OUT}
 
 
+_PRINTED: Final[set[tuple[str, str, int | None]]] = set()
+"""Faults whose traceback this process has printed: type, file and line."""
+
+
 def _words(error: Exception) -> str:
-    """A failure in one line; one that no user can fix is named by its type."""
+    """A failure in one line. One that no user can fix is named by its type, and its traceback is printed: once for each
+    place, since a fault is often that of all missions."""
     text = " ".join(str(error).split())
-    return text if isinstance(error, PaveTwinError) else f"{type(error).__name__}: {text}"
+    if isinstance(error, PaveTwinError):
+        return text
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    if (place := (type(error).__name__, frame.filename, frame.lineno)) not in _PRINTED:
+        _PRINTED.add(place)
+        traceback.print_exception(error)
+    return f"{type(error).__name__}: {text}"
 
 
 @dataclass(frozen=True)
