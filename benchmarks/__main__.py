@@ -18,6 +18,7 @@ from benchmarks import (
     frames,
     growing,
     images,
+    learning,
     machine,
     missions,
     page,
@@ -112,7 +113,7 @@ class Setup:
 
 GROUPS = (
     *("starting", "streets", "world", "defects", "recording", "missions", "sensors", "commands", "survey", "study"),
-    *("visibility", "frames", "images", "photographs", "detector", "memory", "city", "page"),
+    *("visibility", "frames", "images", "photographs", "detector", "training", "memory", "city", "page"),
 )
 """Each can be measured alone."""
 
@@ -139,6 +140,7 @@ def measure(
         "images": lambda: images.lines(setup.town, folder, size),
         "photographs": lambda: [photographs.line(folder, size)],
         "detector": lambda: detecting.lines(folder, size),
+        "training": lambda: learning.lines(folder, size),
         "memory": lambda: [missions.memory_line(setup.town, len(setup.course.targets))],
         "page": lambda: page.lines(setup.town, folder, size),
         "city": lambda: [growing.line(setup.course, 2 * size.runs + 1, size.copies)],

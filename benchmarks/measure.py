@@ -73,6 +73,8 @@ class Size:
     frame_px: tuple[int, int] = (640, 640)
     photographs: int = 600
     """That are imported."""
+    batch: int = 16
+    """Views of a step of training."""
     copies: int = 10
     """Of the town, east and north, for the city that is larger."""
     streets_m: tuple[float, ...] = (1000.0,)

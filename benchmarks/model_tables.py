@@ -5,7 +5,8 @@ from math import isnan
 from typing import Final
 
 from benchmarks.adaptation import cells_of
-from pavetwin.perception.evaluation.detections import SIZES, FoundBox
+from pavetwin.perception.classes import SIZES
+from pavetwin.perception.evaluation.detections import FoundBox
 from pavetwin.perception.evaluation.evaluate import DetectorEvaluation, compare_in_pairs, evaluate
 from pavetwin.perception.evaluation.labelled import LabelledSplit
 

@@ -23,6 +23,7 @@ from benchmarks import (
     day,
     frames,
     images,
+    learning,
     machine,
     page,
     pairs,
@@ -61,6 +62,7 @@ SMOKE = Size(
     places=1,
     frame_px=(96, 96),
     photographs=2,
+    batch=2,
     copies=2,
     streets_m=(200.0, 300.0),
     study={"replicates": 1, "densities": ["high"], "altitudes_m": [10], "policies": ["hover"]},
@@ -171,7 +173,10 @@ def checked(cache: Path, words: Sequence[str]) -> process.Used:
 def test_every_part_measures_something(measured: tuple[list[str], list[Line], Path]) -> None:
     begun, lines, _ = measured
     assert begun == list(GROUPS)
-    assert all(math.isfinite(line.value) and line.value > 0 for line in lines if line.kind is not Kind.SECONDS)
+    absent = {line.what for line in lines if line.value is None and line.kind is not Kind.SECONDS}
+    assert all("training" in what for what in absent)
+    values = [line.value for line in lines if line.value is not None and line.kind is not Kind.SECONDS]
+    assert all(math.isfinite(value) and value > 0 for value in values)
     Console(width=100, record=True).print(table(lines))
     assert len({line.what for line in lines}) > 2 * len(GROUPS)
     assert next(line for line in lines if line.what == "pavetwin fly, segments: 1, high traffic recorded").value == 1.0
@@ -188,6 +193,15 @@ def test_a_group_can_be_measured_alone(
     with pytest.raises(SystemExit):
         main(["--only", "street"])
     assert "invalid choice: 'street'" in capsys.readouterr().err
+
+
+def test_where_pytorch_is_not_installed_no_time_of_training_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(learning, "find_spec", {}.get)
+    lines = list(learning.lines(tmp_path, SMOKE))
+    assert [line.what.rpartition(" in ")[2] for line in lines] == ["bfloat16", "single precision"]
+    assert {line.measured() for line in lines} == {"not here"}
 
 
 def test_what_a_command_took_is_that_of_its_process() -> None:

@@ -4,10 +4,14 @@ import json
 from pathlib import Path
 
 import pytest
-from benchmarks import training
+import torch
+from benchmarks import learning, training
+from benchmarks.measure import Size
 from benchmarks.training import GROUPS, ORDERS, PHOTOGRAPHS, PLAIN, main, sized
 
 from pavetwin.perception.examples.opening import read_examples
+from pavetwin.perception.training import machine
+from pavetwin.perception.training.machine import has_half
 from pavetwin.perception.training.options import TrainingOptions
 from pavetwin.perception.training.schedule import phases_of
 from scenes.drawn_roads import drawn_roads
@@ -67,3 +71,13 @@ def test_the_tables_compare_with_the_first_of_a_group_and_runs_are_kept(
 def test_groups_begin_with_what_others_are_compared_with() -> None:
     assert [next(iter(group)) for group in GROUPS.values()] == [PLAIN, PHOTOGRAPHS]
     assert PLAIN in ORDERS, "trained once for both groups"
+
+
+def test_steps_are_timed_in_both_precisions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    size = Size(1, 2, 1.0, 1.0, frame_px=(96, 96), batch=2)
+    lines = list(learning.lines(tmp_path / "here", size))
+    assert all(line.value == pytest.approx(2 / line.took_s) for line in lines if line.value is not None)
+    assert lines[1].value is not None
+    assert (lines[0].value is not None) == has_half(torch.device("cpu"))
+    monkeypatch.setattr(machine, "HALF_INSTRUCTIONS", ())
+    assert [line.value is None for line in learning.lines(tmp_path / "without", size)] == [True, False]
