@@ -5,6 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from pavetwin.perception.evaluation import comparison
+from pavetwin.perception.evaluation.labelled import read_split
+from pavetwin.perception.inference import Detector
 from scenes.command_line import pavetwin, plain_refusal
 from scenes.detections import CAR, POTHOLE, true, write_labels
 from scenes.drawn_detector import FILE, SIDE_PX, drawn
@@ -37,6 +40,17 @@ def test_accuracy_stands_where_it_was_measured(place: Path) -> None:
     assert 50 < float(row["mAP@0.5"]) < 100
     assert float(row["size, MB"]) == pytest.approx(FILE.stat().st_size / 1e6, abs=0.05)
     assert float(row["FPS"]) > 0
+
+
+def test_speed_is_that_of_the_size_that_accuracy_is_of(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    timed: list[Detector] = []
+    monkeypatch.setattr(comparison, "frames_per_s", lambda detector, _frames: timed.append(detector) or 1.0)
+    judged: list[Detector] = []
+    monkeypatch.setattr(comparison, "found_by", lambda detector, _splits: judged.append(detector) or iter(()))
+    split = read_split(place / "town", "test")
+    comparison.compared("drawn", FILE, split=split, frames=1, threads=1, count=None)
+    assert [each.image_px for each in timed] == [each.image_px for each in judged] == [SIDE_PX]
+    assert [each.tiled for each in timed] == [each.tiled for each in judged]
 
 
 def test_a_cell_that_was_not_measured_is_empty(place: Path) -> None:

@@ -42,10 +42,11 @@ def compare(
     pavetwin compare small.onnx real=runs/real.onnx --dataset datasets/streets -o models.csv
     pavetwin compare --sizes n,s --ultralytics yolov8n,yolo11n,yolo12n --weights eleven=runs/eleven/best.pt
 
-    A cell that was not measured is empty. FPS: one image of 640 × 480, from pixels to detections. GFLOPs: one image of
-    640 × 640. Needs onnxruntime (`pip install pavetwin\\[detect]`); untrained networks and GFLOPs need PyTorch too
-    (`pavetwin\\[train]`), accuracy pycocotools (`pavetwin\\[evaluate]`). Ultralytics is not part of PaveTwin: it is
-    AGPL-3.0, runs in PyTorch here, and its sizes are those of its parameters in single precision.
+    A cell that was not measured is empty. FPS: one image of 640 × 480, from pixels to detections, seen as `detect`
+    sees it unless told otherwise. GFLOPs: one image of 640 × 640. Needs onnxruntime (`pip install pavetwin\\[detect]`);
+    untrained networks and GFLOPs need PyTorch too (`pavetwin\\[train]`), accuracy pycocotools
+    (`pavetwin\\[evaluate]`). Ultralytics is not part of PaveTwin: it is AGPL-3.0, runs in PyTorch here, and its sizes
+    are those of its parameters in single precision.
     """
     from pavetwin.labels import SPLITS
 

@@ -24,9 +24,6 @@ from pavetwin.perception.inference.detector import Detector
 FRAME_PX: Final = (640, 480)
 """Width and height of the image that is timed: the paper's frame, scaled."""
 
-GFLOPS_PX: Final = (640, 640)
-"""Of the image whose operations are counted, as published figures do."""
-
 CONFIDENCE: Final = 0.25
 """Of the detections of an image that is timed."""
 
@@ -47,9 +44,10 @@ class ComparedModel:
     size_mb: float
     """Of the file."""
     frames_per_s: float
-    """Of one image of `FRAME_PX`, from pixels to detections: the median time."""
+    """Of one image of `FRAME_PX`, from pixels to detections: the inverse of the median time. A model's file sees it as
+    it sees the images that its accuracy is of: at the size that it was trained on, and in tiles where it takes some."""
     gflops: float | None
-    """Of convolutions, for one image of `GFLOPS_PX`."""
+    """Of convolutions, for one image of 640 × 640 px, as published figures are."""
     speed: float | None = None
     """Frames a second, as a multiple of those of the untrained network n in the same table."""
 
@@ -72,7 +70,7 @@ def compared(
     Raises:
         PaveTwinError: the file is no model, or a picture of the split cannot be read.
     """
-    detector = Detector(path, threads=threads, image_px=max(FRAME_PX))
+    detector = Detector(path, threads=threads)
     gflops = count(detector.facts.architecture) if count is not None and detector.facts.architecture else None
     accuracy = _NOT_MEASURED
     if split is not None:
