@@ -240,6 +240,8 @@ def test_a_mission_is_flown_again_from_its_description_alone(world: Path, tmp_pa
     assert done.returncode == 0, done.stderr
     assert "The same as the first time." in done.stdout
     assert digests(tmp_path / "m-again") == digests(tmp_path / "m")
+    done = pavetwin("fly", "--again", tmp_path / "m", "-o", tmp_path / "of-folder")
+    assert "The same as the first time." in done.stdout
     done = pavetwin(*again, "--defect-seed", "7", "-o", tmp_path / "other")
     assert "Not the same mission as before" in done.stdout
     assert "--seed" in plain_refusal(pavetwin(*again, "--seed", "1"))
@@ -257,6 +259,8 @@ def test_a_mission_is_flown_again_from_its_description_alone(world: Path, tmp_pa
     ):
         (tmp_path / f"{name}.yaml").write_text(damage)
         assert words in plain_refusal(pavetwin("fly", "--again", tmp_path / f"{name}.yaml"))
+    gone = tmp_path / "gone"
+    assert plain_refusal(pavetwin("fly", "--again", gone)).startswith(f"Error: --again: there is no '{gone}'; name")
     assert "--again" in plain_refusal(pavetwin("fly"))
 
 

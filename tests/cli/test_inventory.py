@@ -15,6 +15,8 @@ import shapely
 from PIL import Image
 
 from pavetwin.mission.results import save_mission
+from pavetwin.world.store import save_world
+from scenes import built
 from scenes.aerial import FOCAL_PX, HEIGHT_M, LATITUDE, LONGITUDE, aerial_photograph
 from scenes.command_line import pavetwin, plain_refusal
 from scenes.drawn_detector import FILE, drawn
@@ -117,6 +119,15 @@ def test_every_entry_has_a_crop_and_a_place_on_a_page(listed: tuple[Path, str]) 
         with Image.open(folder / row["crop"]) as crop:
             assert crop.width == crop.height >= 420
     assert [path.name for path in sorted(folder.glob("crops-*.jpg"))] == ["crops-01.jpg"]
+
+
+def test_a_world_is_no_folder_of_photographs(tmp_path: Path) -> None:
+    save_world(built("cross"), tmp_path / "town")
+    line = plain_refusal(pavetwin("inventory", tmp_path / "town"))
+    assert (
+        line == f"Error: '{tmp_path / 'town'}' is a world; name the folder of one of its missions, or of photographs."
+    )
+    assert not (tmp_path / "town" / "inventory").exists()
 
 
 def test_a_mission_needs_no_model(tmp_path: Path) -> None:

@@ -74,6 +74,8 @@ def test_what_is_neither_world_nor_mission_is_refused(world: Path, tmp_path: Pat
     (tmp_path / "hover").mkdir()
     (tmp_path / "hover" / "mission.yaml").write_text("format: 5\n", encoding="utf-8")
     assert f"name one: {tmp_path / 'hover'}" in plain_refusal(pavetwin("pci", tmp_path))
+    line = plain_refusal(pavetwin("pci", tmp_path / "hover" / "mission.yaml"))
+    assert line.startswith(f"Error: There is no folder '{tmp_path / 'hover' / 'mission.yaml'}'; name that of a world")
     (tmp_path / "taken").write_text("", encoding="utf-8")
     assert "--output" in plain_refusal(pavetwin("pci", world, "-o", tmp_path / "taken"))
 

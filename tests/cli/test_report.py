@@ -213,6 +213,14 @@ def test_a_mission_over_several_batteries_says_how_many_to_bring() -> None:
     assert "to bring" in lines[3]
 
 
+def test_that_no_policy_had_to_react_is_told() -> None:
+    free, queue = (tiny.result(scene, "baseline") for scene in ("empty_street", "queue_at_light"))
+    line = "Visibility never fell below 0.7: no policy had to react. They differ in denser traffic."
+    assert summary.unprovoked([free, free]) == [line]
+    assert summary.remarks([free, free])[0] == line
+    assert summary.unprovoked([free]) == summary.unprovoked([free, queue]) == []
+
+
 def test_what_was_missed_is_counted_by_reason() -> None:
     hidden, all_found = tiny.result("queue_at_light", "baseline"), tiny.result("empty_street", "baseline")
     assert summary.missed_lines([hidden]) == ["Missed 7 of 7: 7 hidden by vehicles in traffic."]

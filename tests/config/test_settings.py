@@ -89,6 +89,7 @@ def test_a_mistyped_key_is_refused_with_the_nearest(key: str) -> None:
 
 def test_a_mistyped_section_is_refused_with_the_nearest() -> None:
     assert "did you mean 'camera'?" in refused("camrea.model=paper")
+    assert "unknown key 'wait_s' (did you mean 'policy.wait_s'?)" in refused("wait_s=3")  # its name in a sweep
     told = refused("zzz=1")
     assert "unknown key 'zzz'" in told
     assert "altitude_m" in told

@@ -47,9 +47,11 @@ def test_a_design_flies_as_a_single_mission_does_unless_it_says_otherwise() -> N
 
 
 @pytest.mark.parametrize("name", preset_names())
-@pytest.mark.parametrize("world", ["worlds/my town", "yes", "it's: odd #1"])
+@pytest.mark.parametrize("world", ["worlds/my town", "yes", "it's: odd #1", "welten/Köln ü"])
 def test_the_designs_that_ship_hold_any_world_s_name(name: str, world: str) -> None:
-    assert Design.parse(yaml.safe_load(preset_text(name, world)), where=name).worlds[0].path == world
+    text = preset_text(name, world)
+    assert Design.parse(yaml.safe_load(text), where=name).worlds[0].path == world
+    assert world.replace("'", "''") in text  # as it is read, for who edits it
 
 
 def test_cells_are_every_combination() -> None:
@@ -126,6 +128,12 @@ def test_missions_inspect_named_streets_and_segments_alone() -> None:
     made = plan(design(streets=["bell lane", "s2"], **usual), [town])
     assert {town.segments[at].id for unit in made.units for at in made.segments(unit)} == {"s0", "s2", "s3"}
     assert plan(design(**usual), [town]).targets == ((0, 1, 2, 3),)
+
+
+def test_of_worlds_with_one_name_that_name_is_told() -> None:
+    towns = [replace(avenue("Bell Lane"), name=name) for name in ("first", "both", "both")]
+    with pytest.raises(PaveTwinError, match=r"two of its worlds are called 'both', .* rename the folder of one"):
+        plan(design(worlds=["a", "b", "c"]), towns)
 
 
 def test_a_street_need_not_be_in_every_world() -> None:

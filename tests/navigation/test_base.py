@@ -87,6 +87,10 @@ def test_a_base_is_given_in_degrees_or_in_metres() -> None:
     assert parse_base("10,20", of) == Point(10, 20)  # degrees, but a continent away
     with pytest.raises(PaveTwinError, match="expected LAT,LON in degrees"):
         parse_base("here", of)
+    with pytest.raises(
+        PaveTwinError, match=r"`base` -85,170: in degrees it is [\d,]{5,} km .* in metres of its frame \d+ m"
+    ):
+        parse_base("-85,170", of)
 
 
 def test_a_base_in_a_house_or_far_from_all_streets_is_refused() -> None:

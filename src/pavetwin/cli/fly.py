@@ -123,7 +123,7 @@ def fly(
         int | None, typer.Option(help="Place the defects again under this seed, as those of the world were.")
     ] = None,
     again: Annotated[
-        Path | None, typer.Option(metavar="mission.yaml", help="Fly that mission again; needs no other option.")
+        Path | None, typer.Option(metavar="MISSION", help="Fly the mission of a folder again; needs no other option.")
     ] = None,
     only_missed: Annotated[
         bool,
@@ -177,9 +177,9 @@ def fly(
     if density is None and los is None and hour is None:
         asked = None  # a mix alone names no level, so the usual one or the nearest to it is flown
     if world is None and again is None and not settings:
-        raise PaveTwinError("Name the folder of a world, or a mission.yaml by --again.")
+        raise PaveTwinError("Name the folder of a world, or that of a mission by --again.")
     if only_missed and again is None:
-        raise PaveTwinError("--only-missed is of a mission that was flown; name its mission.yaml by --again.")
+        raise PaveTwinError("--only-missed is of a mission that was flown; name its folder by --again.")
     former = _former(context, again, other_policy=policy is not None)
     missed = former.missed_segments() if former is not None and only_missed else None
     chosen = (
@@ -302,7 +302,7 @@ def _former(context: typer.Context, again: Path | None, *, other_policy: bool) -
     """
     if again is None:
         return None
-    from pavetwin.mission.again import read_mission
+    from pavetwin.mission.again import mission_file, read_mission
 
     for option in FIXED_BY_AGAIN:
         if _given(context, option):
@@ -310,7 +310,9 @@ def _former(context: typer.Context, again: Path | None, *, other_policy: bool) -
                 f"--again: the mission.yaml says --{option.rstrip('_').replace('_', '-')}; leave one of the two out."
             )
     with about("again"):
-        return read_mission(again, other_policy=other_policy)
+        if not again.exists():
+            raise PaveTwinError(f"there is no '{again}'; name the folder of a mission, or its mission.yaml.")
+        return read_mission(mission_file(again), other_policy=other_policy)
 
 
 def _fly_and_draw(

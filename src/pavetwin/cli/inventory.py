@@ -71,11 +71,14 @@ def inventory(
     """
     from pavetwin.inventory.files import write_inventory
     from pavetwin.inventory.listing import entries_of
+    from pavetwin.world.folder import DESCRIPTION
 
     source, *others = sources
     for each in sources:
         if not each.is_dir():
             raise PaveTwinError(f"There is no folder '{each}'; name that of a mission or of photographs.")
+        if (each / DESCRIPTION).is_file():
+            raise PaveTwinError(f"'{each}' is a world; name the folder of one of its missions, or of photographs.")
         if others and not (each / MISSION).is_file():
             raise PaveTwinError(f"'{each}' holds no {MISSION}; only missions are listed together.")
     if others and output is None:

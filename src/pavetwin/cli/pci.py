@@ -42,6 +42,8 @@ def pci(
     from pavetwin.mission.look_table import names_no_detector
     from pavetwin.pci import rating_of
 
+    if not folder.is_dir():
+        raise PaveTwinError(f"There is no folder '{folder}'; name that of a world or of a mission.")
     target = output or folder / "pci"
     if target.exists() and not target.is_dir():
         raise PaveTwinError(f"--output {target}: a file of that name is in the way; name a folder.")

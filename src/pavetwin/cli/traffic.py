@@ -23,7 +23,7 @@ def record(
     world: WorldFolder,
     los: Los = None,
     hour: Hour = None,
-    density: Annotated[str | None, typer.Option(help="Traffic by density: low, medium or high.")] = None,
+    density: Annotated[str | None, typer.Option(help="Traffic by density: low, medium, high, or v12-p40.")] = None,
     vehicles_per_lane_km: Annotated[
         float | None, typer.Option(help="Vehicles per kilometre of driving lane, instead.")
     ] = None,
@@ -164,8 +164,8 @@ def _density(
     asked = traffic_name(name, los, hour, mix)
     if asked is None:
         raise PaveTwinError(
-            "Say how much traffic: --los A to F, --hour 0 to 23, --density low, medium or high, your own numbers, or "
-            "--routes."
+            "Say how much traffic: --los A to F, --hour 0 to 23, --density low, medium, high or v12-p40 (vehicles per "
+            "kilometre of lane, pedestrians per kilometre of sidewalk), or --routes."
         )
     return density_named(asked)
 

@@ -35,11 +35,23 @@ NameOrFile = Annotated[str, AfterValidator(_file_absolute)]
 ASKED: Final = "?"
 """A value that asks what there is; YAML would read a mapping."""
 
+ALIASES: Final[Mapping[str, str]] = {
+    "tau_o": "visibility.threshold",
+    "recall": "sensing.recall",
+    "d_max": "policy.max_displacement_m",
+    "wait_s": "policy.wait_s",
+    "max_wait_s": "policy.max_wait_s",
+    "wind_mps": "conditions.wind_mps",
+}
+"""Short names that the sweep of a study understands, after the paper's notation; any other setting goes by its full
+name."""
+
 MEANT: Final[Mapping[str, str]] = {
     **dict.fromkeys(("battery", "battery_wh", "power"), "energy"),
     **dict.fromkeys(("drone", "uas"), "aircraft"),
     **dict.fromkeys(("height", "height_m", "altitude"), "altitude_m"),
-    **dict.fromkeys(("wind", "wind_mps"), "conditions"),
+    **ALIASES,
+    **dict.fromkeys(("wind",), "conditions"),
 }
 """Names from memory, each with the one that is meant."""
 
@@ -84,7 +96,7 @@ class Settings(BaseModel):
                 if key not in cls.model_fields:
                     known = ", ".join(cls.model_fields)
                     meant = MEANT.get(str(key), "")
-                    named = f" (did you mean '{meant}'?)" if meant in cls.model_fields else ""
+                    named = f" (did you mean '{meant}'?)" if meant.partition(".")[0] in cls.model_fields else ""
                     near = named or nearest_name(str(key), cls.model_fields)
                     words = f"unknown key '{key}'{near or f'; known are {known}'}"
                     raise PlacedValueError((key,), words, named=False)

@@ -6,10 +6,11 @@ from typing import Any
 
 import polars as pl
 
+from pavetwin.config.base import ALIASES
 from pavetwin.errors import PaveTwinError
-from pavetwin.experiments.design import ALIASES, ENVIRONMENT
+from pavetwin.experiments.design import ENVIRONMENT
 from pavetwin.experiments.ground_view import GroundView, ground_view
-from pavetwin.experiments.metrics import BATTERIES, INDEX_ERROR, REPLICATE, has_detected
+from pavetwin.experiments.metrics import INDEX_ERROR, REPLICATE, has_detected
 from pavetwin.experiments.statistics import MissionLimits, Objective, Recommendation, recommend
 from pavetwin.experiments.statistics.cells import levels_of
 from pavetwin.experiments.statistics.recommend import UNMEASURED
@@ -27,11 +28,6 @@ class Advice:
     recommendation: Recommendation
     view: GroundView | None = None
     """From the option that is recommended or nearest; None where there is none, or the design is not known."""
-
-    @property
-    def is_of_tours(self) -> bool:
-        """Whether whole missions are judged, and batteries counted."""
-        return BATTERIES in self.recommendation.options.columns
 
     @property
     def sentences(self) -> tuple[str, ...]:

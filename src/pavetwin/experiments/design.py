@@ -20,22 +20,13 @@ from pydantic import (
 
 from pavetwin.config import Conditions, MissionSettings, Settings
 from pavetwin.config.altitude import Altitude
+from pavetwin.config.base import ALIASES
 from pavetwin.config.text import parse_yaml
 from pavetwin.defects import DefectOptions
 from pavetwin.defects.placement import as_written
 from pavetwin.errors import PaveTwinError, nearest_name, no_such
 from pavetwin.experiments.metrics import EVERY_METRIC, FACTORS, METRICS, REFERENCE
 from pavetwin.uav.entries import own_file
-
-ALIASES: Final[Mapping[str, str]] = {
-    "tau_o": "visibility.threshold",
-    "recall": "sensing.recall",
-    "d_max": "policy.max_displacement_m",
-    "wait_s": "policy.wait_s",
-    "max_wait_s": "policy.max_wait_s",
-    "wind_mps": "conditions.wind_mps",
-}
-"""Short names that a sweep understands, after the paper's notation; any other setting goes by its full name."""
 
 _PRESETS: Final = {
     "paper": {
@@ -343,7 +334,7 @@ def preset_text(name: str, world: str, plugins: Sequence[str] = (), policies: Se
     if name not in _PRESETS:
         raise PaveTwinError(no_such("design", name, preset_names(), key="`preset`"))
     template = (files("pavetwin.experiments") / "design_template.yaml").read_text(encoding="utf-8")
-    entry = yaml.safe_dump(world, width=1000).removesuffix("\n...\n").strip()
+    entry = yaml.safe_dump(world, width=1000, allow_unicode=True).removesuffix("\n...\n").strip()
     return Template(template).substitute(
         _PRESETS[name],
         world=entry,

@@ -6,9 +6,9 @@ from math import hypot
 from typing import Any, Final
 
 from pavetwin.config import MissionSettings, load_settings
+from pavetwin.config.base import ALIASES
 from pavetwin.config.mission import LEAST_PX
 from pavetwin.defects.registry import DEFECT_CLASSES
-from pavetwin.experiments.design import ALIASES
 from pavetwin.experiments.words import listed
 from pavetwin.mission.environment import inspect_speed_mps, shutter_s
 from pavetwin.sensing import sensor_class

@@ -4,9 +4,10 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
+from pavetwin.config.base import ALIASES
 from pavetwin.config.mission import PolicySettings
 from pavetwin.errors import PaveTwinError
-from pavetwin.experiments.design import ALIASES, Design
+from pavetwin.experiments.design import Design
 from pavetwin.experiments.words import listed
 from pavetwin.policies import policy_class, policy_names
 from pavetwin.sensing import sensor_class

@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from pavetwin.config import MissionSettings, load_settings
+from pavetwin.config.base import ALIASES
 from pavetwin.config.options import OptionValue, options_of_one
 from pavetwin.errors import PaveTwinError, naming
-from pavetwin.experiments.design import ALIASES, ALL, Design, Value, WorldEntry
+from pavetwin.experiments.design import ALL, Design, Value, WorldEntry
 from pavetwin.experiments.owners import EVERYONE, Owners, has_setting
 from pavetwin.files import file_sha256
 from pavetwin.mission.replay import Replay

@@ -53,9 +53,10 @@ def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = 
         )
     recordings = _check_recordings(design, worlds)
     names = tuple(world.name for world in worlds)
-    if len(set(names)) < len(names):
+    if twice := next((name for at, name in enumerate(names) if name in names[:at]), None):
         raise PaveTwinError(
-            f"the design: two of its worlds are called '{names[0]}'; the table could not tell them apart."
+            f"the design: two of its worlds are called '{twice}', and the table could not tell them apart; rename the "
+            "folder of one."
         )
     targets = tuple(
         _targets(design, world, named, _surroundings(design, world, cells, tell))

@@ -194,7 +194,15 @@ def remarks(results: Sequence[MissionResult]) -> list[str]:
     """The lines below the sentence: what was missed and why, segments without defects, and what the numbers are not
     of."""
     world = results[0].environment.world
-    return [*missed_lines(results), *without_defects(results[0].rows), limits_line(world)]
+    return [*unprovoked(results), *missed_lines(results), *without_defects(results[0].rows), limits_line(world)]
+
+
+def unprovoked(results: Sequence[MissionResult]) -> list[str]:
+    """That several policies flew alike since nothing hid the road, if so."""
+    if len(results) == 1 or any(totals(result).occlusions for result in results):
+        return []
+    least = results[0].spec.settings.visibility.threshold
+    return [f"Visibility never fell below {least:g}: no policy had to react. They differ in denser traffic."]
 
 
 def missed_lines(results: Sequence[MissionResult]) -> list[str]:

@@ -42,7 +42,7 @@ def choose_targets(
     if not reachable:
         raise PaveTwinError(
             f"No segment of '{world.name}' can be reached from the base at {environment.altitude_m:g} m; "
-            "choose another altitude or move the base in world.yaml."
+            "choose another altitude, or another `base`."
         )
     if count is not None and count < 1:
         raise PaveTwinError(f"`count` {count}: at least one segment must be inspected.")

@@ -27,6 +27,9 @@ REACHES_M = (100.0, 500.0)
 IN_DEGREES_M = 2000.0
 """Two numbers are degrees where they name a place this near to a street."""
 
+NOT_IN_METRES_M = 100.0
+"""Two numbers that may be degrees are not taken as metres this far from a street."""
+
 
 def roadside(world: World, radius_m: float, standing: Solids) -> Point:
     """The place nearest to the world's base that is beside the carriageway and can be flown to at every altitude.
@@ -90,7 +93,7 @@ def check_base(world: World, base: Point, altitude_m: float, radius_m: float, st
         PaveTwinError: it cannot; the message says what is in the way.
     """
     where = f"`base` {base.x:g},{base.y:g}"
-    aside_m = min(surface.distance(base) for surface in _carriageways(world))
+    aside_m = _from_streets(world, base)
     if aside_m > CORRIDOR_MARGIN_M - radius_m - BAKING_LOSS_M:
         raise PaveTwinError(
             f"{where}: the nearest street is {aside_m:.1f} m away, and the UAV flies over streets and up to "
@@ -108,7 +111,7 @@ def parse_base(text: str, world: World) -> Point:
     Two numbers are degrees where they name a place in the world.
 
     Raises:
-        PaveTwinError: the text is not two numbers.
+        PaveTwinError: the text is not two numbers, or they may be degrees and name no place near a street either way.
     """
     try:
         first, second = (float(part) for part in text.split(","))
@@ -119,6 +122,17 @@ def parse_base(text: str, world: World) -> Point:
     if abs(first) <= 90 and abs(second) <= 180:
         east, north = from_wgs84(world.georeference, (second, first)).tolist()
         place = Point(round(east, 2), round(north, 2))
-        if any(segment.centre_line.dwithin(place, IN_DEGREES_M) for segment in world.segments):
+        away_m = _from_streets(world, place)
+        if away_m <= IN_DEGREES_M:
             return place
+        aside_m = _from_streets(world, Point(first, second))
+        if aside_m > NOT_IN_METRES_M:
+            raise PaveTwinError(
+                f"`base` {text}: in degrees it is {away_m / 1000:,.0f} km from the nearest street of the world, in "
+                f"metres of its frame {aside_m:,.0f} m; choose a place beside a street."
+            )
     return Point(first, second)
+
+
+def _from_streets(world: World, place: Point) -> float:
+    return min(surface.distance(place) for surface in _carriageways(world))

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from pavetwin.config import load_settings
-from pavetwin.experiments.design import ALIASES
+from pavetwin.config.base import ALIASES
 from pavetwin.experiments.metrics import metric_named
 from pavetwin.experiments.report.canvas import vector
 from pavetwin.experiments.report.headline import defects_under

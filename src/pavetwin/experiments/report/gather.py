@@ -6,8 +6,8 @@ from typing import Any
 import polars as pl
 
 from pavetwin.config import load_settings
+from pavetwin.config.base import ALIASES
 from pavetwin.experiments.advice import advise
-from pavetwin.experiments.design import ALIASES
 from pavetwin.experiments.metrics import EVERY_PAIR, FACTORS, REFERENCE, REPLICATE, metrics_in
 from pavetwin.experiments.report.study import Study
 from pavetwin.experiments.statistics import (

@@ -104,7 +104,7 @@ def _of_what(table: pl.DataFrame) -> str:
 
 
 def _segments(table: pl.DataFrame) -> str:
-    """`19 segments`, `17 or 19 segments`."""
+    """`19 segments`, `17 to 19 segments`."""
     counts = sorted(table[SEGMENTS].unique().to_list())
     words = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
     return f"{words} segment{'s' * (counts != [1])}"
