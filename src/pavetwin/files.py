@@ -2,11 +2,12 @@
 
 import errno
 import hashlib
+import json
 import os
 import shutil
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from importlib import import_module
@@ -14,6 +15,7 @@ from pathlib import Path
 from platform import node
 from re import sub
 from types import ModuleType
+from typing import Any
 
 from pavetwin.errors import PaveTwinError
 
@@ -70,6 +72,23 @@ def writing(target: Path) -> Iterator[Path]:
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
+
+
+def write_pieces(target: Path, pieces: Iterable[bytes]) -> None:
+    """Write a file piece by piece: whole, or not at all, as `writing` does."""
+    with writing(target) as temporary, temporary.open("wb") as stream:
+        stream.writelines(pieces)
+
+
+def json_bytes(value: object) -> bytes:
+    """A value as JSON in UTF-8."""
+    return json.dumps(value, ensure_ascii=False).encode()
+
+
+def json_rows(rows: Iterable[Mapping[str, Any]]) -> Iterator[bytes]:
+    """The elements of a long list of JSON, one a line, without its brackets."""
+    for number, row in enumerate(rows):
+        yield (b",\n" if number else b"") + json_bytes(row)
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from pavetwin.datasets.recipe import build, read_recipe
+from pavetwin.datasets.recipe import Recipe, build, recipe_values
 from pavetwin.errors import PaveTwinError
 from scenes.command_line import command, pavetwin
 from scenes.photographs import picture, voc, yolo
@@ -40,6 +40,12 @@ def recipe(tmp_path: Path) -> Path:
     (tmp_path / "mine.yaml").write_text("labels: {format: yolo, names: [car]}\nclasses: {car: Car}\n")
     (tmp_path / "recipe.yaml").write_text(RECIPE)
     return tmp_path / "recipe.yaml"
+
+
+def read_recipe(path: Path) -> Recipe:
+    """As the command reads it."""
+    values, text = recipe_values(path)
+    return Recipe.parse(values, f"the recipe '{path}'", text)
 
 
 def content(folder: Path) -> dict[str, str]:

@@ -1,6 +1,6 @@
 """Images and their label files as they are written into a dataset's folder."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +8,7 @@ import yaml
 
 from pavetwin.capture.formats import Format
 from pavetwin.capture.record import Record, truth_path
-from pavetwin.files import link_or_copy, writing
+from pavetwin.files import link_or_copy, write_pieces
 
 
 def write_image(folder: Path, record: Record, picture: bytes, formats: Sequence[Format]) -> list[str]:
@@ -33,15 +33,10 @@ def write_over_all(folder: Path, formats: Sequence[Format], splits: tuple[str, .
     for each in formats:
         for split in splits:
             for path, pieces in each.of_split(folder, split):
-                _write(folder / path, pieces)
+                write_pieces(folder / path, pieces)
         for path, content in each.of_all(splits).items():
-            _write(folder / path, [content])
+            write_pieces(folder / path, [content])
 
 
 def write_yaml(path: Path, content: Mapping[str, Any]) -> None:
-    _write(path, [yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True).encode()])
-
-
-def _write(path: Path, pieces: Iterable[bytes]) -> None:
-    with writing(path) as temporary, temporary.open("wb") as stream:
-        stream.writelines(pieces)
+    write_pieces(path, [yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True).encode()])

@@ -16,7 +16,6 @@ NUMBER: Final = BeforeValidator(_no_switch)
 """Comes after the bounds of a number, so that its schema still has them."""
 
 Number = Annotated[float, NUMBER]
-Whole = Annotated[int, NUMBER]
 Positive = Annotated[float, Field(gt=0), NUMBER]
 NonNegative = Annotated[float, Field(ge=0), NUMBER]
 Share = Annotated[float, Field(ge=0, le=1), NUMBER]

@@ -22,7 +22,7 @@ from pavetwin.datasets.importing import check_same, move_in
 from pavetwin.datasets.merging import described
 from pavetwin.datasets.splitting import split_names
 from pavetwin.errors import PaveTwinError, no_such
-from pavetwin.files import link_or_copy, staging_folder, working_in, writing
+from pavetwin.files import json_bytes, json_rows, link_or_copy, staging_folder, working_in, write_pieces
 from pavetwin.labels.boxes import area
 from pavetwin.labels.classes import categories
 from pavetwin.labels.rle import encode
@@ -66,10 +66,10 @@ def export(folder: Path, output: Path, formats: tuple[str, ...]) -> dict[str, in
                     for each in formats:
                         counts[each] += _write_image(folder, output, staging, split, image, each)
         for split in splits if "coco" in formats else ():
-            _write(output / "annotations" / f"instances_{split}.json", _coco(folder, names, split))
+            write_pieces(output / "annotations" / f"instances_{split}.json", _coco(folder, names, split))
         for each, inner in (("yolo", output), (SEGMENTATION, output / SEGMENTATION)):
             if each in formats:
-                _write(inner / "data.yaml", iter([data_yaml(splits)]))
+                write_pieces(inner / "data.yaml", iter([data_yaml(splits)]))
     return counts
 
 
@@ -102,11 +102,11 @@ def _coco(folder: Path, names: dict[str, list[str]], split: str) -> Iterator[byt
     """The file in pieces: the images are read twice, so that memory holds one at a time."""
     first = 1 + sum(len(names[other]) for other in list(names)[: list(names).index(split)])
     kinds = [{"id": each.number + 1, "name": each.name, "supercategory": each.supercategory} for each in categories()]
-    yield b'{"info": ' + _line({"description": folder.absolute().name, "version": "1"})
-    yield b',\n"licenses": [],\n"categories": ' + _line(kinds) + b',\n"images": [\n'
-    yield from _joined(_image(number, image) for number, image in _numbered(folder, names[split], first))
+    yield b'{"info": ' + json_bytes({"description": folder.absolute().name, "version": "1"})
+    yield b',\n"licenses": [],\n"categories": ' + json_bytes(kinds) + b',\n"images": [\n'
+    yield from json_rows(_image(number, image) for number, image in _numbered(folder, names[split], first))
     yield b'\n],\n"annotations": [\n'
-    yield from _joined(
+    yield from json_rows(
         {"id": number * 10_000 + place, **row}
         for number, image in _numbered(folder, names[split], first)
         for place, row in enumerate(_rows(number, image))
@@ -168,17 +168,3 @@ def _segmentation(annotation: Annotation, size_px: tuple[int, int]) -> Any:
     mask = np.zeros((height, width), dtype=np.bool_)
     mask[top:bottom, left:right] = True
     return {"size": [height, width], "counts": encode(mask)}
-
-
-def _joined(rows: Iterator[dict[str, Any]]) -> Iterator[bytes]:
-    for number, row in enumerate(rows):
-        yield (b",\n" if number else b"") + _line(row)
-
-
-def _line(value: object) -> bytes:
-    return json.dumps(value, ensure_ascii=False).encode()
-
-
-def _write(path: Path, pieces: Iterator[bytes]) -> None:
-    with writing(path) as temporary, temporary.open("wb") as stream:
-        stream.writelines(pieces)

@@ -104,16 +104,6 @@ OnStage = Callable[[float, str], None]
 """Told the share of a stage that is done, and the stage."""
 
 
-def read_recipe(path: Path) -> Recipe:
-    """A recipe's file.
-
-    Raises:
-        PaveTwinError: it cannot be read, or a key or value does not fit.
-    """
-    values, text = recipe_values(path)
-    return Recipe.parse(values, where=f"the recipe '{path}'", text=text)
-
-
 def recipe_values(path: Path) -> tuple[dict[str, Any], str]:
     """The keys and values of a recipe's file, not checked yet, and its text.
 

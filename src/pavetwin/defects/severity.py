@@ -29,19 +29,28 @@ SUNKEN_HIGH_M = 0.012
 
 def crack_severity(measures: Measures) -> Severity:
     """Severity of a single crack, by its width."""
-    if measures.width_m < CRACK_MEDIUM_M:
+    return severity_of_width(measures.width_m)
+
+
+def severity_of_width(width_m: float) -> Severity:
+    """Severity of a single crack that opens as wide."""
+    if width_m < CRACK_MEDIUM_M:
         return Severity.LOW
-    return Severity.MEDIUM if measures.width_m <= CRACK_HIGH_M else Severity.HIGH
+    return Severity.MEDIUM if width_m <= CRACK_HIGH_M else Severity.HIGH
 
 
 def pothole_severity(measures: Measures) -> Severity:
-    """Severity of a pothole, by depth and diameter; above 750 mm across it is medium up to 25 mm deep and high
-    beyond."""
-    row = sum(measures.depth_m > limit for limit in POTHOLE_DEPTHS_M)
-    column = sum(measures.diameter_m > limit for limit in POTHOLE_DIAMETERS_M)
+    """Severity of a pothole, by depth and diameter."""
+    return severities_of_diameter(measures.diameter_m)[sum(measures.depth_m > limit for limit in POTHOLE_DEPTHS_M)]
+
+
+def severities_of_diameter(diameter_m: float) -> tuple[Severity, ...]:
+    """Severities of a pothole as wide, for each class of depth (`POTHOLE_DEPTHS_M`); above 750 mm across it is medium
+    up to 25 mm deep and high beyond."""
+    column = sum(diameter_m > limit for limit in POTHOLE_DIAMETERS_M)
     if column == len(POTHOLE_DIAMETERS_M):
-        return Severity.MEDIUM if row == 0 else Severity.HIGH
-    return POTHOLE_TABLE[row][column]
+        return Severity.MEDIUM, Severity.HIGH, Severity.HIGH
+    return tuple(row[column] for row in POTHOLE_TABLE)
 
 
 def crocodile_severity(measures: Measures) -> Severity:

@@ -12,8 +12,8 @@ import numpy as np
 from pavetwin.files import writing
 from pavetwin.inventory.crops import page_names, write_crops
 from pavetwin.inventory.entry import Entry
-from pavetwin.inventory.observation import SIZES
 from pavetwin.inventory.style import STYLES
+from pavetwin.perception.classes import SIZES
 from pavetwin.world.georeference import GeoReference
 from pavetwin.world.layer_styles import write_styles
 from pavetwin.world.layers import write_layer

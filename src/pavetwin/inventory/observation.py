@@ -2,19 +2,16 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Final
 
 from shapely import Polygon
 
 from pavetwin.arrays import UInt8Array
 from pavetwin.labels.boxes import FloatBox
+from pavetwin.perception.classes import SIZES
 from pavetwin.perception.results.measuring import NOT_RESOLVABLE
 
 Crop = Callable[[], UInt8Array | None]
 """Reads the picture around a detection; None where the image is gone."""
-
-SIZES: Final = ("area_m2", "length_m", "mean_width_mm", "diameter_mm")
-"""What may be measured of an observation, by name with unit."""
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from pavetwin.mission.look_table import LOOKS, look_table
 from pavetwin.mission.mission import Mission
 from pavetwin.mission.street_table import STREETS, street_table
 from pavetwin.mission.track import MODES
+from pavetwin.perception.classes import SIZES
 from pavetwin.sensing import JudgedDetection
 
 TOTALS = "totals"
@@ -30,9 +31,6 @@ _SUMMED = (
     *("wait_s", "occlusions", "revisits", "duplicates", "false_alarms"),
 )
 """Totals that are sums over the segments."""
-
-SIZES = ("area_m2", "length_m", "mean_width_mm", "diameter_mm")
-"""Columns of `detections.parquet`: what a sensor measured."""
 
 _TEXTS = {"segment": pl.String, "reason": pl.String}
 

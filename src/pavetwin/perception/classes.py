@@ -2,6 +2,10 @@
 
 from typing import Final
 
+import numpy as np
+
+from pavetwin.arrays import IndexArray
+
 SUBTYPES: Final = ("Single Crack", "Crocodile Crack", "Pothole")
 """What the subtype head tells apart, by number; the first classes of label files."""
 
@@ -18,6 +22,9 @@ COARSE: Final = ("Road Defect", "Person", "Car")
 
 CLASSES: Final = (*SUBTYPES, "Person", "Car")
 """The classes of detections and of label files, by number."""
+
+SIZES: Final = ("area_m2", "length_m", "mean_width_mm", "diameter_mm")
+"""What may be measured of a defect, by name with unit, in the order of the columns of tables."""
 
 NO_SUBTYPE: Final = -1
 """Of a person, of a car, and of a defect of a class of the user's own, which is detected as Road Defect only."""
@@ -44,3 +51,9 @@ def class_of(coarse: int, subtype: int) -> int | None:
     if coarse == ROAD_DEFECT:
         return subtype if subtype != NO_SUBTYPE else None
     return len(SUBTYPES) + coarse - 1
+
+
+def coarse_of_classes(numbers: IndexArray) -> IndexArray:
+    """The coarse classes of numbers in `CLASSES`, of any shape."""
+    coarse: IndexArray = np.maximum(ROAD_DEFECT, np.asarray(numbers) - len(SUBTYPES) + 1)
+    return coarse

@@ -8,7 +8,7 @@ from pavetwin.sensing.ideal import Ideal
 from pavetwin.sensing.matching import match
 from pavetwin.sensing.recall import Recall
 from pavetwin.sensing.registered import SENSORS, load_sensor, reused_sensor, sensor, sensor_class, sensor_names
-from pavetwin.sensing.resolution import orientations_of, resolved_share, sighted_share, smallest_extent_m
+from pavetwin.sensing.resolution import orientations_of, sighted_share, smallest_extent_m
 
 __all__ = [
     "OTHER_CLASSES",
@@ -28,7 +28,6 @@ __all__ = [
     "load_sensor",
     "match",
     "orientations_of",
-    "resolved_share",
     "reused_sensor",
     "sensor",
     "sensor_class",

@@ -63,21 +63,6 @@ def sighted_share(settings: SensingSettings, frame: Frame, sighting: Sighting) -
     )
 
 
-def resolved_share(
-    settings: SensingSettings, kind: str, across_m: float, pixel_m: float, visible_fraction: float = 1.0
-) -> float:
-    """The share of `recall` that is left at one resolution, 0 … 1.
-
-    Of a crack the width counts, of any other defect the shorter side of what is visible: its shorter side times the
-    root of the visible fraction.
-
-    Args:
-        across_m: as `smallest_extent_m` gives it.
-        pixel_m: what a pixel covers across the defect, with its blur.
-    """
-    return _risen(settings, _extent(settings, kind, across_m, visible_fraction) / pixel_m)
-
-
 def _extent(settings: SensingSettings, kind: str, across_m: float, visible_fraction: float) -> float:
     """What counts of a defect, over `least_px`: metres a pixel up to which it is seen; infinite where size does not
     matter."""

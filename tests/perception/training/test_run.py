@@ -259,7 +259,7 @@ def test_memory_is_a_finite_amount(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], amount: str
 ) -> None:
     assert main([str(folder), "-o", str(tmp_path / "run"), "--held-gb", amount]) == 2
-    assert f"Error: `held_gb` {amount}: it must be 0 or more, and finite." in capsys.readouterr().err
+    assert f"Error: --held-gb {amount}: it must be 0 or more, and finite." in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
 
 

@@ -4,13 +4,13 @@ Masks are run-length encoded, which is exact also for crack networks. Ignored ob
 evaluation neither rewards nor penalises and trainers leave out; `ignored` gives the reason.
 """
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from pavetwin.capture.formats.base import Format, label_format
 from pavetwin.capture.record import Record, read_records
+from pavetwin.files import json_bytes, json_rows
 from pavetwin.labels.classes import categories
 
 
@@ -26,21 +26,12 @@ def _content(folder: Path, split: str) -> Iterator[bytes]:
         {"id": category.number + 1, "name": category.name, "supercategory": category.supercategory}
         for category in categories()
     ]
-    yield b'{"info": ' + _line({"description": "PaveTwin synthetic images", "version": "1"})
-    yield b',\n"licenses": [],\n"categories": ' + _line(kinds) + b',\n"images": [\n'
-    yield from _joined(_image(record) for record in read_records(folder, split))
+    yield b'{"info": ' + json_bytes({"description": "PaveTwin synthetic images", "version": "1"})
+    yield b',\n"licenses": [],\n"categories": ' + json_bytes(kinds) + b',\n"images": [\n'
+    yield from json_rows(_image(record) for record in read_records(folder, split))
     yield b'\n],\n"annotations": [\n'
-    yield from _joined(each for record in read_records(folder, split) for each in _annotations(record))
+    yield from json_rows(each for record in read_records(folder, split) for each in _annotations(record))
     yield b"\n]}\n"
-
-
-def _joined(rows: Iterator[dict[str, Any]]) -> Iterator[bytes]:
-    for number, row in enumerate(rows):
-        yield (b",\n" if number else b"") + _line(row)
-
-
-def _line(value: object) -> bytes:
-    return json.dumps(value, ensure_ascii=False).encode()
 
 
 def _image(record: Record) -> dict[str, Any]:

@@ -16,12 +16,9 @@ from typing import Any, Final
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import FloatBox
-from pavetwin.perception.classes import NO_SUBTYPE, ROAD_DEFECT, class_of
+from pavetwin.perception.classes import NO_SUBTYPE, ROAD_DEFECT, SIZES, class_of
 from pavetwin.perception.evaluation.labelled import LabelledSplit
 from pavetwin.perception.results.measuring import NOT_RESOLVABLE
-
-SIZES: Final = ("area_m2", "length_m", "mean_width_mm", "diameter_mm")
-"""What a detector may say of a defect's size, among the attributes; `not resolvable` is as not said."""
 
 _ROUNDING: Final = 2e-3
 """By how much `score` may differ from the product of its parts, which are often rounded to three digits."""

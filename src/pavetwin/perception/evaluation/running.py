@@ -8,7 +8,7 @@ from PIL import Image
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import FloatBox
-from pavetwin.perception.classes import COARSE, ROAD_DEFECT, SUBTYPES
+from pavetwin.perception.classes import coarse_of_classes
 from pavetwin.perception.evaluation.detections import FoundBox
 from pavetwin.perception.evaluation.labelled import LabelledImage, LabelledSplit
 from pavetwin.perception.inference.detections import Detections
@@ -77,6 +77,7 @@ def _picture(split: LabelledSplit, image: LabelledImage) -> Image.Image:
 def _found(detector: Detects, split: LabelledSplit, image: LabelledImage) -> list[FoundBox]:
     (said,) = detector.detect([_picture(split, image)])
     gsd_mm = image.facts.get("gsd_mm", image.example.gsd_mm)
+    coarse = coarse_of_classes(said.classes)
     rows = []
     for at in range(len(said)):
         number, mask = int(said.classes[at]), said.mask(at)
@@ -84,8 +85,7 @@ def _found(detector: Detects, split: LabelledSplit, image: LabelledImage) -> lis
         if mask is not None and mask[1].any() and gsd_mm:
             told = measured(said.names[at], mask[1], gsd_mm)
             sizes = {name: value for name, value in told.items() if not isinstance(value, str) and value > 0}
-        coarse = ROAD_DEFECT if number < len(SUBTYPES) else COARSE.index(said.names[at])
         detection = float(said.detection[at])
         confidence = detection * float(said.subtype[at])
-        rows.append(FoundBox(image.number, coarse, number, said.box(at), detection, confidence, sizes))
+        rows.append(FoundBox(image.number, int(coarse[at]), number, said.box(at), detection, confidence, sizes))
     return rows

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from pavetwin.perception.evaluation.detections import SIZES
+from pavetwin.perception.classes import SIZES
 from pavetwin.perception.evaluation.matching import Matched
 
 WHOLE: Final = 0.99

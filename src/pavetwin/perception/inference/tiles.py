@@ -10,7 +10,7 @@ import numpy as np
 
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
 from pavetwin.labels.boxes import PixelBox
-from pavetwin.perception.classes import SINGLE_CRACK, SUBTYPES
+from pavetwin.perception.classes import SINGLE_CRACK, coarse_of_classes
 from pavetwin.perception.inference.detections import IS_COVERED, Detections, MaskPart
 
 OVERLAP: Final = 0.2
@@ -111,7 +111,7 @@ def _pieces(found: Sequence[Detections], tiles: Sequence[PixelBox]) -> _Pieces:
         row=np.concatenate([np.arange(count) for count in counts]),
         is_cut=is_cut,
         cells=tuple(_cells(mask) if wanted else None for mask, wanted in zip(masks, is_cut & is_crack, strict=True)),
-        coarse=np.maximum(0, np.concatenate([each.classes for each in found]) - len(SUBTYPES) + 1),
+        coarse=coarse_of_classes(np.concatenate([each.classes for each in found])),
         confidence=np.concatenate([each.confidence for each in found]).astype(float),
     )
 

@@ -6,16 +6,16 @@ import json
 from collections.abc import Sequence
 from typing import Any, Final
 
-from pavetwin.perception.classes import CLASSES, SUBTYPES
+from pavetwin.perception.classes import CLASSES, SIZES, SUBTYPES
 from pavetwin.perception.results.detected_image import DetectedImage, DetectedThing
 from pavetwin.perception.results.photograph import LonLat
 
-SIZES: Final = ("area_m2", "length_m", "mean_width_mm", "diameter_mm", "severity")
-"""Columns of sizes and the severity, in the order of the table."""
+MEASURED: Final = (*SIZES, "severity")
+"""Columns of what is measured, in the order of the table."""
 
 COLUMNS: Final = (
     *("image", "class", "confidence", "det_conf", "cls_conf", "left", "top", "right", "bottom"),
-    *(*SIZES, "longitude", "latitude"),
+    *(*MEASURED, "longitude", "latitude"),
 )
 """Of the table."""
 
@@ -110,7 +110,7 @@ def table(images: Sequence[DetectedImage]) -> str:
         for thing in image.things:
             confidences = (thing.confidence, thing.detection, thing.subtype)
             longitude, latitude = _middle(thing.ground) if thing.ground else ("", "")
-            sizes = [thing.sizes.get(name, "") for name in SIZES]
+            sizes = [thing.sizes.get(name, "") for name in MEASURED]
             row = [image.name, thing.name, *(f"{each:.4f}" for each in confidences), *thing.box]
             writer.writerow([*row, *sizes, longitude, latitude])
     return text.getvalue()

@@ -1,4 +1,4 @@
-"""Severity after ASTM D6433 as far as a mask tells it: the classes are those of `pavetwin.defects.severity`."""
+"""Severity after ASTM D6433 as far as a mask tells it, by the classes of `pavetwin.defects.severity`."""
 
 from typing import Final
 
@@ -7,7 +7,7 @@ import numpy as np
 
 from pavetwin.arrays import BoolArray
 from pavetwin.defects.marking import Marking
-from pavetwin.defects.severity import CRACK_HIGH_M, CRACK_MEDIUM_M, POTHOLE_DIAMETERS_M, POTHOLE_TABLE
+from pavetwin.defects.severity import severities_of_diameter, severity_of_width
 from pavetwin.perception.classes import SUBTYPES
 from pavetwin.perception.results.measuring import LEAST_PX, NOT_RESOLVABLE
 from pavetwin.world.model import Severity
@@ -16,8 +16,6 @@ MARGIN_M: Final = Marking().margin_m
 """By which labels, and so masks, are wider than an opening, on each side."""
 
 _ORDER: Final = tuple(Severity)
-_BEYOND: Final = (Severity.MEDIUM, Severity.HIGH, Severity.HIGH)
-"""Of potholes above 750 mm across, by depth."""
 
 
 def visible_severity(name: str, mask: BoolArray, gsd_mm: float, cell_px: float = 1.0) -> str:
@@ -37,10 +35,10 @@ def visible_severity(name: str, mask: BoolArray, gsd_mm: float, cell_px: float =
     error = LEAST_PX * max(1.0, cell_px) * pixel_m
     if name == SUBTYPES[0]:
         opening = _widest_px(mask) * pixel_m - 2 * MARGIN_M
-        return _told([_of_crack(max(0.0, opening - error)), _of_crack(opening + error)])
+        return _told([severity_of_width(max(0.0, opening - error)), severity_of_width(opening + error)])
     if name == SUBTYPES[2]:
         across = 2 * float(np.sqrt(np.count_nonzero(mask) / np.pi)) * pixel_m - 2 * MARGIN_M
-        possible = [each for size in (across - error, across + error) for each in _of_pothole(size)]
+        possible = [each for size in (across - error, across + error) for each in severities_of_diameter(size)]
         return _told(possible)
     return NOT_RESOLVABLE
 
@@ -49,18 +47,6 @@ def _widest_px(mask: BoolArray) -> float:
     """From d, the largest distance to a pixel beyond: 2 d − 1 where the width is odd, 2 d where it is even."""
     framed = np.pad(mask.astype(np.uint8), 1)
     return 2 * float(cv2.distanceTransform(framed, cv2.DIST_L2, cv2.DIST_MASK_PRECISE).max()) - 0.5
-
-
-def _of_crack(width_m: float) -> Severity:
-    if width_m < CRACK_MEDIUM_M:
-        return Severity.LOW
-    return Severity.MEDIUM if width_m <= CRACK_HIGH_M else Severity.HIGH
-
-
-def _of_pothole(diameter_m: float) -> tuple[Severity, ...]:
-    """For each depth."""
-    column = sum(diameter_m > limit for limit in POTHOLE_DIAMETERS_M)
-    return _BEYOND if column == len(POTHOLE_DIAMETERS_M) else tuple(row[column] for row in POTHOLE_TABLE)
 
 
 def _told(possible: list[Severity]) -> str:

@@ -44,11 +44,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         finished = trainer.run(60 * given.stop_after if given.stop_after is not None else None)
     except PaveTwinError as error:
-        told = re.sub(r"`overrides`", "settings", re.sub(r"`compiled`", "--compile", str(error)))
-        sys.stderr.write(f"Error: {told}\n")
+        sys.stderr.write(f"Error: {_as_typed(str(error), parser)}\n")
         return 2
     print(f"{'Finished' if finished else 'Stopped; the same command goes on'}: {given.output}")
     return 0
+
+
+def _as_typed(message: str, parser: argparse.ArgumentParser) -> str:
+    """A message whose names of parameters are options, where there is one."""
+    options = {"compiled": "--compile", "overrides": "--set"}
+    options |= {name: f"--{name.replace('_', '-')}" for name in vars(parser.parse_args(["-o", "x", "x"]))}
+    del options["datasets"]
+    return re.sub(r"`(\w+)`", lambda found: options.get(found[1], found[0]), message)
 
 
 if __name__ == "__main__":

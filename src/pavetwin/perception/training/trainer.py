@@ -27,7 +27,7 @@ from pavetwin.perception.training.machine import check_compiler, device_of, draw
 from pavetwin.perception.training.network import DetectorNetwork, Encoded
 from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
 from pavetwin.perception.training.references import photometrics
-from pavetwin.perception.training.run_folder import TAUGHT, Curves, RunFolder, load_weights
+from pavetwin.perception.training.run_folder import BEST, TAUGHT, Curves, RunFolder, load_weights
 from pavetwin.perception.training.schedule import MovingAverage, Phase, epoch_order, phases_of, rate_at
 from pavetwin.perception.training.self_training import MeanTeacher
 from pavetwin.perception.training.targets import Targets
@@ -422,7 +422,7 @@ class Trainer:
         it.phase, it.epoch, it.best_epoch = it.phase + 1, 0, -1
         if it.phase == len(self._phases):
             return
-        load_weights(self.network, self._folder.path / "best.pt")
+        load_weights(self.network, self._folder.path / BEST)
         if not self._phases[it.phase].classifier:
             it.best = -1.0
         self._begin(self._phases[it.phase])

@@ -2,12 +2,11 @@
 
 from collections.abc import Iterable
 
-import numpy as np
 import torch
 
 from pavetwin.arrays import Float64Array
 from pavetwin.perception.average_precision import Scored, average_precision
-from pavetwin.perception.classes import CLASSES, ROAD_DEFECT, SUBTYPES
+from pavetwin.perception.classes import CLASSES, coarse_of_classes
 from pavetwin.perception.training.batches import Batch
 from pavetwin.perception.training.detect import DetectLimits, ImageDetections, detect
 from pavetwin.perception.training.device_pictures import images_of
@@ -33,7 +32,7 @@ def _scored(found: ImageDetections, batch: Batch, image: int) -> Scored:
     known = batch.targets.known[image].numpy()
     rows = batch.targets.images == image
     classes = found.classes.cpu().numpy()
-    told = known[np.where(classes < len(SUBTYPES), ROAD_DEFECT, classes - len(SUBTYPES) + 1)]
+    told = known[coarse_of_classes(classes)]
     return Scored(
         boxes=found.boxes.cpu().double().numpy()[told],
         classes=classes[told],
