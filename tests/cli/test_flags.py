@@ -193,12 +193,21 @@ def test_help_lists_what_is_registered(arguments: tuple[str, ...], module: str, 
     assert ", ".join([*names.names(), "of-my-own"]) in told
 
 
+GRID = ("world", "build", "--generate", "grid", "-o", "worlds/grid")
+
+
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
         (("policy", "check", "hovr"), "Error: policy check: no policy 'hovr' (did you mean 'hover'?);"),
         (("sensor", "check", "idael"), "Error: sensor check: no sensor 'idael' (did you mean 'ideal'?);"),
         (("policy", "check", "mine.py"), "Error: policy check: 'mine.py' lacks the name of the class;"),
+        (("defect", "check", "potole"), "Error: defect check: no defect class 'potole' (did you mean 'pothole'?);"),
+        (("defect", "check", "potole"), "One of your own goes by its file, as in my_class.py:ravelling."),
+        ((*GRID, "--segment-length", "-5"), "Error: --segment-length: it must be greater than or equal to 40"),
+        ((*GRID, "--defects-per-100-m2", "-1"), "Error: --defects-per-100-m2: it must be greater than or equal to 0"),
+        ((*GRID, "--defect-mix", "hole=3"), "Error: --defect-mix: no defect class 'hole' (did you mean 'pothole'?);"),
+        (("serve", "--port", "99999"), "Error: Invalid value for '--port': it must be less than or equal to 65535."),
         (("policy", "check", "hover", "--plugin", "gone.py"), "Error: --plugin: there is no file '"),
         (("fly", "no/town"), "make one with `pavetwin world build SOURCE --output no/town`."),
         (("experiment", "run", "d.yaml", "-o", "s"), "Error: the design 'd.yaml': plugins: there is no file '"),

@@ -81,6 +81,9 @@ def _classes(name: str) -> "list[DefectKind]":
     file = path if colon and path.endswith(".py") else name
     with naming({KEY: "defect check", DEFECT_CLASSES.key: "defect check"}):
         if not file.endswith(".py"):
+            if name not in (known := DEFECT_CLASSES.names()):
+                unknown = no_such(DEFECT_CLASSES.what, name, known, key=KEY)
+                raise PaveTwinError(f"{unknown} One of your own goes by its file, as in my_class.py:ravelling.")
             return [DEFECT_CLASSES.get(name)]
         load_plugins([file], check=False)
         own = [known for what, known in registered_in(Path(file)) if what == DEFECT_CLASSES.what]

@@ -26,6 +26,7 @@ def words_of(error: Exception) -> str:
         option = max(getattr(getattr(error, "param", None), "opts", ["a value"]), key=len)
         unit = " of metres" if option in IN_METRES else ""
         words = f"{option}: give a number{unit}, such as 10, without a unit"
+    words = words.replace("Input should be", "it must be").replace(", unable to parse string as an integer", "")
     return words if not words or words.endswith((".", "?")) else f"{words}."
 
 

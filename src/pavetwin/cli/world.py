@@ -10,7 +10,7 @@ import typer
 from pavetwin.cli import world_export, world_maps
 from pavetwin.cli.arguments import WorldFolder
 from pavetwin.cli.console import out, progress
-from pavetwin.errors import PaveTwinError
+from pavetwin.errors import PaveTwinError, naming
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -94,13 +94,13 @@ def build(
     values["parking_rule"] = parking_rule
     if anchor is not None:
         values["anchor"] = parse_anchor(anchor)
-    options = BuildOptions.parse(values, where="world build")
+    options = BuildOptions.parse(values, where="")
     asked = {"population": damage, "per_segment": defects_per_segment, "per_100_m2": defects_per_100_m2}
     given = {name: value for name, value in asked.items() if value is not None}
     mix = {} if defect_mix is None else {"mix": _weights(defect_mix)}
-    defects = DefectOptions.parse({**given, **mix}, where="world build")
+    defects = DefectOptions.parse({**given, **mix}, where="")
     chosen = source if source is not None else network_kind(generate or "")
-    with progress("Building the world") as report:
+    with progress("Building the world") as report, naming({"`defects`": "--defect-mix"}):
         world, record = build_folder(
             chosen, output, options, defects, force=force, jobs=None, on_progress=lambda share, _what: report(share)
         )

@@ -107,14 +107,17 @@ class Settings(BaseModel):
         """Build from plain values.
 
         Args:
+            where: the source, for messages; empty where the keys are parameters of whoever gives the values.
             text: of the file that the values are from; messages then tell the line.
 
         Raises:
-            PaveTwinError: a key is unknown or a value does not fit; `where` names the source in the message.
+            PaveTwinError: a key is unknown or a value does not fit.
         """
         try:
             return cls.model_validate(values)
         except ValidationError as error:
+            if not where:
+                raise PaveTwinError(re.sub(r"^(\w+):", r"`\1`:", f"{describe(error)}.")) from error
             line = f", line {line_of(text, _place(error))}" if text is not None else ""
             raise PaveTwinError(f"{where}{line}: {describe(error)}.") from error
 
