@@ -44,7 +44,7 @@ def test_camera_limits_and_blur_are_those_of_the_design() -> None:
 def test_missions_that_do_not_count_pixels_say_so(changed: dict[str, str]) -> None:
     view = ground_view({**HIGH, "altitude_m": 15.0, **changed}, PAPERS_CAMERA)
     assert not view.is_counted
-    assert "these missions do not count pixels, a real detector may miss cracks thinner than 3" in view.sentence
+    assert "These missions do not count pixels: a real detector may miss cracks thinner than 3" in view.sentence
 
 
 def test_it_stands_second_in_every_advice_whose_design_is_known() -> None:

@@ -208,7 +208,8 @@ def _print(recording: "Recording", world: "World | None" = None) -> None:
         out.print("Its level of service needs its world: `--world FOLDER`.", markup=False)
     out.print(flow.removals_sentence)
     kinds = Counter(recording.agents.kind)
-    out.print("Kinds: " + ", ".join(f"{count} {kind}" for kind, count in kinds.most_common()))
+    if kinds:
+        out.print("Kinds: " + ", ".join(f"{count} {kind}" for kind, count in kinds.most_common()))
     out.print(
         f"Network: {origin.capacity.lanes_km:.2f} km of lanes, {origin.capacity.sidewalks_km:.2f} km of sidewalks, "
         f"{len(recording.signals)} traffic lights."

@@ -51,7 +51,7 @@ class GroundView:
         begin = f"From {self.altitude_m:g} m with the camera {self.camera} a pixel covers {_length(self.pixel_m)}"
         if self.is_counted:
             return f"{begin}: {small} are not seen from here."
-        return f"{begin}; these missions do not count pixels, a real detector may miss {small} from here."
+        return f"{begin}. These missions do not count pixels: a real detector may miss {small} from here."
 
     def _small(self, kind: str) -> str:
         """`cracks thinner than 292 mm`; where blur counts, `cracks across the flight thinner than … (along it …)`."""
