@@ -15,6 +15,7 @@ from PIL import Image
 from pavetwin.draw import lettering, style
 from pavetwin.draw.lettering import OccupiedSpace
 from pavetwin.draw.marks import DefectOutcome, notable_segments, outcomes, rectangles, windows
+from pavetwin.draw.mission_layers import CLOSE, draw_reactions
 from pavetwin.draw.mission_legend import legend_of, main_numbers
 from pavetwin.draw.mission_map import (
     _comparison_figure,
@@ -117,6 +118,21 @@ def test_waits_are_as_long_as_the_metrics_say() -> None:
     assert sum(stay.seconds for stay in stays) == pytest.approx(sum(row.wait_s for row in result.rows), abs=1.0)
     assert marks(figure_of(result), "waits")[0] == len(stays)
     assert waits(tiny.result("car_that_leaves", "baseline").track) == []
+
+
+def test_seconds_of_a_wait_stand_where_it_is_drawn_larger() -> None:
+    result = tiny.result("queue_at_light", "hover")
+    told = [
+        [text.get_text() for text in axes.texts if text.get_text().endswith(" s")] for axes in figure_of(result).axes
+    ]
+    assert told[0] == []
+    assert ["300 s"] in told
+    (stay,) = waits(result.track)
+    with style.styled():
+        axes = Figure().subplots()
+        axes.set(xlim=(0, 60), ylim=(-30, 30))
+        draw_reactions(axes, result, MapTransform((0.0, 0.0), 0.0), CLOSE)
+    assert [text.get_text() for text in axes.texts] == [f"{stay.seconds:.0f} s"]
 
 
 def test_displacements_are_no_longer_than_the_policy_may() -> None:

@@ -118,7 +118,7 @@ def recipe_values(path: Path) -> tuple[dict[str, Any], str]:
     except (YAMLError, ValueError) as error:
         raise PaveTwinError(f"The recipe '{path}' is not valid YAML: {' '.join(str(error).split())}.") from error
     if not isinstance(content, dict):
-        raise PaveTwinError(f"The recipe '{path}' must hold keys: sources and split of photographs, or worlds and captures.")
+        raise PaveTwinError(f"The recipe '{path}' must hold keys: sources and split, or worlds and captures.")
     return content, text
 
 

@@ -139,8 +139,14 @@ def draw_defects(axes: Axes, result: MissionResult, turn: MapTransform, weights:
         marks.set_gid(f"defects-{outcome}")
 
 
-def draw_reactions(axes: Axes, result: MissionResult, turn: MapTransform, weights: Weights) -> None:
-    """The policy's reactions: discs for waits, arrows for displacements, rings for revisits."""
+def draw_reactions(
+    axes: Axes, result: MissionResult, turn: MapTransform, weights: Weights, frames: Sequence[shapely.Polygon] = ()
+) -> None:
+    """The policy's reactions: discs for waits, arrows for displacements, rings for revisits.
+
+    Args:
+        frames: what is drawn larger beside this map, with the seconds of its waits, in metres of the world.
+    """
     stays = sorted(waits(result.track), key=lambda stay: -stay.seconds)
     if stays:
         x, y = turn.points([stay.position for stay in stays]).T
@@ -165,7 +171,8 @@ def draw_reactions(axes: Axes, result: MissionResult, turn: MapTransform, weight
         axes.add_patch(arrow)
         if weights.defect < CLOSE.defect:
             axes.plot(*start, marker="^", ms=3.2, mfc=STEP, mec=style.PAPER, mew=0.3, zorder=_STAYS + 3)
-    _label_waits(axes, stays, turn, weights)
+    told = [stay for stay in stays if not any(frame.contains(shapely.Point(stay.position)) for frame in frames)]
+    _label_waits(axes, told, stays, turn, weights)
 
 
 def draw_stations(axes: Axes, result: MissionResult, turn: MapTransform) -> None:
@@ -176,16 +183,22 @@ def draw_stations(axes: Axes, result: MissionResult, turn: MapTransform) -> None
     base_symbol(axes, result.environment.world, zorder=_LABELS)
 
 
-def _label_waits(axes: Axes, stays: Sequence[HoverStop], turn: MapTransform, weights: Weights) -> None:
-    """Seconds beside the longest waits, where they fit: no label overlaps another one or another wait's centre."""
-    if not stays:
+def _label_waits(
+    axes: Axes, told: Sequence[HoverStop], stays: Sequence[HoverStop], turn: MapTransform, weights: Weights
+) -> None:
+    """Seconds beside the longest of the waits that are told, where they fit: no label overlaps another one or the
+    centre of any wait."""
+    if not told:
         return
     pt_px = axes.figure.dpi / 72
-    spots = axes.transData.transform(turn.points([stay.position for stay in stays]))
+
+    def spots(of: Sequence[HoverStop]) -> Float64Array:
+        return np.asarray(axes.transData.transform(turn.points([stay.position for stay in of])))
+
     size, view, occupied = weights.label * pt_px, shapely.box(*axes.get_window_extent().extents), OccupiedSpace()
-    for spot in spots:
+    for spot in spots(stays):
         occupied.take(shapely.Point(spot))
-    for stay, spot in list(zip(stays, spots, strict=True))[:_LABELLED]:
+    for stay, spot in list(zip(told, spots(told), strict=True))[:_LABELLED]:
         radius = (wait_area(stay.seconds, weights) / np.pi) ** 0.5 * pt_px
         text = f"{stay.seconds:.0f} s"
         half = 0.33 * size * len(text)

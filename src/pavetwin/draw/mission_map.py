@@ -171,7 +171,7 @@ def _draw_town(axes: Axes, result: MissionResult, bounds: Bounds, strips: Sequen
     mission_layers.draw_parked(axes, result, _PLAIN)
     mission_layers.draw_route(axes, result, _PLAIN, weights)
     mission_layers.draw_defects(axes, result, _PLAIN, weights)
-    mission_layers.draw_reactions(axes, result, _PLAIN, weights)
+    mission_layers.draw_reactions(axes, result, _PLAIN, weights, [strip.outline() for strip in strips])
     mission_layers.draw_stations(axes, result, _PLAIN)
 
 
