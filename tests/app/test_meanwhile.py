@@ -24,6 +24,15 @@ window.WebSocket = class extends there { constructor() { super(`ws://${location.
 null)"""
 """From now on nobody answers."""
 
+WATCHED = """(
+window.told = [],
+new MutationObserver(([{ target }]) => {
+  const notice = target.closest?.('#notice') ?? target.parentElement.closest('#notice');
+  if (!notice.hidden) told.push(notice.firstElementChild.textContent);
+}).observe(document.querySelector('#notice'), { attributes: true, childList: true, subtree: true }),
+null)"""
+"""Keeps what the line over the page says from now on."""
+
 IDLE = "!document.querySelector('#selection').classList.contains('busy')"
 NOTICE = "(by => by.hidden ? '' : by.firstElementChild.textContent)(document.querySelector('#notice'))"
 
@@ -63,12 +72,15 @@ def test_what_is_started_without_a_connection_waits_for_the_next(tab: BrowserTab
 
 def test_a_server_that_does_not_answer_is_told_once(tab: BrowserTab) -> None:
     """Until it answers again; what was asked of it fails, and can be asked again."""
+    tab.value(WATCHED)
     tab.value(REFUSED)
     tab.value("(sockets.at(-1).close(), null)")
     tab.wait(f"{NOTICE}.includes('not answer')")
     tab.page.click("#notice button")
     tab.page.click("#start")
     tab.wait("sockets.length >= 3 && !document.querySelector('#start').disabled")
+    tab.wait("sockets.length >= 4")
+    assert tab.value("told.filter(words => words.includes('not answer')).length") == 1
     tab.errors[:] = [error for error in tab.errors if "/nowhere" not in error]
     tab.value("(window.WebSocket = there, null)")
     tab.fly()
