@@ -25,16 +25,15 @@ def model_panels(losses: Axes, precisions: Axes, name: str, runs: list[pl.DataFr
         detector = curves.filter(~pl.col("phase").str.contains("classifier"))
         epochs = range(1, len(detector) + 1)
         for colour, (part, weight) in zip(COLOURS, PARTS.items(), strict=True):
-            losses.plot(epochs, weight * detector[part], color=colour, label=part if first else None)
+            losses.plot(epochs, weight * detector[part], ".-", color=colour, lw=1.1, label=part if first else None)
         for colour, kind in zip(COLOURS, CLASSES, strict=True):
-            precisions.plot(epochs, 100 * detector[kind], color=colour, lw=1.1, label=kind if first else None)
-        precisions.plot(epochs, 100 * detector["map50"], color="black", lw=2.2, label="mean" if first else None)
+            precisions.plot(epochs, 100 * detector[kind], ".-", color=colour, lw=1.1, label=kind if first else None)
+        precisions.plot(epochs, 100 * detector["map50"], ".-", color="black", lw=2.2, label="mean" if first else None)
     losses.set(title=f"{name}: parts of the loss, weighted", xlabel="epoch", ylim=(0, None))
-    precisions.set(title="AP@0.5 on the validation images, per cent", xlabel="epoch", ylim=(0, 100))
+    precisions.set(title=f"{name}: validation images, AP@0.5, %", xlabel="epoch", ylim=(0, 100))
     for axes in (losses, precisions):
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.spines[["top", "right"]].set_visible(False)
-        axes.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
 
 def main() -> None:
@@ -42,12 +41,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m gallery.training", description=__doc__)
     parser.add_argument("-o", "--output", type=Path, default=Path("docs/images/training.png"))
     output = parser.parse_args().output
-    names = shipped_models()
+    names = sorted(shipped_models(), key=lambda name: (name.startswith("mixed"), name))
     figure, rows = plt.subplots(len(names), 2, figsize=(11, 3.4 * len(names)), squeeze=False, layout="constrained")
     for (losses, precisions), name in zip(rows, names, strict=True):
         runs = [pl.read_csv(file) for file in sorted((RUNS / name).rglob("curves.csv"))]
         title = name if len(runs) == 1 else f"{name} ({len(runs)} runs)"
         model_panels(losses, precisions, title, runs)
+    for axes in rows[0]:
+        handles, labels = axes.get_legend_handles_labels()
+        axes.legend(handles, labels, ncols=3, fontsize=8, loc="lower left", bbox_to_anchor=(0.0, 1.1), frameon=False)
     figure.savefig(output, dpi=110)
     print(output)
 
