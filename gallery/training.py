@@ -41,7 +41,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m gallery.training", description=__doc__)
     parser.add_argument("-o", "--output", type=Path, default=Path("docs/images/training.png"))
     output = parser.parse_args().output
-    names = sorted(shipped_models(), key=lambda name: (name.startswith("mixed"), name))
+    names = sorted(shipped_models(), key=lambda name: (name.startswith("mixed"), len(name), name))
     figure, rows = plt.subplots(len(names), 2, figsize=(11, 3.4 * len(names)), squeeze=False, layout="constrained")
     for (losses, precisions), name in zip(rows, names, strict=True):
         runs = [pl.read_csv(file) for file in sorted((RUNS / name).rglob("curves.csv"))]
