@@ -45,7 +45,6 @@ def test_the_process_answers_a_fault_and_goes_on() -> None:
             process.stdin.flush()
             assert "error" in json.loads(process.stdout.readline())
         process.stdin.close()
-    assert process.returncode == 0
 
 
 def test_a_plan_format_of_a_plugin_can_be_made(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any, get_args
 
 import pytest
+from PIL import Image
 from typer.main import get_group
 
 from pavetwin.cli import COMMANDS, app
@@ -59,6 +60,7 @@ def test_every_option_named_there_is_one() -> None:
 
 
 USUAL: dict[str, tuple[str, ...]] = {
+    "inventory": ("photographs",),
     "world build": ("-o", "new"),
     "world build --anchor": ("-o", "new", "--generate", "grid"),
     "world build --damage": ("-o", "new", "--generate", "grid"),
@@ -128,6 +130,8 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     folder = tmp_path_factory.mktemp("flags")
     save_world(built("cross"), folder / "town")
+    (folder / "photographs").mkdir()
+    Image.new("RGB", (64, 64)).save(folder / "photographs" / "a.png")
     (folder / "plain.yaml").write_text("worlds: [town]\n")
     (folder / "d.yaml").write_text("worlds: [town]\nplugins: [gone.py]\n")
     return folder

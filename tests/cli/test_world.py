@@ -84,8 +84,8 @@ def test_streets_that_are_not_connected_are_said_to_be_left_out(
         (["--generate", "toun", "-o", "x"], "did you mean 'town'"),
         (["--generate", "town", "-o", "x", "--anchor", "100,0"], "not a place"),
         (["--generate", "town", "-o", "x", "--seed", "-1"], "seed"),
-        (["--generate", "town", "-o", "x", "--segment-length", "5"], "segment_length_m"),
-        (["--generate", "grid", "-o", "x", "--defects-per-segment", "-2"], "per_segment"),
+        (["--generate", "town", "-o", "x", "--segment-length", "5"], "--segment-length"),
+        (["--generate", "grid", "-o", "x", "--defects-per-segment", "-2"], "--defects-per-segment"),
         (["--generate", "grid", "-o", "/proc/nothing/x"], "Cannot write"),
     ],
 )
