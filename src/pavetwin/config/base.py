@@ -51,7 +51,7 @@ MEANT: Final[Mapping[str, str]] = {
     **dict.fromkeys(("drone", "uas"), "aircraft"),
     **dict.fromkeys(("height", "height_m", "altitude"), "altitude_m"),
     **ALIASES,
-    **dict.fromkeys(("wind",), "conditions"),
+    "wind": "conditions",
 }
 """Names from memory, each with the one that is meant."""
 
