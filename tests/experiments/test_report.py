@@ -1,8 +1,7 @@
-"""The report of a study: self-contained, the same bytes twice, complete, and sensible where a study is small."""
+"""The report of a study: self-contained, the same bytes twice, and true to its table."""
 
 import re
-from html.parser import HTMLParser
-from itertools import pairwise, product
+from itertools import pairwise
 from pathlib import Path
 from urllib.parse import unquote
 from xml.etree import ElementTree
@@ -11,69 +10,22 @@ import polars as pl
 import pytest
 from matplotlib.colors import to_hex, to_rgb
 
-from pavetwin.draw.style import POLICY_COLOURS
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.metrics import metric_named
-from pavetwin.experiments.report import Study, gather, write_report
+from pavetwin.experiments.report import gather, write_report
 from pavetwin.experiments.report import page as pages
-from pavetwin.experiments.report.canvas import looks
 from pavetwin.experiments.report.front import question
 from pavetwin.experiments.report.headline import headline_table
-from pavetwin.experiments.report.maps import colour_range, street_map, street_means
-from pavetwin.experiments.report.plots.intervals import by_altitude
 from pavetwin.experiments.report.plots.overview import overview
-from pavetwin.experiments.report.plots.spread import spread
-from pavetwin.experiments.report.plots.tradeoff import options, tradeoff
+from pavetwin.experiments.report.plots.tradeoff import options
 from pavetwin.experiments.statistics import MissionLimits, Objective
-from pavetwin.experiments.statistics.summary import summarise
-from scenes import tiny
+from scenes.outline import Outline, sections, small_study
 from scenes.report_studies import PAPER, SMALL, page_of, study_of, table_of, with_failures
-from scenes.studies import without
-
-
-class Outline(HTMLParser):
-    """What a reader's program sees of a page."""
-
-    VOID = frozenset({"meta", "img", "br", "link", "input"})
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
-        self.open: list[str] = []
-        self.words: list[str] = []
-        self.feed(text)
-        assert self.open == [], "every element is closed"
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
-        if tag not in self.VOID:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag, tag
-
-    def handle_data(self, data: str) -> None:
-        self.words.append(data)
-
-    def all(self, tag: str) -> list[dict[str, str | None]]:
-        return [attributes for name, attributes in self.tags if name == tag]
-
-    @property
-    def anchors(self) -> list[str]:
-        return [attributes["id"] or "" for _, attributes in self.tags if "id" in attributes]
-
-
-def small_study(**design: object) -> Study:
-    return study_of(table_of(SMALL, 4), worlds={"tiny": tiny.bent()}, **design)
 
 
 @pytest.fixture(scope="module")
 def small() -> str:
     return page_of(small_study(), drawn=True)
-
-
-def sections(text: str) -> set[str]:
-    return {anchor for anchor in Outline(text).anchors if not anchor.startswith(("figure", "table"))}
 
 
 def test_every_section_is_there(small: str) -> None:
@@ -431,158 +383,3 @@ def test_the_words_on_method_promise_no_more_than_simulations_showed(small: str)
     assert "have p = 0.002 by themselves and may not be significant among 144 comparisons" in words
     assert "an interval may end at the smallest or the largest of the differences" in words
     assert "Interactions of three and more factors are in the residual" in words
-
-
-def test_what_failed_alone_is_not_on_the_front() -> None:
-    """Its means leave out what the others flew; what failed for all alike leaves the means comparable."""
-    table = table_of(SMALL, 4)
-    (group,) = study_of(table).groups()
-    metrics = metric_named("coverage"), metric_named("time_s")
-    cheapest = min(options(group, "high", *metrics), key=lambda option: float(option.cost["mean"]))
-    assert cheapest.on_front
-    high = (pl.col("traffic") == "high") & (pl.col("replicate") == 0)
-    alone = high & (pl.col("policy") == cheapest.policy) & (pl.col("altitude_m") == cheapest.altitude_m)
-    study = study_of(without(table, alone, failed=True))
-    (group,) = study.groups()
-    fronts = {
-        traffic: {(o.altitude_m, o.policy) for o in options(group, traffic, *metrics) if o.on_front}
-        for traffic in group.traffics
-    }
-    option = (cheapest.altitude_m, cheapest.policy)
-    assert option not in fronts["high"]
-    assert option in fronts["low"]
-    said = f"leave them out: {cheapest.policy} at {cheapest.altitude_m:g}\u00a0m (1 failed)."
-    assert said in page_of(study)
-    assert "leave them out" not in page_of(study_of(without(table, high, failed=True)))
-
-
-@pytest.mark.parametrize("policies", [4, pytest.param(14, marks=pytest.mark.slow)])
-def test_words_of_logarithmic_axes_stand_clear_of_each_other(policies: int) -> None:
-    """Of time and energy with heavy tails in three narrow panels."""
-    own = tuple(f"own {number}" for number in range(policies - 4))
-    (group,) = study_of(table_of({**PAPER, "policy": ("baseline", "hover", "micro", "skip", *own)}, 20)).groups()
-    coverage, time, energy = (metric_named(name) for name in ("coverage", "time_s", "energy"))
-    figures = [tradeoff(group, coverage, cost, group.traffics) for cost in (time, energy)]
-    figures += [spread(group, metric, group.traffics) for metric in (time, energy)]
-    for figure, dpi in product(figures, (72, 200)):
-        figure.set_dpi(dpi)  # an SVG is laid out in points
-        figure.draw_without_rendering()
-        for axes in figure.axes:
-            low, high = axes.get_xlim()
-            found = [axis for axis in axes.get_xticklabels() if low <= axis.get_position()[0] <= high]
-            boxes = sorted((label.get_window_extent() for label in found), key=lambda box: box.x0)
-            assert len(boxes) >= 3
-            assert all(one.x1 < other.x0 for one, other in pairwise(boxes))
-
-
-def test_every_logarithmic_axis_says_so() -> None:
-    (group,) = study_of(table_of(PAPER, 20)).groups()
-    coverage, time, wait = (metric_named(name) for name in ("coverage", "time_s", "wait_s"))
-    figures = [tradeoff(group, coverage, time, group.traffics), spread(group, time, group.traffics)]
-    figures += [spread(group, coverage, group.traffics), by_altitude(group, [coverage, time, wait], group.traffics)]
-    scales = {
-        (getattr(axes, f"get_{axis.axis_name}scale")(), "(log scale)" in axis.get_label_text())
-        for figure in figures
-        for axes in figure.axes
-        for axis in (axes.xaxis, axes.yaxis)
-        if axis.get_label_text()
-    }
-    assert scales == {("log", True), ("linear", False)}
-
-
-def test_whiskers_end_at_the_percentiles_of_the_tables() -> None:
-    """Not at the last mission within them."""
-    table = table_of(PAPER, 20)
-    (group,) = study_of(table).groups()
-    time = metric_named("time_s")
-    numbers = summarise(table, ["traffic", "altitude_m", "policy"], [time])
-    figure = spread(group, time, group.traffics)
-    for traffic, axes in zip(group.traffics, figure.axes, strict=True):
-        whiskers = [line for line in axes.lines if len(line.get_xdata()) == 2 and len(set(line.get_ydata())) == 1]
-        drawn = sorted(line.get_xdata()[1] for line in whiskers)
-        cells = table.filter(traffic=traffic).group_by("altitude_m", "policy")
-        low = cells.agg(pl.col("time_s").quantile(0.05, "linear"))["time_s"]
-        assert drawn == pytest.approx(sorted([*low, *numbers.filter(traffic=traffic)["p95"]]))
-
-
-def test_fourteen_policies_can_be_told_apart() -> None:
-    chosen = looks([*POLICY_COLOURS, *(f"own {number}" for number in range(10))])
-    assert len({look.colour for look in chosen.values()}) == len({look.marker for look in chosen.values()}) == 14
-    assert len({look.dash for look in chosen.values()}) == 3
-    assert chosen["hover"] == looks(["own", "hover"])["hover"]
-
-
-def test_streets_are_means_over_their_missions() -> None:
-    table = table_of({"policy": ("baseline", "hover")}, 6)
-    nothing = pl.when(pl.col("replicate") == 1).then(None).otherwise("coverage").alias("coverage")
-    means = street_means(table.with_columns(nothing), "tiny")
-    side = means.filter(pl.col("segment") == "side").row(0, named=True)
-    of_side = table.filter(pl.col("segment") == "side", pl.col("replicate") == 4)
-    assert (side["missions"], side["replicates"]) == (2, 1)
-    assert side["coverage"] == pytest.approx(of_side["coverage"].mean())
-    assert means["coverage"].is_sorted()
-
-
-def test_segments_without_defects_are_counted_and_have_no_coverage() -> None:
-    table = table_of({"policy": ("baseline", "hover")}, 3)
-    worlds = {"tiny": tiny.bent()}
-    full = page_of(study_of(table, worlds=worlds))
-    assert "had no defects to find" not in full
-    assert "says little of its segment" not in full
-    assert "A coverage of fewer than 10 defects says little" in page_of(
-        study_of(table.with_columns(defects=pl.lit(4, pl.Int64)), worlds=worlds)
-    )
-    on_side = pl.col("segment") == "side"
-    empty = [pl.when(on_side).then(None).otherwise(name).alias(name) for name in ("coverage", "swath_coverage")]
-    said = page_of(
-        study_of(table.with_columns(*empty, defects=pl.when(on_side).then(0).otherwise("defects")), worlds=worlds)
-    )
-    assert "1 more segment flown had no defects to find in any replicate, and no coverage." in said
-    assert "side road" not in said.split("Street by street")[1].split("</table>")[0]
-
-
-def test_a_map_shows_the_segments_that_were_flown() -> None:
-    means = street_means(table_of(SMALL, 3), "tiny")
-    picture = street_map(tiny.bent(), means)
-    assert picture is not None
-    assert picture.source.startswith("data:image/png;base64,")
-    assert "2 segments" in picture.alt, "the third of the table is in no tiny world"
-    assert street_map(tiny.straight(), means.filter(pl.col("segment") == "side")) is None
-
-
-@pytest.mark.parametrize(
-    ("values", "ends"),
-    [((100.0, 100.0), (90, 100)), ((0.0, 0.0), (0, 10)), ((83.0, 88.0), (80, 90)), ((41.0, 100.0), (40, 100))],
-)
-def test_the_colours_of_a_map_span_tens_that_coverage_can_have(
-    values: tuple[float, float], ends: tuple[float, float]
-) -> None:
-    norm = colour_range(values)
-    assert (norm.vmin, norm.vmax) == ends
-
-
-def test_gathered_statistics_fit_the_report() -> None:
-    made_with = {"SUMO": "1.2.3", "world tiny": "0123abcd"}
-    study = gather("Gathered", {"seed": 3, "version": "0.0.0", "made_with": made_with}, table_of(SMALL, 5), {})
-    assert study.factors == ("traffic", "altitude_m", "policy")
-    assert study.others == ()
-    text = page_of(study)
-    assert {"means", "differences", "effects", "findings"} <= sections(text)
-    assert "version:" not in text, "it is not a key of a design"
-    assert "made_with" not in text
-    assert "PaveTwin\n0.0.0, SUMO 1.2.3, world tiny 0123abcd" in text
-
-
-@pytest.mark.slow
-def test_figures_are_files_too_when_they_are_asked_for(tmp_path: Path) -> None:
-    study = small_study()
-    plain = write_report(study, tmp_path / "plain")
-    written = write_report(study, tmp_path / "all", figures=True)
-    figures = [path for path in written if path.parent.name == "figures"]
-    text = (tmp_path / "all" / "report.html").read_text()
-    assert len(figures) == text.count("<img ") == len(written) - len(plain) > 5
-    for path in figures:
-        if path.suffix == ".svg":
-            assert ElementTree.fromstring(path.read_text()).tag.endswith("svg")
-        else:
-            assert path.read_bytes().startswith(b"\x89PNG")
