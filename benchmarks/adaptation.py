@@ -158,6 +158,7 @@ def write_found(file: Path, found: Sequence[FoundBox], split: LabelledSplit) -> 
                 "det_conf": each.detection,
                 "cls_conf": min(1.0, each.confidence / each.detection),
                 **each.sizes,
+                **({"severity": each.severity} if each.severity else {}),
             },
         }
         for each in found

@@ -27,7 +27,8 @@ LARGEST_MB = 256
 
 
 def test_its_memory_stays_bounded_and_it_answers_on() -> None:
-    """A whole picture of 200 megapixels, uploads of 100 MB from many at once, hung clients, damaged files."""
+    """A whole picture of 200 megapixels, uploads of 100 MB from many at once, also to other addresses, hung clients,
+    damaged files."""
     words = command("serve", "--model", FILE, "--port", 0)
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
@@ -45,8 +46,9 @@ def test_its_memory_stays_bounded_and_it_answers_on() -> None:
             assert [sent(port, each) for each in (huge, b"text", street[:-40])] == [413, 415, 400]
             with ThreadPoolExecutor(32) as clients:
                 large = list(clients.map(lambda _: sent(port, bytes(100_000_000)), range(4)))
+                astray = list(clients.map(lambda path: sent(port, bytes(100_000_000), path), ["/health", "/", "/x"]))
                 many = list(clients.map(lambda _: sent(port, street), range(32)))
-            assert (set(large), set(many)) == ({413}, {200})
+            assert (set(large), astray, set(many)) == ({413}, [405, 405, 404], {200})
             for each in hung:
                 each.close()
             assert sent(port, street) == 200
@@ -63,13 +65,13 @@ def peak_mb(process: int) -> float:
     return int(line.split()[1]) / 1000
 
 
-def sent(port: int, content: bytes) -> int:
+def sent(port: int, content: bytes, path: str = "/predict") -> int:
     """The status of the answer to a file."""
     body = b'--x\r\nContent-Disposition: form-data; name="file"; filename="a.jpg"\r\n\r\n' + content + b"\r\n--x--\r\n"
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
     try:
         with suppress(BrokenPipeError, ConnectionResetError):  # refused before all was sent: the answer is there
-            connection.request("POST", "/predict", body, {"Content-Type": KIND})
+            connection.request("POST", path, body, {"Content-Type": KIND})
         return connection.getresponse().status
     finally:
         connection.close()

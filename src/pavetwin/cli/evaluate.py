@@ -77,7 +77,7 @@ def evaluate(
     from pavetwin.experiments.detector_report.write import write_detector_report
     from pavetwin.labels import SPLITS
     from pavetwin.perception.evaluation.detections import read_subtypes
-    from pavetwin.perception.evaluation.evaluate import compare_in_pairs
+    from pavetwin.perception.evaluation.evaluate import check_evaluation, compare_in_pairs
     from pavetwin.perception.evaluation.evaluate import evaluate as evaluated
     from pavetwin.perception.evaluation.labelled import read_split
 
@@ -85,6 +85,7 @@ def evaluate(
         raise PaveTwinError("Say where the report goes with -o, for example -o evaluation.")
     if split not in SPLITS:
         raise PaveTwinError(no_such("split", split, SPLITS, key="`split`"))
+    check_evaluation(confidence, resamples)
     if runs and not against:
         raise PaveTwinError("`run`: other runs take part in differences only; name what to compare with (`against`).")
     with progress("Evaluating") as tell:

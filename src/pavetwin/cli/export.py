@@ -1,6 +1,7 @@
 """`pavetwin export`: a trained detector as one ONNX file."""
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
@@ -58,8 +59,10 @@ def export(
             from pavetwin.perception.training.quantise import pictures_in, store_in_int8
 
             pictures = pictures_in(int8)
-            facts = exported(runs, output, licence=licence)
-            store_in_int8(output, pictures)
+            with TemporaryDirectory() as folder:
+                single = Path(folder) / "single.onnx"
+                facts = exported(runs, single, licence=licence)
+                store_in_int8(single, pictures, output)
     masks = "with masks" if facts.mask_px else "without masks"
     of = f" the mean of {len(runs)} runs," if len(runs) > 1 else ""
     out.line(f"Model: {output},{of} {output.stat().st_size / 1e6:.1f} MB, {masks}, for images of {facts.image_px} px.")

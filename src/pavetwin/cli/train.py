@@ -85,6 +85,8 @@ def train(
     machine = TrainingMachine(device, workers, held_gb, views, compiled)
     begun = start_path(start) if start is not None else None
     unlabelled = read_unlabelled(photographs) if photographs is not None else None
+    if stop_after is not None and not stop_after >= 0:
+        raise PaveTwinError(f"`stop_after` {stop_after:g}: 0 or more minutes.")
     check_torch("Training")
     from pavetwin.perception.training.trainer import Trainer
 
@@ -94,8 +96,8 @@ def train(
     if not finished:
         out.line(f"Stopped in time; the same command goes on with {output}/.")
         return
-    best = max((row["map50"] for row in trainer.curves), default=0.0)
-    out.line(f"Trained: {quote(str(output / 'best.pt'))}, mAP@0.5 up to {best:.3f} on the validation images.")
+    where = quote(str(output / "best.pt"))
+    out.line(f"Trained: {where}, mAP@0.5 {trainer.best_map50:.3f} on the validation images.")
 
 
 def check_torch(what: str) -> None:

@@ -18,14 +18,14 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.inventory.crops import around
 from pavetwin.inventory.observation import Observation
 from pavetwin.inventory.probability import entry_model
-from pavetwin.inventory.reading import Reading, check_size
+from pavetwin.inventory.reading import Reading
 from pavetwin.labels.classes import label_name
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.look_table import check_version, detector_of, detector_sha256, measures_sizes, names_no_detector
 from pavetwin.mission.results import detections_table
 from pavetwin.perception.classes import SIZES
 from pavetwin.perception.inference.detector import pixels_of
-from pavetwin.perception.results.measuring import NOT_RESOLVABLE
+from pavetwin.perception.results.measuring import NOT_RESOLVABLE, check_size
 from pavetwin.perception.results.photograph import pose_of
 from pavetwin.sensing import OTHER_CLASSES
 from pavetwin.world.georeference import GeoReference, anchored, from_wgs84

@@ -13,11 +13,12 @@ from pavetwin.arrays import Float64Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.inventory.crops import around
 from pavetwin.inventory.observation import Crop, Observation, numbers_in, severity_in
-from pavetwin.inventory.reading import Reading, check_size, counted_remarks
+from pavetwin.inventory.reading import Reading, counted_remarks
 from pavetwin.labels.boxes import FloatBox, ends_at_border
 from pavetwin.labels.outlines import hull
 from pavetwin.perception.inference import Detections
 from pavetwin.perception.results.detected_image import sizes_of
+from pavetwin.perception.results.measuring import check_size
 from pavetwin.perception.results.photograph import PhotographPose
 from pavetwin.perception.results.sources import SourceImage, source_images
 from pavetwin.sensing.detector import ImageDetector

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import isfinite
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.inventory.observation import Observation
@@ -43,21 +42,6 @@ class Reading:
         if not 0 <= least <= 1:
             raise PaveTwinError(f"`confidence` {least:g}: it is from 0 to 1.")
         return [each for each in self.observations if each.confidence >= least]
-
-
-def check_size(name: str, value: float, *, may_be_zero: bool = False) -> None:
-    """Refuse what is no size.
-
-    Args:
-        name: of the parameter.
-
-    Raises:
-        PaveTwinError: it is negative, not a finite number, or 0 where it may not be.
-    """
-    if not isfinite(value):
-        raise PaveTwinError(f"`{name}` {value:g}: it is a finite number.")
-    if value < 0 or (value == 0 and not may_be_zero):
-        raise PaveTwinError(f"`{name}` {value:g}: it is {'0 or more' if may_be_zero else 'above 0'}.")
 
 
 def counted_remarks(found: Mapping[str, list[str]], wholes: int) -> tuple[str, ...]:

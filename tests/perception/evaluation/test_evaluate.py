@@ -16,6 +16,7 @@ from pavetwin.perception.evaluation.evaluate import DetectorEvaluation, compare_
 from pavetwin.perception.evaluation.labelled import read_split
 from pavetwin.perception.evaluation.resampling import metrics_of
 from pavetwin.perception.evaluation.scores import weighted_precision
+from pavetwin.perception.evaluation.severities import SeverityAgreement
 from scenes.detections import (
     BOX,
     CAR,
@@ -229,6 +230,27 @@ def test_widths_and_diameters_follow_from_area_and_length(tmp_path: Path) -> Non
         ("diameter_mm", "Pothole"): -10,
     }
     assert found == {key: pytest.approx(value) for key, value in expected.items()}
+
+
+def test_severities_against_what_captures_know(tmp_path: Path) -> None:
+    """One is right, one is right or higher, one is said too low, one too high, one not at all, and one not whole."""
+    whole = {"visible_fraction": 1.0, "inside_fraction": 1.0}
+    pairs = [
+        ("medium", "medium"), ("medium", "medium to high"), ("high", "low to medium"), ("low", "medium"),
+        ("low", "not resolvable"), ("high", ""),
+    ]  # fmt: skip
+    images: list[Any] = [[true(POTHOLE, severity=severity, **whole)] for severity, _ in pairs]
+    images.append([true(POTHOLE, severity="low", visible_fraction=0.5, inside_fraction=1.0)])
+    told = [*(words for _, words in pairs), "low"]
+    rows = [said(at, POTHOLE, severity=words) for at, words in enumerate(told, start=1)]
+    (row,) = evaluated(tmp_path, images, rows).severities
+    assert row == SeverityAgreement("Pothole", 5, right=1, within=1, too_low=1, too_high=1, not_resolvable=1)
+
+
+@pytest.mark.parametrize("words", ["severe", "medium to low", "low to medium to high", "low to low", 3])
+def test_a_severity_that_is_none_is_refused(tmp_path: Path, words: Any) -> None:
+    with pytest.raises(PaveTwinError, match=rf"entry 1 has a severity '{words}'; it is low, medium, high, or two as"):
+        evaluated(tmp_path, [[true(POTHOLE)]], [said(1, POTHOLE, severity=words)])
 
 
 def some(

@@ -23,6 +23,7 @@ from PIL import Image
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.inference import Detector
+from pavetwin.perception.serving import server as server_module
 from pavetwin.perception.serving.server import PredictionServer
 from pavetwin.perception.serving.uploads import ServerLimits
 from scenes.drawn_detector import FILE, drawn
@@ -250,6 +251,33 @@ def test_more_than_may_wait_is_told_to_come_again() -> None:
         answers = list(clients.map(lambda _: service.send(encoded(STREET))[0], range(12)))
         assert set(answers) == {200, 429}
         assert service.send(encoded(STREET))[0] == 200
+
+
+def test_who_hangs_up_holds_its_share_until_its_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its files wait for the detector's one thread: what they take is not free before."""
+    closed, may_look = threading.Event(), threading.Event()
+    hang_up = server_module._PredictHandler.on_connection_close
+    monkeypatch.setattr(
+        server_module._PredictHandler, "on_connection_close", lambda each: (hang_up(each), closed.set())[0]
+    )
+    large = encoded(STREET) + bytes(600_000)
+    with running(held_mb=1.0) as service, ThreadPoolExecutor(1) as clients:
+        look = service.server.detector.detect
+        service.server.detector.detect = lambda *given: (may_look.wait(10), look(*given))[1]  # type: ignore[method-assign]
+        first = clients.submit(service.send, encoded(STREET))
+        wait_until(lambda: service.server.waiting == 1)
+        body = form(large)
+        head = f"Content-Type: multipart/form-data; boundary={BOUNDARY}\r\nContent-Length: {len(body)}\r\n"
+        with socket.create_connection(("127.0.0.1", service.port), timeout=10) as gone:
+            gone.sendall(f"POST /predict HTTP/1.1\r\nHost: here\r\n{head}\r\n".encode() + body)
+            wait_until(lambda: service.server.waiting == 2)
+        assert closed.wait(5)
+        assert service.server.held >= 600_000
+        assert service.send(large)[0] == 429
+        may_look.set()
+        assert first.result()[0] == 200
+        wait_until(lambda: service.server.held == 0)
+        assert service.send(large)[0] == 200
 
 
 def test_what_takes_too_long_is_given_up() -> None:

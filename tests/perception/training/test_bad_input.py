@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import torch
 
+from pavetwin.perception.training.run_folder import RunFolder, load_network
 from scenes.command_line import pavetwin, plain_refusal
 from scenes.drawn_detector import FILE
 from scenes.drawn_roads import drawn_roads
@@ -67,6 +68,21 @@ def test_a_run_of_other_settings(folder: Path, trained: Path) -> None:
     line = plain_refusal(pavetwin("train", folder, "-o", trained, *TINY, "--set", "rate=0.5"))
     assert "holds a run with rate 0.001, not 0.5" in line
     assert content_of(trained) == before
+
+
+def test_a_run_that_began_with_other_weights_of_the_same_name(folder: Path, trained: Path, tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        network, told = load_network(trained / "best.pt")
+        with torch.no_grad():
+            next(network.parameters()).add_(0.0 if name == "a" else 0.01)
+        (tmp_path / name).mkdir()
+        RunFolder(tmp_path / name).save_best(network, told)
+    words = ("train", folder, "-o", tmp_path / "run", *TINY, "--start")
+    assert pavetwin(*words, tmp_path / "a" / "best.pt").returncode == 0
+    before = content_of(tmp_path / "run")
+    line = plain_refusal(pavetwin(*words, tmp_path / "b" / "best.pt"))
+    assert "holds a run with start_sha256" in line
+    assert content_of(tmp_path / "run") == before
 
 
 def test_a_checkpoint_of_another_architecture(folder: Path, trained: Path, tmp_path: Path) -> None:

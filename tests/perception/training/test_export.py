@@ -209,6 +209,11 @@ def test_convolutions_are_stored_in_int8_and_find_nearly_the_same(tmp_path: Path
     best = box_iou(torch.tensor(found.boxes), torch.tensor(said.boxes)).amax(dim=1)
     assert float(best.median()) > 0.6  # of a network that nothing has taught to be robust
 
+    before = (tmp_path / "int8.onnx").read_bytes()
+    (tmp_path / "pictures" / "0.png").write_bytes(b"none")
+    assert "0.png' cannot be read" in plain_refusal(pavetwin(*words, tmp_path / "pictures"))
+    assert (tmp_path / "int8.onnx").read_bytes() == before
+
     refused = plain_refusal(pavetwin(*words, tmp_path / "run"))
     assert "holds 0 pictures; int8 needs at least 8" in refused
     assert "--int8: there is no folder" in plain_refusal(pavetwin(*words, tmp_path / "none"))

@@ -1,5 +1,6 @@
 """A run: stopped and continued, killed and continued, refused; always with one curve and nothing lost."""
 
+import json
 import os
 import signal
 import subprocess
@@ -301,6 +302,17 @@ def test_weights_to_begin_with_are_taken(whole: Path, data: list[ExampleSet], tm
     begun = trainer.network.state_dict()
     wanted = load_network(whole / "best.pt")[0].state_dict()
     assert all(torch.equal(value, begun[name]) for name, value in wanted.items())
+
+
+def test_a_source_that_only_validates_is_validated_by_what_it_labels(folder: Path, tmp_path: Path) -> None:
+    labels = drawn_roads(tmp_path / "other", {"val": 3}, size=(64, 48)) / "annotations" / "instances_val.json"
+    content = json.loads(labels.read_text())
+    content["info"] = {"description": "a source without training images"}
+    labels.write_text(json.dumps(content))
+    sets = [read_coco(folder, ("train",)), read_coco(tmp_path / "other", ("val",))]
+    trainer = Trainer(sets, tmp_path / "run", TINY, CPU, Silent())
+    assert trainer.run()
+    assert trainer.best_map50 in [row["map50"] for row in trainer.curves]
 
 
 @pytest.mark.parametrize("content", [b"", b"no weights", b"PK\x03\x04" + 100 * b"\0"])

@@ -40,7 +40,7 @@ def sections_of(found: DetectorEvaluation, differences: PairedComparison | None)
         lambda: Section("confusion", "What is taken for what", _confusion(found)),
         lambda: Section("conditions", "By conditions and objects", _conditions(found)),
         lambda: Section("confidence", "Confidences", [figures.calibration_figure(found), _calibration_words(found)]),
-        lambda: Section("sizes", "Sizes", _sizes(found)),
+        lambda: Section("sizes", "Sizes and severities", [*_sizes(found), *_severities(found)]),
         lambda: Section("errors", "The worst errors", errors),
     ]
     return [section for build in builders if not (section := build()).empty]
@@ -226,6 +226,30 @@ def _sizes(found: DetectorEvaluation) -> list[Block]:
             "absolute percentage error, and mean signed error.",
             ("size", "class", "defects", "error %", "bias %"),
             rows,
+        )
+    ]
+
+
+def _severities(found: DetectorEvaluation) -> list[Block]:
+    if not found.severities:
+        return []
+    rows = tuple(
+        text_cells(
+            each.name,
+            *map(
+                str,
+                (each.defects, each.right, each.within, each.too_low, each.too_high, each.not_resolvable),
+            ),
+        )
+        for each in found.severities
+    )
+    return [
+        Table(
+            "Severities (ASTM D6433) of the same defects: how many are right, how many leave two open of which one is "
+            "right, how many are less or more severe than the true one, and how many the picture does not show.",
+            ("class", "defects", "right", "one of two", "too low", "too high", "not resolvable"),
+            rows,
+            lead=1,
         )
     ]
 

@@ -20,6 +20,7 @@ from pavetwin.perception.evaluation.labelled import LabelledSplit
 from pavetwin.perception.evaluation.running import LEAST_CONFIDENCE, Detects, found_by
 from pavetwin.perception.evaluation.ultralytics_models import open_ultralytics
 from pavetwin.perception.inference.detector import Detector
+from pavetwin.perception.shipped import model_path
 
 FRAME_PX: Final = (640, 480)
 """Width and height of the image that is timed: the paper's frame, scaled."""
@@ -59,9 +60,10 @@ Count = Callable[[Mapping[str, Any]], float]
 def compared(
     name: str, path: Path, *, split: LabelledSplit | None, frames: int, threads: int, count: Count | None
 ) -> ComparedModel:
-    """The row of a model's file.
+    """The row of a model.
 
     Args:
+        path: of its file; one that ships, by name.
         split: what its accuracy is measured on; None leaves these cells empty.
         frames: how many are timed.
         threads: of one image; 0 takes one for each core.
@@ -70,6 +72,7 @@ def compared(
     Raises:
         PaveTwinError: the file is no model, or a picture of the split cannot be read.
     """
+    path = model_path(path)
     detector = Detector(path, threads=threads)
     gflops = count(detector.facts.architecture) if count is not None and detector.facts.architecture else None
     accuracy = _NOT_MEASURED

@@ -19,6 +19,7 @@ from pavetwin.labels.boxes import FloatBox
 from pavetwin.perception.classes import NO_SUBTYPE, ROAD_DEFECT, SIZES, class_of
 from pavetwin.perception.evaluation.labelled import LabelledSplit
 from pavetwin.perception.results.measuring import NOT_RESOLVABLE
+from pavetwin.perception.results.visible_severity import possible_ranks
 
 _ROUNDING: Final = 2e-3
 """By how much `score` may differ from the product of its parts, which are often rounded to three digits."""
@@ -42,6 +43,8 @@ class FoundBox:
     """The final one, 0 … 1."""
     sizes: Mapping[str, float] = field(default_factory=dict)
     """Those of `SIZES` that were said."""
+    severity: str = ""
+    """What was said of it, see `visible_severity`; empty where nothing was."""
 
 
 def read_detections(path: Path, splits: tuple[LabelledSplit, ...]) -> tuple[FoundBox, ...]:
@@ -111,7 +114,10 @@ def _found(row: Any, image: int, where: str, categories: Mapping[int, tuple[int,
     detection, confidence = _confidences(row, coarse, where)
     said = row.get("attributes") or {}
     sizes = {name: _positive(said, name, where) for name in SIZES if said.get(name) not in (None, NOT_RESOLVABLE)}
-    return FoundBox(image, coarse, number, _box(row, where), detection, confidence, sizes)
+    severity = said.get("severity") or ""
+    if severity and (not isinstance(severity, str) or possible_ranks(severity) is None):
+        raise PaveTwinError(f"{where} has a severity '{severity}'; it is low, medium, high, or two as low to medium.")
+    return FoundBox(image, coarse, number, _box(row, where), detection, confidence, sizes, severity)
 
 
 def _kind(row: Any, where: str, categories: Mapping[int, tuple[int, int]]) -> tuple[int, int]:

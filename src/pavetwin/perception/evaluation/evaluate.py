@@ -18,7 +18,7 @@ from pavetwin.perception.evaluation.confusion import (
 )
 from pavetwin.perception.evaluation.detections import FoundBox
 from pavetwin.perception.evaluation.labelled import LabelledSplit
-from pavetwin.perception.evaluation.matching import Matched, match_coarse, match_five, told_apart
+from pavetwin.perception.evaluation.matching import Matched, check_installed, match_coarse, match_five, told_apart
 from pavetwin.perception.evaluation.resampling import (
     Metrics,
     ResampledDifference,
@@ -28,6 +28,7 @@ from pavetwin.perception.evaluation.resampling import (
     metrics_of,
 )
 from pavetwin.perception.evaluation.scores import ScoresAt, best_confidence, scores_at
+from pavetwin.perception.evaluation.severities import SeverityAgreement, severity_agreements
 from pavetwin.perception.evaluation.sizes import SizeError, size_errors
 
 CONFIDENCE: Final = 0.25
@@ -60,6 +61,7 @@ class DetectorEvaluation:
     """Of those from the stated confidence on."""
     intervals: dict[str, ResampledInterval]
     sizes: tuple[SizeError, ...]
+    severities: tuple[SeverityAgreement, ...]
 
     @property
     def unlabelled(self) -> int:
@@ -89,7 +91,7 @@ def evaluate(
     Raises:
         PaveTwinError: a value is out of its bounds, or pycocotools is not installed.
     """
-    _check(confidence, resamples)
+    check_evaluation(confidence, resamples)
     mine = found_in(split, found)
     five, coarse = _both(split, mine)
     best = None
@@ -110,6 +112,7 @@ def evaluate(
         reliability_in_use=reliability(five, confidence),
         intervals=intervals(metrics_of(five, coarse, confidence), _groups(split), resamples=resamples, seed=seed),
         sizes=tuple(size_errors(five, confidence)),
+        severities=tuple(severity_agreements(five, confidence)),
     )
 
 
@@ -147,7 +150,7 @@ def compare_in_pairs(
     Raises:
         PaveTwinError: a value is out of its bounds, or pycocotools is not installed.
     """
-    _check(confidence, resamples)
+    check_evaluation(confidence, resamples)
     one, other = (
         [metrics_of(*_both(split, found_in(split, each)), confidence) for each in runs] for runs in (first, second)
     )
@@ -159,7 +162,13 @@ def compare_in_pairs(
     )
 
 
-def _check(confidence: float, resamples: int) -> None:
+def check_evaluation(confidence: float, resamples: int) -> None:
+    """What can be known before the detector looks at the first image.
+
+    Raises:
+        PaveTwinError: a value is out of its bounds, or pycocotools is not installed.
+    """
+    check_installed()
     if not 0.0 < confidence < 1.0:
         raise PaveTwinError(f"`confidence` {confidence:g}: it is above 0 and below 1.")
     if not 0 <= resamples <= 100_000:

@@ -24,6 +24,7 @@ from pavetwin.perception.classes import (
 )
 from pavetwin.perception.examples.coco import read_coco
 from pavetwin.perception.examples.example import Example, ExampleSet, TrueObject, labelled_classes
+from pavetwin.world.model import Severity
 
 IMAGE_FACTS: Final = ("altitude_m", "gsd_mm", "sun_elevation_deg", "cloud_cover")
 """What may be known of an image: height of the camera above the road, millimetres of the road that a pixel covers, the
@@ -32,6 +33,8 @@ sun's elevation, and the share of the sky with clouds."""
 OBJECT_FACTS: Final = ("visible_fraction", "inside_fraction", "contrast", "area_m2", "length_m")
 """What may be known of an object: see docs/explanation/labels.md. Sizes of defects only. A single crack's mean width
 follows from its area and length, and the diameter of others from their area."""
+
+_SEVERITIES: Final = frozenset(each.value for each in Severity)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +46,8 @@ class LabelledRegion:
     true: TrueObject
     facts: Mapping[str, float]
     """Those of `OBJECT_FACTS` that are known."""
+    severity: str = ""
+    """Of a defect, as `Severity` has it; empty where it is not known."""
 
     @property
     def number_of_class(self) -> int | None:
@@ -136,7 +141,8 @@ def _image_facts(image: dict[str, Any]) -> dict[str, float]:
 
 
 def _region(row: dict[str, Any], true: TrueObject) -> LabelledRegion:
-    told = _numbers({**_mapping(row, "attributes"), **row}, OBJECT_FACTS)
+    known = {**_mapping(row, "attributes"), **row}
+    told = _numbers(known, OBJECT_FACTS)
     if true.coarse != ROAD_DEFECT:
         told.pop("length_m", None)
         told.pop("area_m2", None)
@@ -145,7 +151,8 @@ def _region(row: dict[str, Any], true: TrueObject) -> LabelledRegion:
             told["diameter_mm"] = 2000 * sqrt(told["area_m2"] / pi)
         elif told.get("length_m", 0.0) > 0:
             told["mean_width_mm"] = 1000 * told["area_m2"] / told["length_m"]
-    return LabelledRegion(int(row["id"]), true, told)
+    severity = known.get("severity") if true.coarse == ROAD_DEFECT else None
+    return LabelledRegion(int(row["id"]), true, told, severity if severity in _SEVERITIES else "")
 
 
 def _mapping(row: dict[str, Any], key: str) -> dict[str, Any]:

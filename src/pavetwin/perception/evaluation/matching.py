@@ -10,6 +10,7 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any, Final
 
 import numpy as np
@@ -132,13 +133,19 @@ def _row(number: int, image: int, category: int, box: tuple[float, ...], is_igno
     }
 
 
-def _judged(rows: list[dict[str, Any]], said: list[dict[str, Any]], images: int, classes: int) -> Any:
-    try:
-        coco, evaluation = import_module("pycocotools.coco"), import_module("pycocotools.cocoeval")
-    except ImportError as error:
+def check_installed() -> None:
+    """Raises:
+    PaveTwinError: pycocotools is not installed.
+    """
+    if find_spec("pycocotools") is None:
         raise PaveTwinError(
             "An evaluation needs pycocotools, which is not installed; get it with `pip install 'pavetwin[evaluate]'`."
-        ) from error
+        )
+
+
+def _judged(rows: list[dict[str, Any]], said: list[dict[str, Any]], images: int, classes: int) -> Any:
+    check_installed()
+    coco, evaluation = import_module("pycocotools.coco"), import_module("pycocotools.cocoeval")
     with contextlib.redirect_stdout(io.StringIO()):
         truth, results = coco.COCO(), coco.COCO()
         for holder, held in ((truth, rows), (results, said)):

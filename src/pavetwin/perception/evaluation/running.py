@@ -13,7 +13,7 @@ from pavetwin.perception.evaluation.detections import FoundBox
 from pavetwin.perception.evaluation.labelled import LabelledImage, LabelledSplit
 from pavetwin.perception.inference.detections import Detections
 from pavetwin.perception.inference.detector import Picture
-from pavetwin.perception.results.measuring import measured
+from pavetwin.perception.results.detected_image import sizes_of
 
 LEAST_CONFIDENCE: Final = 0.001
 """Of the detector of an evaluation: average precision reads the whole curve."""
@@ -80,12 +80,12 @@ def _found(detector: Detects, split: LabelledSplit, image: LabelledImage) -> lis
     coarse = coarse_of_classes(said.classes)
     rows = []
     for at in range(len(said)):
-        number, mask = int(said.classes[at]), said.mask(at)
-        sizes = {}
-        if mask is not None and mask[1].any() and gsd_mm:
-            told = measured(said.names[at], mask[1], gsd_mm)
-            sizes = {name: value for name, value in told.items() if not isinstance(value, str) and value > 0}
+        told = sizes_of(said, at, gsd_mm) if gsd_mm else {}
+        number, severity = int(said.classes[at]), str(told.get("severity", ""))
+        sizes = {name: value for name, value in told.items() if not isinstance(value, str) and value > 0}
         detection = float(said.detection[at])
         confidence = detection * float(said.subtype[at])
-        rows.append(FoundBox(image.number, int(coarse[at]), number, said.box(at), detection, confidence, sizes))
+        rows.append(
+            FoundBox(image.number, int(coarse[at]), number, said.box(at), detection, confidence, sizes, severity)
+        )
     return rows

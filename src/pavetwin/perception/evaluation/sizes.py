@@ -36,7 +36,7 @@ def size_errors(five: Matched, confidence: float) -> list[SizeError]:
             errors = []
             for number, at, told in zip(each.true_number, each.true_found, each.true_confidence, strict=True):
                 true = regions[int(number)].facts
-                if at < 0 or told < confidence or not _is_whole(true) or true.get(size, 0.0) <= 0:
+                if at < 0 or told < confidence or not is_whole(true) or true.get(size, 0.0) <= 0:
                     continue
                 said = five.found[int(at)].sizes
                 if size in said:
@@ -48,5 +48,6 @@ def size_errors(five: Matched, confidence: float) -> list[SizeError]:
     return rows
 
 
-def _is_whole(facts: Mapping[str, float]) -> bool:
+def is_whole(facts: Mapping[str, float]) -> bool:
+    """Whether a defect lies wholly in its image and is wholly seen, as far as its label says."""
     return all(facts.get(name, 0.0) >= WHOLE for name in ("visible_fraction", "inside_fraction"))

@@ -42,6 +42,7 @@ def as_values(found: DetectorEvaluation) -> dict[str, Any]:
         "intervals": intervals_as_values(found.intervals),
         "breakdowns": breakdown_rows(found),
         "sizes": size_rows(found),
+        "severities": severity_rows(found),
     }
 
 
@@ -158,6 +159,21 @@ def size_rows(found: DetectorEvaluation) -> list[dict[str, Any]]:
     ]
 
 
+def severity_rows(found: DetectorEvaluation) -> list[dict[str, Any]]:
+    return [
+        {
+            "class": each.name,
+            "defects": each.defects,
+            "right": each.right,
+            "within": each.within,
+            "too_low": each.too_low,
+            "too_high": each.too_high,
+            "not_resolvable": each.not_resolvable,
+        }
+        for each in found.severities
+    ]
+
+
 def csv_files(found: DetectorEvaluation) -> dict[str, str]:
     """Name of the file → its content."""
     values = as_values(found)
@@ -177,6 +193,7 @@ def csv_files(found: DetectorEvaluation) -> dict[str, str]:
         "calibration.csv": values["calibration"]["bins"],
         "intervals.csv": [{"metric": name, **row} for name, row in values["intervals"].items()],
         "sizes.csv": values["sizes"],
+        "severities.csv": values["severities"],
     }
     return {name: _csv(rows) for name, rows in tables.items() if rows}
 

@@ -4,7 +4,6 @@
 """
 
 import json
-from collections import defaultdict
 from hashlib import sha256
 from math import isfinite
 from pathlib import Path
@@ -60,15 +59,26 @@ def _examples(content: Any, path: Path, split: str) -> list[Example]:
     try:
         description = str(content.get("info", {}).get("description", ""))
         kinds = {each["id"]: _kind(each, path) for each in content["categories"]}
-        by_image: dict[int, list[dict[str, Any]]] = defaultdict(list)
+        by_image: dict[int, list[dict[str, Any]]] = {_id(image, f"'{path}': image"): [] for image in content["images"]}
+        if len(by_image) < len(content["images"]):
+            raise PaveTwinError(f"'{path}' has two images of one id.")
         for row in content["annotations"]:
-            by_image[row["image_id"]].append(row)
-        return [
-            _example(image, by_image.pop(image["id"], []), kinds, path, split, description)
-            for image in content["images"]
-        ]
-    except (KeyError, TypeError, AttributeError) as error:
+            number, where = _id(row, f"'{path}': annotation"), row["image_id"]
+            if where not in by_image:
+                raise PaveTwinError(f"'{path}': annotation {number} is of image {where!r}, which is not listed there.")
+            by_image[where].append(row)
+        return [_example(image, by_image[image["id"]], kinds, path, split, description) for image in content["images"]]
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise PaveTwinError(f"'{path}' is not as COCO has it ({type(error).__name__}: {error}).") from error
+
+
+def _id(row: dict[str, Any], where: str) -> int:
+    number = row.get("id")
+    if not isinstance(number, int) or isinstance(number, bool):
+        raise PaveTwinError(
+            f"{where} '{row.get('file_name', number)}' has the id {number!r}, which is no whole number."
+        )
+    return number
 
 
 Kind = tuple[str, int, int]
@@ -121,7 +131,12 @@ def _object(row: dict[str, Any], kinds: dict[int, Kind], size: tuple[int, int], 
     where = f"'{path}': annotation {row.get('id')}"
     if row["category_id"] not in kinds:
         raise PaveTwinError(f"{where} has category {row['category_id']}, which is not listed there.")
-    left, top, width, height = (float(value) for value in row["bbox"])
+    try:
+        left, top, width, height = (float(value) for value in row["bbox"])
+    except (TypeError, ValueError) as error:
+        raise PaveTwinError(
+            f"{where} has the box {row['bbox']!r}, which is not left, top, width and height."
+        ) from error
     box = (left, top, left + width, top + height)
     name, coarse, subtype = kinds[row["category_id"]]
     shape = _shape(row.get("segmentation"), where)
@@ -151,6 +166,8 @@ def _corners(box: FloatBox) -> str:
 def _shape(segmentation: Any, where: str) -> Shape | None:
     if isinstance(segmentation, list):
         rings = tuple(tuple(float(value) for value in ring) for ring in segmentation if len(ring) >= 6)
+        if any(len(ring) % 2 or not all(map(isfinite, ring)) for ring in rings):
+            raise PaveTwinError(f"{where} has a polygon that is not pairs of numbers, column and row.")
         return Outline(rings) if rings else None
     if isinstance(segmentation, dict):
         height, width = (int(value) for value in segmentation["size"])

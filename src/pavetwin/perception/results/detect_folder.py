@@ -10,6 +10,7 @@ from pavetwin.files import writing
 from pavetwin.perception.inference.detector import Detector
 from pavetwin.perception.results.detected_image import DetectedImage, described
 from pavetwin.perception.results.forms import coco, geojson, label_studio, table
+from pavetwin.perception.results.measuring import check_size
 from pavetwin.perception.results.pictures import annotated
 from pavetwin.perception.results.sources import source_images
 
@@ -56,8 +57,8 @@ def detect_source(
         PaveTwinError: the source holds no image that can be read, a value is out of its bounds, or a file cannot be
             written.
     """
-    if gsd_mm is not None and gsd_mm <= 0:
-        raise PaveTwinError(f"`gsd_mm` {gsd_mm:g}: it is above 0.")
+    if gsd_mm is not None:
+        check_size("gsd_mm", gsd_mm)
     done: list[DetectedImage] = []
     unreadable: list[str] = []
     for image in source_images(source, every_s, output):

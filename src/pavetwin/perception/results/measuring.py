@@ -1,13 +1,14 @@
 """Sizes of a defect from its mask and the ground resolution."""
 
 from collections.abc import Mapping
-from math import pi, sqrt
+from math import isfinite, pi, sqrt
 from typing import Final, Literal
 
 import cv2
 import numpy as np
 
 from pavetwin.arrays import BoolArray
+from pavetwin.errors import PaveTwinError
 from pavetwin.perception.classes import CRACKS
 
 NOT_RESOLVABLE: Final = "not resolvable"
@@ -17,6 +18,21 @@ LEAST_PX: Final = 2.0
 
 Measure = float | Literal["not resolvable"]
 """A size, or that the picture does not show it."""
+
+
+def check_size(name: str, value: float, *, may_be_zero: bool = False) -> None:
+    """Refuse what is no size.
+
+    Args:
+        name: of the parameter.
+
+    Raises:
+        PaveTwinError: it is negative, not a finite number, or 0 where it may not be.
+    """
+    if not isfinite(value):
+        raise PaveTwinError(f"`{name}` {value:g}: it is a finite number.")
+    if value < 0 or (value == 0 and not may_be_zero):
+        raise PaveTwinError(f"`{name}` {value:g}: it is {'0 or more' if may_be_zero else 'above 0'}.")
 
 
 def measured(name: str, mask: BoolArray, gsd_mm: float) -> Mapping[str, Measure]:

@@ -13,6 +13,7 @@ from pavetwin.arrays import UInt8Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import PICTURE_SUFFIXES
 from pavetwin.perception.inference.detector import pixels_of
+from pavetwin.perception.results.measuring import check_size
 from pavetwin.perception.results.photograph import PhotographPose, pose_of
 
 VIDEOS: Final = frozenset({".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm"})
@@ -44,8 +45,7 @@ def source_images(source: Path, every_s: float = 1.0, output: Path | None = None
     Raises:
         PaveTwinError: there is no such source, or nothing in it.
     """
-    if every_s < 0:
-        raise PaveTwinError(f"`every_s` {every_s:g}: 0 or more seconds.")
+    check_size("every_s", every_s, may_be_zero=True)
     if source.is_dir():
         return _of_folder(source, output)
     if not source.is_file():

@@ -16,6 +16,7 @@ MARGIN_M: Final = Marking().margin_m
 """By which labels, and so masks, are wider than an opening, on each side."""
 
 _ORDER: Final = tuple(Severity)
+_BETWEEN: Final = " to "
 
 
 def visible_severity(name: str, mask: BoolArray, gsd_mm: float, cell_px: float = 1.0) -> str:
@@ -43,6 +44,22 @@ def visible_severity(name: str, mask: BoolArray, gsd_mm: float, cell_px: float =
     return NOT_RESOLVABLE
 
 
+def possible_ranks(told: str) -> tuple[int, ...] | None:
+    """What `visible_severity` leaves possible, as numbers in `Severity`: one, two, or none where it is not resolvable.
+
+    Returns:
+        None for other words.
+    """
+    if told == NOT_RESOLVABLE:
+        return ()
+    names = [each.value for each in _ORDER]
+    parts = told.split(_BETWEEN)
+    if len(parts) > 2 or any(part not in names for part in parts):
+        return None
+    ranks = tuple(names.index(part) for part in parts)
+    return ranks if ranks == tuple(sorted(set(ranks))) else None
+
+
 def _widest_px(mask: BoolArray) -> float:
     """From d, the largest distance to a pixel beyond: 2 d − 1 where the width is odd, 2 d where it is even."""
     framed = np.pad(mask.astype(np.uint8), 1)
@@ -54,4 +71,4 @@ def _told(possible: list[Severity]) -> str:
     least, most = _ORDER[ranks[0]], _ORDER[ranks[-1]]
     if least is most:
         return least.value
-    return NOT_RESOLVABLE if ranks[-1] - ranks[0] == 2 else f"{least.value} to {most.value}"
+    return NOT_RESOLVABLE if ranks[-1] - ranks[0] == 2 else f"{least.value}{_BETWEEN}{most.value}"

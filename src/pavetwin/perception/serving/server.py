@@ -70,7 +70,7 @@ class PredictionServer:
         ]
         application = Application(
             [(path, handler, {"server": self}) for path, handler in handlers],
-            default_handler_class=_AnyHandler,
+            default_handler_class=_UnknownHandler,
             default_handler_args={"server": self},
             log_function=lambda handler: None,  # noqa: ARG005
         )
@@ -133,8 +133,9 @@ class PredictionServer:
         return done
 
 
+@stream_request_body
 class _AnyHandler(RequestHandler):
-    """Errors as JSON; an address that is not known is one."""
+    """Errors as JSON. What is sent is dropped as it comes, before the answer."""
 
     allowed = "GET"
     """The method that is answered."""
@@ -146,9 +147,8 @@ class _AnyHandler(RequestHandler):
         self.set_header("Server", "PaveTwin")
         self.set_header("X-Content-Type-Options", "nosniff")
 
-    async def prepare(self) -> None:
-        if type(self) is _AnyHandler:
-            raise HTTPError(404)
+    def data_received(self, chunk: bytes) -> None:
+        """Nothing is kept."""
 
     def write_error(self, status_code: int, **how: Any) -> None:
         error = how.get("exc_info", (None, None, None))[1]
@@ -161,6 +161,13 @@ class _AnyHandler(RequestHandler):
         """Answer with JSON."""
         self.set_header("Content-Type", "application/json; charset=utf-8")
         self.finish(json.dumps(content, ensure_ascii=False))
+
+
+class _UnknownHandler(_AnyHandler):
+    def _refuse(self) -> None:
+        raise HTTPError(404)
+
+    get = head = post = put = patch = delete = options = _refuse
 
 
 class _HealthHandler(_AnyHandler):
@@ -178,7 +185,6 @@ class _PageHandler(_AnyHandler):
         self.finish(page(description(__version__, self.server.limits)))
 
 
-@stream_request_body
 class _PredictHandler(_AnyHandler):
     allowed = "POST"
     most = 1
@@ -187,7 +193,7 @@ class _PredictHandler(_AnyHandler):
     def initialize(self, server: PredictionServer) -> None:
         super().initialize(server)
         self._body = bytearray()
-        self._held, self._is_gone = 0, False
+        self._held, self._is_gone, self._is_handed_over = 0, False, False
         self._refusal: RefusedRequestError | None = None
 
     async def prepare(self) -> None:
@@ -227,10 +233,13 @@ class _PredictHandler(_AnyHandler):
         files = files_of(self.request.headers.get("Content-Type", ""), body, self.most)
         del body
         self.server.waiting += 1
+        self._is_handed_over = True
         try:
             found = await self.server.detect(files, lambda: self._is_gone)
         finally:
             self.server.waiting -= 1
+            self._is_handed_over = False
+            self._release()
         if not self._is_gone:
             self.answer([FORMS[asked](image) for image in found])
 
@@ -248,7 +257,9 @@ class _PredictHandler(_AnyHandler):
 
     def on_connection_close(self) -> None:
         self._is_gone = True
-        self._release()
+        # The detector's turn comes later: until then the files take the memory that they took.
+        if not self._is_handed_over:
+            self._release()
 
     def on_finish(self) -> None:
         self._release()

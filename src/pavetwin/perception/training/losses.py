@@ -95,6 +95,8 @@ def distribution_loss(logits: Tensor, reach: Tensor) -> Tensor:
 def complete_iou(boxes: Tensor, goals: Tensor) -> Tensor:
     """IoU less the squared distance of the centres, as a share of the enclosing box's squared diagonal, and less the
     difference of the aspect ratios (Zheng et al. 2020). Boxes are (n, 4).
+
+    Not that of torchvision, whose gradient is not a number where a predicted box has no height.
     """
     overlap = iou(boxes, goals)
     low, high = torch.minimum(boxes[:, :2], goals[:, :2]), torch.maximum(boxes[:, 2:], goals[:, 2:])

@@ -64,6 +64,8 @@ class RunFolder:
             try:
                 found = json.loads(file.read_text(encoding="utf-8"))
                 found["options"] = {**defaults, **found["options"]}
+                # Runs of earlier versions name the file that they began with alone.
+                found.setdefault("start_sha256", settings.get("start_sha256"))
             except (OSError, ValueError, KeyError, TypeError) as error:
                 raise PaveTwinError(f"'{file}' is damaged; choose another folder for the run.") from error
             if difference := _difference(found, settings):
@@ -111,6 +113,11 @@ class RunFolder:
             **told,
         }
         _save(self.path / BEST, state)
+
+    @property
+    def best_map50(self) -> float:
+        """What `best.pt` says of itself: its mAP@0.5 on the validation images."""
+        return float(_load(self.path / BEST, torch.device("cpu"))["map50"])
 
 
 def load_network(path: Path, device: torch.device | str = "cpu") -> tuple[DetectorNetwork, dict[str, Any]]:

@@ -87,6 +87,7 @@ class _Progress:
     sums: list[float] = field(default_factory=lambda: [0.0] * len(SUMS))
     """Of the losses over these steps."""
     best: float = -1.0
+    """Fitness of the best weights of this stage."""
     best_epoch: int = -1
     curves: Curves = field(default_factory=list)
 
@@ -124,7 +125,11 @@ class Trainer:
         check_labels(training, self._validation, options)
         check_photographs(training, photographs, options)
         self._options, self._machine, self._watcher = options, machine, watcher
-        self._known = labelled_classes(example for _, example in training)
+        self._known = {
+            # Of a source that only validates, what it labels there.
+            **labelled_classes(example for _, example in self._validation),
+            **labelled_classes(example for _, example in training),
+        }
         self._phases = phases_of(training, options)
         torch.backends.cudnn.deterministic = True
         with torch.random.fork_rng(devices=[]):
@@ -142,6 +147,7 @@ class Trainer:
             "options": options.as_mapping(),
             "data": [each.fingerprint for each in sets],
             "start": start.name if start is not None else None,
+            "start_sha256": self._start,
         }
         self._teacher: MeanTeacher | None = None
         if photographs is not None:
@@ -188,6 +194,11 @@ class Trainer:
     def curves(self) -> Curves:
         """A row for each epoch so far."""
         return self._progress.curves
+
+    @property
+    def best_map50(self) -> float:
+        """mAP@0.5 of the best weights so far, on the validation images."""
+        return self._folder.best_map50
 
     def _where(self) -> str:
         precision = "bfloat16" if self._half else "single precision"

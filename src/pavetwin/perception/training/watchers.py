@@ -51,8 +51,7 @@ class PlainLines:
 def line_of(curves: Curves) -> str:
     """The last epoch in words."""
     row = curves[-1]
-    best = max(each["map50"] for each in curves)
     return (
         f"{row['phase']}: epoch {row['epoch']}, loss {row['total']:.3f}, "
-        f"mAP@0.5 {row['map50']:.3f}, mAP@0.5:0.95 {row['map']:.3f}, best {best:.3f}"
+        f"mAP@0.5 {row['map50']:.3f}, mAP@0.5:0.95 {row['map']:.3f}"
     )
