@@ -302,9 +302,9 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = pavetwin("experiment", "run", "d.yaml", "-o", "s", "--jobs", "1", cwd=folder)
     assert done.returncode == 0, done.stderr
     text = (folder / "s" / "design.yaml").read_text()
-    assert "fitted: synthetic-8" in text
+    assert "fitted: synthetic-11" in text
     # As if another fitted sensor had been the default when it was flown.
-    (folder / "s" / "design.yaml").write_text(text.replace("fitted: synthetic-8", "fitted: synthetic-1"))
+    (folder / "s" / "design.yaml").write_text(text.replace("fitted: synthetic-11", "fitted: synthetic-1"))
     return folder / "s"
 
 

@@ -401,17 +401,17 @@ def test_a_study_goes_on_with_the_models_that_it_was_begun_with(
     store, begun = Store(tmp_path / "study"), plan(made, load_worlds(made))
     store.check_models(begun)
     store.begin(begun)
-    named = {"detector": {"model": "synthetic-8"}, "calibrated": {"fitted": "synthetic-8"}}
+    named = {"detector": {"model": "synthetic-11"}, "calibrated": {"fitted": "synthetic-11"}}
     assert store.models() == yaml.safe_load((store.folder / "design.yaml").read_text())["models"] == named
     store.check_models(begun)
     monkeypatch.setattr(DetectorSensor, "default_options", {**DetectorSensor.default_options, "model": "synthetic-1"})
     later = plan(made, load_worlds(made))
-    with pytest.raises(PaveTwinError, match=r"begun with the model synthetic-8 of the sensor 'detector' \(now synth"):
+    with pytest.raises(PaveTwinError, match=r"begun with the model synthetic-11 of the sensor 'detector' \(now synth"):
         store.check_models(later)
     store.begin(later)
     assert store.models() == named, "what was flown stays what it was"
-    chosen = plan(made.model_copy(update={"set": {"sensing.options.model": "synthetic-8"}}), load_worlds(made))
-    assert chosen.models == {"calibrated": {"fitted": "synthetic-8"}}
+    chosen = plan(made.model_copy(update={"set": {"sensing.options.model": "synthetic-11"}}), load_worlds(made))
+    assert chosen.models == {"calibrated": {"fitted": "synthetic-11"}}
 
 
 def test_a_study_that_does_not_say_its_models_is_not_flown_on(tmp_path: Path) -> None:
@@ -424,6 +424,6 @@ def test_a_study_that_does_not_say_its_models_is_not_flown_on(tmp_path: Path) ->
         store.check_models(begun)
     path = store.folder / "design.yaml"
     line = str(told.value).split("`")[1]
-    assert line == "models: {detector: {model: synthetic-8}}"
+    assert line == "models: {detector: {model: synthetic-11}}"
     path.write_text(f"{path.read_text()}{line}\n")
     store.check_models(begun)

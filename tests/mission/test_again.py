@@ -243,9 +243,9 @@ def test_a_mission_of_before_models_were_named_says_so(described: Path, tmp_path
     path = changed(described, tmp_path, settings={**settings, "sensing": {"sensor": "calibrated"}})
     old = read_mission(path)
     assert old.unnamed_models() == (
-        f"'{path}' does not say which model its sensor 'calibrated' had; now it is synthetic-8."
+        f"'{path}' does not say which model its sensor 'calibrated' had; now it is synthetic-11."
     )
     spec = old.planned(load_world(described.parents[2] / "town"))
-    assert spec.settings.sensing.options == {"fitted": "synthetic-8"}
+    assert spec.settings.sensing.options == {"fitted": "synthetic-11"}
     result = replace(flown_again(former), spec=spec)
     assert old.verdict(result) == "The same as the first time."

@@ -20,7 +20,7 @@ LICENCES = {
     "synthetic-1": "Apache-2.0",
     "synthetic-5": "Apache-2.0",
     "synthetic-8": "Apache-2.0",
-    "synthetic-10": "Apache-2.0",
+    "synthetic-11": "Apache-2.0",
 }
 """What each file says; whoever saw photographs names them."""
 

@@ -16,7 +16,7 @@ Model = Annotated[
     typer.Option(
         "--model",
         metavar="NAME|FILE.onnx",
-        help="A file of `pavetwin export`, or a detector that ships: synthetic-8 unless given; mixed-3 for "
+        help="A file of `pavetwin export`, or a detector that ships: synthetic-11 unless given; mixed-3 for "
         "photographs.",
     ),
 ]

@@ -34,7 +34,7 @@ def fit(
         typer.Option(
             metavar="NAME|FILE.onnx",
             help="The detector that searches datasets, and that searched missions which do not name theirs: one that "
-            "ships, or a file; for datasets synthetic-8 unless given.",
+            "ships, or a file; for datasets synthetic-11 unless given.",
         ),
     ] = None,
     check: Annotated[

@@ -17,8 +17,8 @@ SensorModel = Annotated[
     typer.Option(
         "--model",
         metavar="NAME|FILE",
-        help="Of --sensor detector: one that ships, or a file of `pavetwin export`; synthetic-8 unless given. "
-        "Of --sensor calibrated: one that ships, or a file of `pavetwin sensor fit`; synthetic-8 unless given.",
+        help="Of --sensor detector: one that ships, or a file of `pavetwin export`; synthetic-11 unless given. "
+        "Of --sensor calibrated: one that ships, or a file of `pavetwin sensor fit`; synthetic-11 unless given.",
     ),
 ]
 

@@ -1,4 +1,4 @@
-"""The detectors that ship, by name: `Detector("synthetic-8")`. The model card tells what they can do.
+"""The detectors that ship, by name: `Detector("synthetic-11")`. The model card tells what they can do.
 
 Other weights get another number, so that a name always means the same detector.
 """
@@ -10,7 +10,7 @@ from pavetwin.errors import PaveTwinError
 
 FOLDER: Final = Path(__file__).parent / "weights"
 
-DEFAULT: Final = "synthetic-8"
+DEFAULT: Final = "synthetic-11"
 """Where no model is named."""
 
 

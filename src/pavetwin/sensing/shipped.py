@@ -11,7 +11,7 @@ from pavetwin.errors import PaveTwinError
 
 FOLDER: Final = Path(__file__).parent / "fitted"
 
-DEFAULT: Final = "synthetic-8"
+DEFAULT: Final = "synthetic-11"
 """Where no fitted sensor is named."""
 
 
