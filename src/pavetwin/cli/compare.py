@@ -15,7 +15,8 @@ SIZES = ("n", "s", "m", "l")
 
 def compare(
     models: Annotated[
-        list[str] | None, typer.Argument(metavar="[NAME=]MODEL.onnx", help="Files of `pavetwin export`.")
+        list[str] | None,
+        typer.Argument(metavar="[NAME=]MODEL", help="Files of `pavetwin export`, or detectors that ship, by name."),
     ] = None,
     sizes: Annotated[
         str, typer.Option(help="Untrained networks beside them, as in --sizes n,s,m,l: size, FPS and GFLOPs only.")
@@ -40,6 +41,7 @@ def compare(
     \b
     pavetwin compare --sizes n,s,m,l
     pavetwin compare small.onnx real=runs/real.onnx --dataset datasets/streets -o models.csv
+    pavetwin compare synthetic-8 synthetic-11 --dataset datasets/streets
     pavetwin compare --sizes n,s --ultralytics yolov8n,yolo11n,yolo12n --weights eleven=runs/eleven/best.pt
 
     A cell that was not measured is empty. FPS: one image of 640 × 480, from pixels to detections, seen as `detect`

@@ -1,13 +1,13 @@
 """`pavetwin export`: a trained detector as one ONNX file."""
 
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
 
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
+from pavetwin.files import writing
 
 
 def export(
@@ -59,10 +59,9 @@ def export(
             from pavetwin.perception.training.quantise import pictures_in, store_in_int8
 
             pictures = pictures_in(int8)
-            with TemporaryDirectory() as folder:
-                single = Path(folder) / "single.onnx"
-                facts = exported(runs, single, licence=licence)
-                store_in_int8(single, pictures, output)
+            with writing(output) as temporary:
+                facts = exported(runs, temporary, licence=licence)
+                store_in_int8(temporary, pictures)
     masks = "with masks" if facts.mask_px else "without masks"
     of = f" the mean of {len(runs)} runs," if len(runs) > 1 else ""
     out.line(f"Model: {output},{of} {output.stat().st_size / 1e6:.1f} MB, {masks}, for images of {facts.image_px} px.")

@@ -85,8 +85,6 @@ def train(
     machine = TrainingMachine(device, workers, held_gb, views, compiled)
     begun = start_path(start) if start is not None else None
     unlabelled = read_unlabelled(photographs) if photographs is not None else None
-    if stop_after is not None and not stop_after >= 0:
-        raise PaveTwinError(f"`stop_after` {stop_after:g}: 0 or more minutes.")
     check_torch("Training")
     from pavetwin.perception.training.trainer import Trainer
 

@@ -1,6 +1,7 @@
 """What cannot be trained from, as a user types it: one plain line, exit code 2, and nothing that was there is lost."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -83,6 +84,24 @@ def test_a_run_that_began_with_other_weights_of_the_same_name(folder: Path, trai
     line = plain_refusal(pavetwin(*words, tmp_path / "b" / "best.pt"))
     assert "holds a run with start_sha256" in line
     assert content_of(tmp_path / "run") == before
+    # A run of an earlier version does not say it, and goes on.
+    settings = json.loads((tmp_path / "run" / "run.json").read_text())
+    del settings["start_sha256"]
+    (tmp_path / "run" / "run.json").write_text(json.dumps(settings))
+    assert pavetwin(*words, tmp_path / "a" / "best.pt").returncode == 0
+
+
+@pytest.mark.parametrize("minutes", ["-1", "nan"])
+def test_a_time_to_stop_after_that_is_none(folder: Path, tmp_path: Path, minutes: str) -> None:
+    line = plain_refusal(pavetwin("train", folder, "-o", tmp_path / "run", *TINY, "--stop-after", minutes))
+    assert line.startswith("Error: Invalid value for '--stop-after': it must be greater than or equal to 0.")
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_finished_run_whose_weights_are_gone(folder: Path, trained: Path, tmp_path: Path) -> None:
+    shutil.copytree(trained, tmp_path / "run")
+    (tmp_path / "run" / "best.pt").unlink()
+    assert "There is no file of weights" in plain_refusal(pavetwin("train", folder, "-o", tmp_path / "run", *TINY))
 
 
 def test_a_checkpoint_of_another_architecture(folder: Path, trained: Path, tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ import pytest
 import torch
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.perception.classes import CAR, PERSON, ROAD_DEFECT
 from pavetwin.perception.examples.coco import read_coco
 from pavetwin.perception.examples.example import ExampleSet
 from pavetwin.perception.examples.unlabelled import read_unlabelled
@@ -27,7 +28,7 @@ from pavetwin.perception.training.run_folder import load_network
 from pavetwin.perception.training.schedule import MovingAverage, epoch_order, phases_of, rate_at
 from pavetwin.perception.training.trainer import Trainer
 from pavetwin.perception.training.watchers import Silent
-from scenes.drawn_roads import drawn_roads
+from scenes.drawn_roads import NAMES, drawn_roads
 
 TINY = TrainingOptions(
     width=0.03, depth=0.01, image_px=64, epochs=2, classifier_epochs=1, batch=4, warmup_epochs=1, mosaic_off=1, seed=3
@@ -308,10 +309,18 @@ def test_a_source_that_only_validates_is_validated_by_what_it_labels(folder: Pat
     labels = drawn_roads(tmp_path / "other", {"val": 3}, size=(64, 48)) / "annotations" / "instances_val.json"
     content = json.loads(labels.read_text())
     content["info"] = {"description": "a source without training images"}
+    content["annotations"] = [row for row in content["annotations"] if NAMES[row["category_id"] - 1] != "Car"]
     labels.write_text(json.dumps(content))
     sets = [read_coco(folder, ("train",)), read_coco(tmp_path / "other", ("val",))]
     trainer = Trainer(sets, tmp_path / "run", TINY, CPU, Silent())
+    assert trainer._known["a source without training images"] == {ROAD_DEFECT, PERSON}
+    assert trainer._known["drawn roads"] == {ROAD_DEFECT, PERSON, CAR}
     assert trainer.run()
+
+
+def test_what_is_told_in_the_end_is_of_the_weights_that_are_kept(whole: Path, data: list[ExampleSet]) -> None:
+    trainer = Trainer(data, whole, TINY, CPU, Silent())
+    assert trainer.best_map50 == load_network(whole / "best.pt")[1]["map50"]
     assert trainer.best_map50 in [row["map50"] for row in trainer.curves]
 
 

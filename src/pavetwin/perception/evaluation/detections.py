@@ -116,7 +116,9 @@ def _found(row: Any, image: int, where: str, categories: Mapping[int, tuple[int,
     sizes = {name: _positive(said, name, where) for name in SIZES if said.get(name) not in (None, NOT_RESOLVABLE)}
     severity = said.get("severity") or ""
     if severity and (not isinstance(severity, str) or possible_ranks(severity) is None):
-        raise PaveTwinError(f"{where} has a severity '{severity}'; it is low, medium, high, or two as low to medium.")
+        raise PaveTwinError(
+            f"{where} has a severity '{severity}'; it is low, medium, high, low to medium or medium to high."
+        )
     return FoundBox(image, coarse, number, _box(row, where), detection, confidence, sizes, severity)
 
 

@@ -45,7 +45,8 @@ def visible_severity(name: str, mask: BoolArray, gsd_mm: float, cell_px: float =
 
 
 def possible_ranks(told: str) -> tuple[int, ...] | None:
-    """What `visible_severity` leaves possible, as numbers in `Severity`: one, two, or none where it is not resolvable.
+    """What `visible_severity` leaves possible, as numbers in `Severity`: one, two neighbours, or none where it is not
+    resolvable.
 
     Returns:
         None for other words.
@@ -54,10 +55,10 @@ def possible_ranks(told: str) -> tuple[int, ...] | None:
         return ()
     names = [each.value for each in _ORDER]
     parts = told.split(_BETWEEN)
-    if len(parts) > 2 or any(part not in names for part in parts):
+    if any(part not in names for part in parts):
         return None
     ranks = tuple(names.index(part) for part in parts)
-    return ranks if ranks == tuple(sorted(set(ranks))) else None
+    return ranks if len(ranks) == 1 or (len(ranks) == 2 and ranks[1] - ranks[0] == 1) else None
 
 
 def _widest_px(mask: BoolArray) -> float:

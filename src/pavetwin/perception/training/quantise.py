@@ -46,8 +46,8 @@ def pictures_in(folder: Path) -> list[Path]:
     return [files[at] for at in order[:MOST]]
 
 
-def store_in_int8(file: Path, pictures: Sequence[Path], output: Path) -> None:
-    """Write an exported file in single precision as one in int8.
+def store_in_int8(file: Path, pictures: Sequence[Path]) -> None:
+    """Change an exported file in single precision in place.
 
     Args:
         pictures: what the network will see; they give the ranges of its values.
@@ -77,7 +77,7 @@ def store_in_int8(file: Path, pictures: Sequence[Path], output: Path) -> None:
         )
         changed = onnx.load(target)
     helper.set_model_props(changed, properties)
-    with writing(output) as temporary:
+    with writing(file) as temporary:
         temporary.write_bytes(changed.SerializeToString())
 
 

@@ -116,8 +116,12 @@ class RunFolder:
 
     @property
     def best_map50(self) -> float:
-        """What `best.pt` says of itself: its mAP@0.5 on the validation images."""
-        return float(_load(self.path / BEST, torch.device("cpu"))["map50"])
+        """What `best.pt` says of itself: its mAP@0.5 on the validation images.
+
+        Raises:
+            PaveTwinError: there is none, or it is damaged.
+        """
+        return float(load_network(self.path / BEST)[1]["map50"])
 
 
 def load_network(path: Path, device: torch.device | str = "cpu") -> tuple[DetectorNetwork, dict[str, Any]]:

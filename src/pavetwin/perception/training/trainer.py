@@ -155,7 +155,7 @@ class Trainer:
             if options.teacher_weight:
                 (unlabelled,) = held_sets([photographs], machine, SPLITS_USED)
                 held = [*held, unlabelled]
-                known = frozenset[int]().union(*self._known.values())
+                known = frozenset[int]().union(*labelled_classes(example for _, example in training).values())
                 self._teacher = MeanTeacher(unlabelled, options, known)
         self._photometric = photometrics(photographs, options)
         self._pictures = DevicePictures(training, self._device) if is_drawn_there else None
