@@ -169,11 +169,14 @@ def hermite(start: Float64Array, leave: Float64Array, end: Float64Array, arrive:
     """The cubic from `start` with velocity `leave` to `end` with velocity `arrive`, as a polyline."""
     count = max(3, round(float(np.hypot(*(end - start))) * 1.15 / CURVE_STEP_M) + 1)
     t = np.linspace(0, 1, count)[:, None]
+    # Products, which are the same on every processor: powers are not, to the last digit.
+    square = t * t
+    cube = square * t
     points = (
-        (2 * t**3 - 3 * t**2 + 1) * start
-        + (t**3 - 2 * t**2 + t) * leave
-        + (3 * t**2 - 2 * t**3) * end
-        + (t**3 - t**2) * arrive
+        (2 * cube - 3 * square + 1) * start
+        + (cube - 2 * square + t) * leave
+        + (3 * square - 2 * cube) * end
+        + (cube - square) * arrive
     )
     return LineString(points)
 
