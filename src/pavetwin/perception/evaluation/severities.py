@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from pavetwin.perception.evaluation.matching import Matched
-from pavetwin.perception.evaluation.sizes import is_whole
+from pavetwin.perception.evaluation.sizes import found_whole
 from pavetwin.perception.results.visible_severity import possible_ranks
 from pavetwin.world.model import Severity
 
@@ -27,17 +27,13 @@ class SeverityAgreement:
 
 def severity_agreements(five: Matched, confidence: float) -> list[SeverityAgreement]:
     """A row for each class with defects whose true and said severity are known, matched at IoU 0.5."""
-    regions = {region.number: region for image in five.images for region in image.regions}
     order = tuple(Severity)
     rows = []
-    for each in five.classes:
+    for name, pairs in found_whole(five, confidence).items():
         right = within = too_low = too_high = not_resolvable = 0
-        for number, at, told in zip(each.true_number, each.true_found, each.true_confidence, strict=True):
-            region = regions[int(number)]
-            if at < 0 or told < confidence or not region.severity or not is_whole(region.facts):
-                continue
-            ranks = possible_ranks(five.found[int(at)].severity)
-            if ranks is None:
+        for region, said in pairs:
+            ranks = possible_ranks(said.severity)
+            if ranks is None or not region.severity:
                 continue
             true = order.index(Severity(region.severity))
             not_resolvable += not ranks
@@ -46,5 +42,5 @@ def severity_agreements(five: Matched, confidence: float) -> list[SeverityAgreem
             too_low += bool(ranks) and max(ranks) < true
             too_high += bool(ranks) and min(ranks) > true
         if defects := right + within + too_low + too_high + not_resolvable:
-            rows.append(SeverityAgreement(each.name, defects, right, within, too_low, too_high, not_resolvable))
+            rows.append(SeverityAgreement(name, defects, right, within, too_low, too_high, not_resolvable))
     return rows

@@ -7,6 +7,8 @@ from typing import Final
 import numpy as np
 
 from pavetwin.perception.classes import SIZES
+from pavetwin.perception.evaluation.detections import FoundBox
+from pavetwin.perception.evaluation.labelled import LabelledRegion
 from pavetwin.perception.evaluation.matching import Matched
 
 WHOLE: Final = 0.99
@@ -29,25 +31,32 @@ class SizeError:
 
 def size_errors(five: Matched, confidence: float) -> list[SizeError]:
     """A row for each size and class with defects whose true and said size are known, matched at IoU 0.5."""
-    regions = {region.number: region for image in five.images for region in image.regions}
     rows = []
+    hits = found_whole(five, confidence)
     for size in SIZES:
-        for each in five.classes:
-            errors = []
-            for number, at, told in zip(each.true_number, each.true_found, each.true_confidence, strict=True):
-                true = regions[int(number)].facts
-                if at < 0 or told < confidence or not is_whole(true) or true.get(size, 0.0) <= 0:
-                    continue
-                said = five.found[int(at)].sizes
-                if size in said:
-                    errors.append(100 * (said[size] / true[size] - 1))
+        for name, pairs in hits.items():
+            errors = [
+                100 * (said.sizes[size] / true.facts[size] - 1)
+                for true, said in pairs
+                if true.facts.get(size, 0.0) > 0 and size in said.sizes
+            ]
             if errors:
-                rows.append(
-                    SizeError(size, each.name, len(errors), float(np.abs(errors).mean()), float(np.mean(errors)))
-                )
+                rows.append(SizeError(size, name, len(errors), float(np.abs(errors).mean()), float(np.mean(errors))))
     return rows
 
 
-def is_whole(facts: Mapping[str, float]) -> bool:
-    """Whether a defect lies wholly in its image and is wholly seen, as far as its label says."""
+def found_whole(five: Matched, confidence: float) -> dict[str, list[tuple[LabelledRegion, FoundBox]]]:
+    """Name of each class → the whole defects and road users that were found, each with its detection."""
+    regions = {region.number: region for image in five.images for region in image.regions}
+    hits = {}
+    for each in five.classes:
+        told = zip(each.true_number, each.true_found, each.true_confidence, strict=True)
+        pairs = [
+            (regions[int(number)], five.found[int(at)]) for number, at, sure in told if at >= 0 and sure >= confidence
+        ]
+        hits[each.name] = [(true, said) for true, said in pairs if _is_whole(true.facts)]
+    return hits
+
+
+def _is_whole(facts: Mapping[str, float]) -> bool:
     return all(facts.get(name, 0.0) >= WHOLE for name in ("visible_fraction", "inside_fraction"))

@@ -3,6 +3,7 @@
 import csv
 import io
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from math import isfinite
 from typing import Any
 
@@ -161,15 +162,7 @@ def size_rows(found: DetectorEvaluation) -> list[dict[str, Any]]:
 
 def severity_rows(found: DetectorEvaluation) -> list[dict[str, Any]]:
     return [
-        {
-            "class": each.name,
-            "defects": each.defects,
-            "right": each.right,
-            "within": each.within,
-            "too_low": each.too_low,
-            "too_high": each.too_high,
-            "not_resolvable": each.not_resolvable,
-        }
+        {"class" if name == "name" else name: value for name, value in asdict(each).items()}
         for each in found.severities
     ]
 
