@@ -124,6 +124,17 @@ def test_weights_of_another_architecture(folder: Path, trained: Path, tmp_path: 
     assert not (tmp_path / "run").exists()
 
 
+def test_weights_with_a_level_of_stride_4(folder: Path, trained: Path, tmp_path: Path) -> None:
+    """Such a network begins with weights that lack the level, but not the other way round."""
+    words = ("--start", trained / "best.pt", "--set", "p2=true")
+    done = pavetwin("train", folder, "-o", tmp_path / "fine", *TINY, *words)
+    assert done.returncode == 0, done.stderr
+    back = ("--start", tmp_path / "fine" / "best.pt")
+    line = plain_refusal(pavetwin("train", folder, "-o", tmp_path / "run", *TINY, *back))
+    assert "is of another architecture: p2 True, not False" in line
+    assert not (tmp_path / "run").exists()
+
+
 def test_a_loss_that_is_not_a_number(folder: Path, tmp_path: Path) -> None:
     words = ("train", folder, "-o", tmp_path / "run", *TINY)
     assert pavetwin(*words, "--stop-after", 0).returncode == 0

@@ -25,7 +25,7 @@ from pavetwin.perception.training.export import onnx_model
 from pavetwin.perception.training.exported import exported_network, measure_normalisations
 from pavetwin.perception.training.network import DetectorNetwork
 from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
-from pavetwin.perception.training.run_folder import load_network
+from pavetwin.perception.training.run_folder import load_network, load_weights
 from pavetwin.perception.training.targets import no_targets
 from pavetwin.perception.training.trainer import Trainer
 from pavetwin.perception.training.watchers import Silent
@@ -131,6 +131,24 @@ def test_the_network_says_what_the_model_says(architecture: Architecture | None,
     assert away(before[:1] + before[2:], after[:1] + after[2:]) < 1e-3
     assert away(before[1:2], after[1:2]) < 0.2
     assert len(before) == len(after) == (4 if network.regions.mask is not None else 3)
+
+
+def test_a_level_that_the_model_lacks_still_normalises(tiny: Path) -> None:
+    """Its weights are random, so its normalisations must not undo what they do."""
+    network, images = DetectorNetwork(replace(TINY.architecture, p2=True)).eval(), shown(6)
+    lacking = load_weights(network, tiny)
+    norms = {
+        name
+        for name, each in network.named_modules()
+        if isinstance(each, nn.BatchNorm2d) and f"{name}.weight" in lacking
+    }
+    assert len(norms) > 4
+    before = said(network, images)
+    measure_normalisations(network, [batch_of(images, 1)], random=lacking)
+    assert away(before[:1], said(network, images)[:1]) < 1e-3
+    for name, each in network.named_modules():
+        if isinstance(each, nn.BatchNorm2d):
+            assert bool((each.weight == 1).all()) == (name in norms), name
 
 
 def test_normalisations_have_the_statistics_of_what_they_see(tiny: Path) -> None:

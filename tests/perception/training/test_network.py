@@ -70,6 +70,19 @@ def test_every_option_gives_boxes_and_regions(architecture: Architecture, anchor
     assert (torch.nn.SiLU in kinds) == (architecture.activation == "silu")
 
 
+def test_a_level_of_stride_4_changes_nothing_on_the_others() -> None:
+    without = DetectorNetwork(TINY).eval()
+    network = DetectorNetwork(Architecture(width=0.125, p2=True)).eval()
+    assert not network.load_state_dict(without.state_dict(), strict=False).unexpected_keys
+    images = torch.rand(2, 3, 64, 96)
+    found, alone = network(images), without(images)
+    coarse = 12 * 8 + 6 * 4 + 3 * 2
+    assert found.anchors.strides.tolist() == alone.anchors.strides.tolist() + [4.0] * (24 * 16)
+    assert torch.equal(found.scores[:, :coarse], alone.scores)
+    assert torch.equal(found.boxes[:, :coarse], alone.boxes)
+    assert torch.equal(found.maps, alone.maps)
+
+
 def test_validation_draws_no_masks_and_finds_the_same() -> None:
     network = DetectorNetwork(TINY).eval()
     drawn = []

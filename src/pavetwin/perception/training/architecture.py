@@ -10,6 +10,9 @@ from pavetwin.perception.classes import COARSE
 REG_MAX: Final = 16
 """Bins of the distribution of each side's distance; a box reaches at most 15 strides from its anchor."""
 
+FINE_STRIDE: Final = 4
+"""Of the level that `p2` adds."""
+
 ACTIVATIONS: Final = ("silu", "relu")
 
 _CHANNEL_STEP: Final = 8
@@ -27,7 +30,7 @@ class Architecture:
     most_channels: int = 1024
     """Of any map, before the multiple of `width`."""
     p2: bool = False
-    """A fourth detection level of stride 4, for thin cracks."""
+    """A fourth detection level of stride 4, for what is small: thin cracks, and persons far ahead of a car."""
     activation: str = "silu"
     """`silu`, or `relu`, which int8 runs faster."""
     masks: bool = True
@@ -53,8 +56,8 @@ class Architecture:
 
     @property
     def strides(self) -> tuple[int, ...]:
-        """Of the detection levels, in pixels."""
-        return (4, 8, 16, 32) if self.p2 else (8, 16, 32)
+        """Of the detection levels, in pixels. Stride 4 is last, so that the others' weights are named as without it."""
+        return (8, 16, 32, FINE_STRIDE) if self.p2 else (8, 16, 32)
 
     @property
     def mask_px(self) -> int:

@@ -3,14 +3,18 @@
 The alignment of an anchor with an object is s^α · u^β, with s the score of the object's class and u the IoU of the
 anchor's predicted box. The best-aligned anchors inside an object learn it. Their target score is their alignment,
 scaled within the object so that the greatest equals the object's greatest IoU.
+
+Anchors of stride 4 learn small objects alone, by an assignment of their own. In one assignment they would learn next
+to nothing beside levels that were trained before: target scores go with the sixth power of the boxes' overlap.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import torch
 from torch import Tensor
 
+from pavetwin.perception.training.architecture import FINE_STRIDE
 from pavetwin.perception.training.network import Anchors
 from pavetwin.perception.training.targets import Targets
 
@@ -18,6 +22,9 @@ MOST_ANCHORS: Final = 10
 """That learn one object."""
 ALPHA: Final = 0.5
 BETA: Final = 6.0
+
+SMALL_PX2: Final = 32.0**2
+"""Area below which an object is small, as the evaluation of COCO has it."""
 
 _TINY: Final = 1e-30
 
@@ -40,6 +47,20 @@ def assign(scores: Tensor, boxes: Tensor, anchors: Anchors, targets: Targets) ->
         scores: (batch, anchors, classes) in 0 … 1.
         boxes: (batch, anchors, 4) predicted, in pixels.
     """
+    coarse = int((anchors.strides > FINE_STRIDE).sum())
+    if coarse == len(anchors.strides):
+        return _assign(scores, boxes, anchors, targets)
+    small = replace(targets, ignored=targets.ignored | (area(targets.boxes) >= SMALL_PX2))
+    parts = [
+        _assign(scores[:, which], boxes[:, which], Anchors(anchors.centres[which], anchors.strides[which]), learned)
+        for which, learned in ((slice(0, coarse), targets), (slice(coarse, None), small))
+    ]
+    return Assignment(
+        torch.cat([each.objects for each in parts], dim=1), torch.cat([each.scores for each in parts], dim=1)
+    )
+
+
+def _assign(scores: Tensor, boxes: Tensor, anchors: Anchors, targets: Targets) -> Assignment:
     rows = _by_image(targets, len(scores))  # (batch, objects), −1 where an image has fewer
     if not rows.numel():
         nothing = torch.full(scores.shape[:2], -1, dtype=torch.int64, device=scores.device)

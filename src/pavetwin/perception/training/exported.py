@@ -7,7 +7,7 @@ normalisation after it gets m and v as they are measured on training images, γ 
 nothing but the bias, until it is trained.
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any, Final
 
@@ -128,7 +128,10 @@ def _name_in_network(weight: str) -> str:
 
 @torch.no_grad()
 def measure_normalisations(
-    network: DetectorNetwork, batches: Iterable[Batch], pictures: DevicePictures | None = None
+    network: DetectorNetwork,
+    batches: Iterable[Batch],
+    pictures: DevicePictures | None = None,
+    random: Collection[str] = (),
 ) -> None:
     """Give each normalisation the mean and the variance of what it sees; what the network says stays as it is.
 
@@ -136,8 +139,14 @@ def measure_normalisations(
         network: of `exported_network`.
         batches: training images. A head of regions of which they have none stays as it is.
         pictures: of which they are drawn, where they are no pixels yet.
+        random: names of weights that the model lacks. Normalisations among them are left as they are: they have
+            random weights before them, which need normalising.
     """
-    norms = [each for each in network.modules() if isinstance(each, nn.BatchNorm2d)]
+    norms = [
+        each
+        for name, each in network.named_modules()
+        if isinstance(each, nn.BatchNorm2d) and f"{name}.weight" not in random
+    ]
     device = next(network.parameters()).device
     sums = {each: torch.zeros(3, each.num_features, dtype=torch.float64, device=device) for each in norms}
 

@@ -35,8 +35,16 @@ class DetectionHead(nn.Module):
         super().__init__()
         for_boxes = max(16, inputs[0] // 4, 4 * REG_MAX)
         for_classes = max(inputs[0], min(it.classes, 100))
-        self.boxes = nn.ModuleList(_branch(each, for_boxes, 4 * REG_MAX, it.activation) for each in inputs)
-        self.classes = nn.ModuleList(_branch(each, for_classes, it.classes, it.activation) for each in inputs)
+        widths = [(for_boxes, for_classes)] * len(inputs)
+        if it.p2:
+            # It has four times the cells of the next level, so it is as narrow as its map.
+            widths[-1] = (inputs[-1], inputs[-1])
+        self.boxes = nn.ModuleList(
+            _branch(each, hidden, 4 * REG_MAX, it.activation) for each, (hidden, _) in zip(inputs, widths, strict=True)
+        )
+        self.classes = nn.ModuleList(
+            _branch(each, hidden, it.classes, it.activation) for each, (_, hidden) in zip(inputs, widths, strict=True)
+        )
         for boxes, classes, stride in zip(self.boxes, self.classes, it.strides, strict=True):
             boxes[-1].bias.data = (-_BIN_FALL * torch.arange(REG_MAX)).repeat(4)
             nn.init.constant_(classes[-1].bias, log(_PRIOR_OBJECTS / it.classes / (640 / stride) ** 2))

@@ -13,7 +13,7 @@ from pavetwin.perception.training.pyramid import Backbone, Neck
 
 @dataclass(frozen=True, slots=True)
 class Anchors:
-    """The cells of all levels, from fine to coarse, row by row."""
+    """The cells of all levels, in the order of `Architecture.strides`, row by row."""
 
     centres: Tensor
     """(anchors, 2) column, row in pixels of the image."""

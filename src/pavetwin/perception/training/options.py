@@ -43,7 +43,7 @@ class TrainingOptions:
     size: str = _about("Published size: n, s, m or l.", "n")
     depth: float = _about("Multiple of the numbers of blocks; 0 takes that of the size.", 0.0, 0, 2)
     width: float = _about("Multiple of the numbers of channels; 0 takes that of the size.", 0.0, 0, 2)
-    p2: bool = _about("A fourth detection level of stride 4.", default=False)
+    p2: bool = _about("A fourth detection level of stride 4, for small objects.", default=False)
     activation: str = _about("silu or relu.", "silu")
     masks: bool = _about("Whether there is a mask head.", default=True)
     mask_points: int = _about("Sampling points along each side of a region: 7, 14 or 28.", 14)

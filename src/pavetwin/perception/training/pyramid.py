@@ -46,30 +46,35 @@ class Backbone(nn.Module):
 
 
 class Neck(nn.Module):
-    """The backbone's maps → one for each detection level, from fine to coarse."""
+    """The backbone's maps → one for each detection level, in the order of `Architecture.strides`.
+
+    A map of stride 4 is carried up like the others, and no further: nothing is carried down from it. So a network
+    without it is a part of the network with it, and says the same on its three levels.
+    """
 
     def __init__(self, it: Architecture) -> None:
         super().__init__()
         channels = [it.channels(base) for base, _ in _STAGES]
         self.finest = 0 if it.p2 else 1
-        self.outputs = channels[self.finest :]
+        self.outputs = channels[1:] + channels[self.finest : 1]
 
         def block(inputs: int, outputs: int) -> CrossStage:
             return CrossStage(inputs, outputs, it.blocks(_NECK_BLOCKS), shortcut=False, activation=it.activation)
 
-        levels = range(self.finest, len(channels) - 1)
-        self.up = nn.ModuleList(block(channels[at + 1] + channels[at], channels[at]) for at in reversed(levels))
+        upwards, downwards = reversed(range(self.finest, len(channels) - 1)), range(1, len(channels) - 1)
+        self.up = nn.ModuleList(block(channels[at + 1] + channels[at], channels[at]) for at in upwards)
         self.shrink = nn.ModuleList(
-            ConvUnit(channels[at], channels[at], 3, 2, activation=it.activation) for at in levels
+            ConvUnit(channels[at], channels[at], 3, 2, activation=it.activation) for at in downwards
         )
-        self.down = nn.ModuleList(block(channels[at] + channels[at + 1], channels[at + 1]) for at in levels)
+        self.down = nn.ModuleList(block(channels[at] + channels[at + 1], channels[at + 1]) for at in downwards)
 
     def forward(self, maps: Sequence[Tensor]) -> list[Tensor]:
         carried = [maps[-1]]
         for block, finer in zip(self.up, reversed(maps[self.finest : -1]), strict=True):
             larger = functional.interpolate(carried[-1], scale_factor=2.0, mode="nearest")
             carried.append(block(torch.cat([larger, finer], dim=1)))
+        fine = [carried.pop()] if self.finest == 0 else []
         found = [carried.pop()]
         for shrink, block in zip(self.shrink, self.down, strict=True):
             found.append(block(torch.cat([shrink(found[-1]), carried.pop()], dim=1)))
-        return found
+        return found + fine

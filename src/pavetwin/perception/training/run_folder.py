@@ -9,7 +9,7 @@
 import csv
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from pickle import UnpicklingError
 from typing import Any, Final
@@ -141,8 +141,13 @@ def load_network(path: Path, device: torch.device | str = "cpu") -> tuple[Detect
     return network.to(device).eval(), content
 
 
-def load_weights(network: DetectorNetwork, path: Path) -> None:
+def load_weights(network: DetectorNetwork, path: Path) -> frozenset[str]:
     """Begin with the weights of a file, or of an exported model.
+
+    A level of stride 4 that the file lacks keeps its random weights.
+
+    Returns:
+        Names of the weights that the file lacks.
 
     Raises:
         PaveTwinError: there is no such file, it is damaged, or it is of another architecture.
@@ -151,11 +156,12 @@ def load_weights(network: DetectorNetwork, path: Path) -> None:
         other = exported_network(path)
     else:
         other, _ = load_network(path, next(network.parameters()).device)
-    if difference := other.architecture.difference(network.architecture):
+    wanted = network.architecture
+    if difference := replace(other.architecture, p2=other.architecture.p2 or wanted.p2).difference(wanted):
         raise PaveTwinError(
             f"'{path}' is of another architecture: {difference}; give what it has, or start without it."
         )
-    network.load_state_dict(other.state_dict())
+    return frozenset(network.load_state_dict(other.state_dict(), strict=other.architecture == wanted).missing_keys)
 
 
 def _save(path: Path, state: Mapping[str, Any]) -> None:

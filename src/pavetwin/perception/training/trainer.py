@@ -135,8 +135,7 @@ class Trainer:
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(options.seed)
             self.network = DetectorNetwork(options.architecture)
-        if start is not None:
-            load_weights(self.network, start)
+        random = load_weights(self.network, start) if start is not None else frozenset[str]()
         self.network.to(device=self._device, memory_format=torch.channels_last)
         self._compiled = torch.compile(self.network.maps, dynamic=False) if machine.compiled else self.network.maps
         self._half = machine.half and has_half(self._device)
@@ -166,7 +165,7 @@ class Trainer:
                     each.hold(machine.workers)
         self._progress = _Progress()
         if start is not None and is_exported(start) and not self._folder.has_checkpoint:
-            self._measure()
+            self._measure(random)
         self._begin(self._phases[0])
         self._resume()
 
@@ -207,13 +206,17 @@ class Trainer:
         drawn = f"{self._device}, labels are made by {processes}" if self._pictures is not None else processes
         return f"Training on {self._device} in {precision}; views are drawn by {drawn}."
 
-    def _measure(self) -> None:
-        """Give the normalisations of an exported model the statistics of the first epoch's views."""
+    def _measure(self, random: frozenset[str]) -> None:
+        """Give the normalisations of an exported model the statistics of the first epoch's views.
+
+        Args:
+            random: names of the weights that the model lacks.
+        """
         phase, key = self._phases[0], (self._options.seed, 0, 0)
         order = epoch_order(phase, key)[:MEASURED_VIEWS]
         views = self._views(phase, order, key)
         shown = batches(views, self._options.batch, workers=self._machine.workers)
-        measure_normalisations(self.network, shown, self._pictures)
+        measure_normalisations(self.network, shown, self._pictures, random)
 
     def _views(self, phase: Phase, order: Sequence[int], key: tuple[int, int, int]) -> TrainingViews:
         """What an epoch shows; `key` is seed, phase and epoch."""
