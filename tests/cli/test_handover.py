@@ -15,6 +15,7 @@ from xml.etree import ElementTree
 import polars as pl
 import pytest
 
+from pavetwin.perception.shipped import DEFAULT
 from pavetwin.world.store import save_world
 from scenes import built, damaged
 from scenes.command_line import command, pavetwin, plain_refusal
@@ -302,9 +303,9 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = pavetwin("experiment", "run", "d.yaml", "-o", "s", "--jobs", "1", cwd=folder)
     assert done.returncode == 0, done.stderr
     text = (folder / "s" / "design.yaml").read_text()
-    assert "fitted: synthetic-11" in text
+    assert f"fitted: {DEFAULT}" in text
     # As if another fitted sensor had been the default when it was flown.
-    (folder / "s" / "design.yaml").write_text(text.replace("fitted: synthetic-11", "fitted: synthetic-1"))
+    (folder / "s" / "design.yaml").write_text(text.replace(f"fitted: {DEFAULT}", "fitted: synthetic-1"))
     return folder / "s"
 
 

@@ -17,6 +17,7 @@ from pavetwin.experiments.design import Design, placed_at, preset_names, preset_
 from pavetwin.experiments.plan import Plan, cells_of, units_of, world_of_study
 from pavetwin.experiments.planning import load_worlds, plan
 from pavetwin.experiments.store import Store
+from pavetwin.perception.shipped import DEFAULT
 from pavetwin.sensing.detector import DetectorSensor
 from pavetwin.uav import find_camera
 from pavetwin.world.model import World
@@ -401,17 +402,17 @@ def test_a_study_goes_on_with_the_models_that_it_was_begun_with(
     store, begun = Store(tmp_path / "study"), plan(made, load_worlds(made))
     store.check_models(begun)
     store.begin(begun)
-    named = {"detector": {"model": "synthetic-11"}, "calibrated": {"fitted": "synthetic-11"}}
+    named = {"detector": {"model": DEFAULT}, "calibrated": {"fitted": DEFAULT}}
     assert store.models() == yaml.safe_load((store.folder / "design.yaml").read_text())["models"] == named
     store.check_models(begun)
     monkeypatch.setattr(DetectorSensor, "default_options", {**DetectorSensor.default_options, "model": "synthetic-1"})
     later = plan(made, load_worlds(made))
-    with pytest.raises(PaveTwinError, match=r"begun with the model synthetic-11 of the sensor 'detector' \(now synth"):
+    with pytest.raises(PaveTwinError, match=rf"begun with the model {DEFAULT} of the sensor 'detector' \(now synth"):
         store.check_models(later)
     store.begin(later)
     assert store.models() == named, "what was flown stays what it was"
-    chosen = plan(made.model_copy(update={"set": {"sensing.options.model": "synthetic-11"}}), load_worlds(made))
-    assert chosen.models == {"calibrated": {"fitted": "synthetic-11"}}
+    chosen = plan(made.model_copy(update={"set": {"sensing.options.model": DEFAULT}}), load_worlds(made))
+    assert chosen.models == {"calibrated": {"fitted": DEFAULT}}
 
 
 def test_a_study_that_does_not_say_its_models_is_not_flown_on(tmp_path: Path) -> None:
@@ -424,6 +425,6 @@ def test_a_study_that_does_not_say_its_models_is_not_flown_on(tmp_path: Path) ->
         store.check_models(begun)
     path = store.folder / "design.yaml"
     line = str(told.value).split("`")[1]
-    assert line == "models: {detector: {model: synthetic-11}}"
+    assert line == f"models: {{detector: {{model: {DEFAULT}}}}}"
     path.write_text(f"{path.read_text()}{line}\n")
     store.check_models(begun)

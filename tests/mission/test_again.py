@@ -16,6 +16,7 @@ from pavetwin.mission.again import FormerMission, check_replaceable, read_missio
 from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.inputs import world_of
 from pavetwin.mission.spec import DefectInput, TrafficInput
+from pavetwin.perception.shipped import DEFAULT
 from pavetwin.traffic.demand import density_named
 from pavetwin.world.store import load_world, save_world
 from scenes import built, damaged
@@ -243,9 +244,9 @@ def test_a_mission_of_before_models_were_named_says_so(described: Path, tmp_path
     path = changed(described, tmp_path, settings={**settings, "sensing": {"sensor": "calibrated"}})
     old = read_mission(path)
     assert old.unnamed_models() == (
-        f"'{path}' does not say which model its sensor 'calibrated' had; now it is synthetic-11."
+        f"'{path}' does not say which model its sensor 'calibrated' had; now it is {DEFAULT}."
     )
     spec = old.planned(load_world(described.parents[2] / "town"))
-    assert spec.settings.sensing.options == {"fitted": "synthetic-11"}
+    assert spec.settings.sensing.options == {"fitted": DEFAULT}
     result = replace(flown_again(former), spec=spec)
     assert old.verdict(result) == "The same as the first time."

@@ -13,6 +13,7 @@ from pavetwin.mission.fly import fly
 from pavetwin.mission.inputs import MissionInputs, aircraft_of
 from pavetwin.mission.replay import Replay
 from pavetwin.mission.spec import AircraftTrack, MissionSpec
+from pavetwin.perception.shipped import DEFAULT
 from pavetwin.sensing.detector import DetectorSensor
 from scenes.recordings import recording
 from scenes.spots import fly_over_spots
@@ -84,9 +85,9 @@ def test_a_spec_names_the_model_that_its_sensor_has_by_default(monkeypatch: pyte
     wall = box(30, 0, 31, 1)
     result, _ = fly_over_spots(Scene(straight((30, 0))), [("Pothole", wall)], aboard=False)
     assert result.spec.settings.sensing.options == {"aboard": False, "model": DetectorSensor.default_options["model"]}
-    assert result.spec.with_policy("baseline", result.settings).settings.sensing.options["model"] == "synthetic-11"
+    assert result.spec.with_policy("baseline", result.settings).settings.sensing.options["model"] == DEFAULT
     scene = Scene(straight(), altitude_m=10.0)
-    for sensor, options in (("calibrated", {"fitted": "synthetic-11"}), ("recall", {})):
+    for sensor, options in (("calibrated", {"fitted": DEFAULT}), ("recall", {})):
         settings = scene.settings(f"sensing.sensor={sensor}")
         assert settings.sensing.options == {}
         spec = fly_over(scene.environment(settings), scene.traffic(), settings, [0], "baseline").spec

@@ -7,6 +7,7 @@ import typer
 
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
+from pavetwin.perception.shipped import DEFAULT
 
 if TYPE_CHECKING:
     from pavetwin.perception.results.detect_folder import DetectOutcome
@@ -16,8 +17,7 @@ Model = Annotated[
     typer.Option(
         "--model",
         metavar="NAME|FILE.onnx",
-        help="A file of `pavetwin export`, or a detector that ships: synthetic-11 unless given; mixed-3 for "
-        "photographs.",
+        help=f"A file of `pavetwin export`, or a detector that ships: {DEFAULT} unless given; mixed-3 for photographs.",
     ),
 ]
 
@@ -37,7 +37,7 @@ def named(model: str | None) -> Path:
     Raises:
         PaveTwinError: there is none.
     """
-    from pavetwin.perception.shipped import DEFAULT, model_path
+    from pavetwin.perception.shipped import model_path
 
     try:
         return model_path(model or DEFAULT)

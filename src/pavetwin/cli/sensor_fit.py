@@ -10,6 +10,7 @@ import typer
 from pavetwin.cli.console import out, progress
 from pavetwin.cli.detect import named
 from pavetwin.errors import PaveTwinError
+from pavetwin.perception.shipped import DEFAULT
 
 if TYPE_CHECKING:
     from pavetwin.sensing.entry_model import EntryModel
@@ -34,7 +35,7 @@ def fit(
         typer.Option(
             metavar="NAME|FILE.onnx",
             help="The detector that searches datasets, and that searched missions which do not name theirs: one that "
-            "ships, or a file; for datasets synthetic-11 unless given.",
+            f"ships, or a file; for datasets {DEFAULT} unless given.",
         ),
     ] = None,
     check: Annotated[

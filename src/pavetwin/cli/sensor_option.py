@@ -7,6 +7,7 @@ import typer
 
 from pavetwin.cli.detect import named
 from pavetwin.errors import PaveTwinError, about
+from pavetwin.perception.shipped import DEFAULT
 
 if TYPE_CHECKING:
     from pavetwin.config import MissionSettings
@@ -17,8 +18,8 @@ SensorModel = Annotated[
     typer.Option(
         "--model",
         metavar="NAME|FILE",
-        help="Of --sensor detector: one that ships, or a file of `pavetwin export`; synthetic-11 unless given. "
-        "Of --sensor calibrated: one that ships, or a file of `pavetwin sensor fit`; synthetic-11 unless given.",
+        help=f"Of --sensor detector: one that ships, or a file of `pavetwin export`; {DEFAULT} unless given. "
+        f"Of --sensor calibrated: one that ships, or a file of `pavetwin sensor fit`; {DEFAULT} unless given.",
     ),
 ]
 

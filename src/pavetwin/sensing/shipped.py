@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Final
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.perception import shipped
 
 FOLDER: Final = Path(__file__).parent / "fitted"
 
-DEFAULT: Final = "synthetic-11"
-"""Where no fitted sensor is named."""
+DEFAULT: Final = shipped.DEFAULT
+"""Where no fitted sensor is named: that of the detector which looks where none is named."""
 
 
 def shipped_sensors() -> list[str]:
