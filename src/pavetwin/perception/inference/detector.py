@@ -13,6 +13,7 @@ from pavetwin.labels.boxes import PixelBox
 from pavetwin.perception.classes import SUBTYPES
 from pavetwin.perception.inference.detections import Detections, MaskPart
 from pavetwin.perception.inference.model_file import ModelFacts, open_session
+from pavetwin.perception.inference.overlaps import lowering
 from pavetwin.perception.inference.parts import whole_objects
 from pavetwin.perception.inference.tiles import merged, tile_windows
 from pavetwin.perception.shipped import model_path
@@ -154,7 +155,12 @@ class Detector:
             mine = np.flatnonzero((told["image"] == at) & (final >= self._confidence) & (sides > 0).all(axis=1))
             best = mine[np.argsort(-final[mine], kind="stable")]
             grids = told["masks"][best] if "masks" in told else None
-            best = best[whole_objects(told["boxes"][best], told["classes"][best], grids)][:MOST]
+            best = best[whole_objects(told["boxes"][best], told["classes"][best], grids)]
+            factors = lowering(told["boxes"][best], told["classes"][best]).astype(np.float32)
+            told["detection"][best] *= factors
+            final[best] *= factors
+            best = best[final[best] >= self._confidence]
+            best = best[np.argsort(-final[best], kind="stable")][:MOST]
             rows.append({name: values[best] for name, values in told.items()})
         return rows
 
