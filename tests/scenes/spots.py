@@ -83,12 +83,12 @@ class SpotDetector:
 
 
 def fly_over_spots(
-    scene: Scene, spots: Sequence[Spot], *, aboard: bool, policy: str | Policy = "hover"
+    scene: Scene, spots: Sequence[Spot], *, aboard: bool, policy: str | Policy = "hover", confidence: float = 0.9
 ) -> tuple[MissionResult, Painter]:
     """Fly over the first segment with the sensor `detector` and a stand-in that finds the spots."""
     settings = scene.settings("sensing.sensor=detector", f"sensing.options={{aboard: {str(aboard).lower()}}}")
     painter = Painter(spots)
-    eyes = DetectorSensor(settings.sensing, 0, SpotDetector(image_px=240))
+    eyes = DetectorSensor(settings.sensing, 0, SpotDetector(image_px=240, confidence=confidence))
     environment = scene.environment(settings)
     result = fly_over(environment, scene.traffic(), settings, [0], policy, sensor=eyes, image_source=painter)
     return result, painter
