@@ -5,22 +5,18 @@ from math import exp
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import strategies as st
 
 from pavetwin.perception.classes import CLASSES
 from pavetwin.perception.inference import Detector
 from pavetwin.perception.inference.overlaps import lowering
 from scenes.drawn_detector import FILE
+from scenes.rows_of_boxes import Row, arrays_of, rows
 
 PERSON, CAR = (CLASSES.index(name) for name in ("Person", "Car"))
 
-Row = tuple[int, tuple[float, float, float, float]]
 
-
-def factors(*rows: Row) -> list[float]:
-    """Of classes and boxes, the most confident first."""
-    boxes = np.array([box for _, box in rows], dtype=np.float32).reshape(-1, 4)
-    return lowering(boxes, np.array([each for each, _ in rows], dtype=np.int64)).tolist()
+def factors(*said: Row) -> list[float]:
+    return lowering(*arrays_of(said)).tolist()
 
 
 FIRST = (0.0, 0.0, 100.0, 100.0)
@@ -42,29 +38,18 @@ def test_what_is_lowered_itself_lowers_others_less() -> None:
     assert factors((PERSON, FIRST), (PERSON, AGAIN), (PERSON, BEHIND)) == pytest.approx([1, exp(-2 / 9), 1])
 
 
-BOXES = st.lists(
-    st.tuples(
-        st.sampled_from([PERSON, CAR]),
-        st.tuples(*[st.integers(0, 40)] * 2),
-        st.tuples(*[st.integers(1, 40)] * 2),
-    ),
-    max_size=12,
-)
-
-
-@given(BOXES)
+@given(rows(PERSON, CAR))
 def test_none_is_raised_none_is_silenced_and_who_stands_apart_stays(
-    drawn: list[tuple[int, tuple[int, int], tuple[int, int]]],
+    drawn: list[Row],
 ) -> None:
-    rows = [(each, (float(x), float(y), float(x + w), float(y + h))) for each, (x, y), (w, h) in drawn]
-    told = factors(*rows)
+    told = factors(*drawn)
     assert all(exp(-2) - 1e-9 <= each <= 1 for each in told)
-    for at, (each, box) in enumerate(rows):
-        surer = [other for kind, other in rows[:at] if kind == each]
+    for at, (each, box) in enumerate(drawn):
+        surer = [other for kind, other in drawn[:at] if kind == each]
         if not any(min(box[2], o[2]) > max(box[0], o[0]) and min(box[3], o[3]) > max(box[1], o[1]) for o in surer):
             assert told[at] == 1
     # What is less sure has no say.
-    assert factors(*rows[:-1]) == pytest.approx(told[:-1])
+    assert factors(*drawn[:-1]) == pytest.approx(told[:-1])
 
 
 def test_a_detector_sorts_by_what_is_left_and_drops_what_falls_below_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,21 +3,19 @@
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import strategies as st
 
 from pavetwin.perception.classes import CLASSES
 from pavetwin.perception.inference import Detector
 from pavetwin.perception.inference.parts import whole_objects
 from scenes.drawn_detector import FILE
+from scenes.rows_of_boxes import Row, arrays_of, rows
 
 CRACK, POTHOLE, PERSON, CAR = (CLASSES.index(name) for name in ("Single Crack", "Pothole", "Person", "Car"))
 CELLS = 28
 
 
-def kept(*rows: tuple[int, tuple[float, float, float, float]], masks: np.ndarray | None = None) -> list[int]:
-    """Of classes and boxes, the most confident first."""
-    boxes = np.array([box for _, box in rows], dtype=np.float32).reshape(-1, 4)
-    return whole_objects(boxes, np.array([each for each, _ in rows], dtype=np.int64), masks).tolist()
+def kept(*said: Row, masks: np.ndarray | None = None) -> list[int]:
+    return whole_objects(*arrays_of(said), masks).tolist()
 
 
 def slanting() -> np.ndarray:
@@ -66,26 +64,17 @@ def test_half_of_a_crack_is_a_part_and_a_crack_beside_it_is_not() -> None:
     assert kept(*cracks, masks=masks) == [0, 1, 2]
 
 
-BOXES = st.lists(
-    st.tuples(
-        st.sampled_from([POTHOLE, PERSON, CAR]),
-        st.tuples(*[st.integers(0, 40)] * 2),
-        st.tuples(*[st.integers(1, 40)] * 2),
-    ),
-    max_size=12,
-)
-
-
-@given(BOXES)
+@given(rows(POTHOLE, PERSON, CAR))
 def test_the_first_stays_no_part_stays_and_a_second_pass_changes_nothing(
-    drawn: list[tuple[int, tuple[int, int], tuple[int, int]]],
+    drawn: list[Row],
 ) -> None:
-    rows = [(each, (float(x), float(y), float(x + w), float(y + h))) for each, (x, y), (w, h) in drawn]
-    stay = kept(*rows)
-    assert stay[:1] == [0] * bool(rows)
-    assert kept(*[rows[at] for at in stay]) == list(range(len(stay)))
-    for at in set(range(len(rows))) - set(stay):
-        assert any(share(rows[at][1], rows[o][1]) >= 0.9 - 1e-9 and rows[o][0] == rows[at][0] for o in stay if o < at)
+    stay = kept(*drawn)
+    assert stay[:1] == [0] * bool(drawn)
+    assert kept(*[drawn[at] for at in stay]) == list(range(len(stay)))
+    for at in set(range(len(drawn))) - set(stay):
+        assert any(
+            share(drawn[at][1], drawn[o][1]) >= 0.9 - 1e-9 and drawn[o][0] == drawn[at][0] for o in stay if o < at
+        )
 
 
 def share(part: tuple[float, ...], whole: tuple[float, ...]) -> float:

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
+from pavetwin.perception.box_pairs import areas, shared_areas
 
 THRESHOLDS: Final = np.linspace(0.5, 0.95, 10)
 RECALLS: Final = np.linspace(0.0, 1.0, 101)
@@ -84,12 +85,8 @@ def _match(boxes: Float64Array, true: Float64Array, ignored: BoolArray) -> tuple
 
 def _overlap(boxes: Float64Array, true: Float64Array, ignored: BoolArray) -> Float64Array:
     """(detections, objects) IoU; for ignored objects the intersection as a share of the detection."""
-    low = np.maximum(boxes[:, None, :2], true[None, :, :2])
-    high = np.minimum(boxes[:, None, 2:], true[None, :, 2:])
-    inner = np.maximum(high - low, 0.0).prod(axis=2)
-    own = (boxes[:, 2:] - boxes[:, :2]).prod(axis=1)[:, None]
-    other = (true[:, 2:] - true[:, :2]).prod(axis=1)[None]
-    whole = np.where(ignored, own, own + other - inner)
+    inner, own = shared_areas(boxes, true), areas(boxes)[:, None]
+    whole = np.where(ignored, own, own + areas(true) - inner)
     return np.asarray(inner / np.maximum(whole, np.finfo(np.float64).tiny))
 
 

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from pavetwin.arrays import Float32Array, Float64Array, Int64Array
+from pavetwin.perception.box_pairs import areas, shared_areas
 
 SIGMA: Final = 0.5
 """Of e^(−u² / σ), by which a confidence is multiplied at an IoU of u: as Soft-NMS was published."""
@@ -33,8 +34,6 @@ def lowering(boxes: Float32Array, classes: Int64Array) -> Float64Array:
 
 def _overlaps(boxes: Float64Array) -> Float64Array:
     """(n, n) IoU of each box with each."""
-    starts, ends = np.maximum(boxes[:, None, :2], boxes[:, :2]), np.minimum(boxes[:, None, 2:], boxes[:, 2:])
-    both = np.maximum(ends - starts, 0.0).prod(axis=2)
-    areas = (boxes[:, 2:] - boxes[:, :2]).prod(axis=1)
-    iou: Float64Array = both / np.maximum(areas[:, None] + areas - both, 1e-9)
+    both, own = shared_areas(boxes, boxes), areas(boxes)
+    iou: Float64Array = both / np.maximum(own[:, None] + own - both, 1e-9)
     return iou

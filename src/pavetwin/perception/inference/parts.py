@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from pavetwin.arrays import BoolArray, Float32Array, Float64Array, IndexArray, Int64Array
+from pavetwin.perception.box_pairs import areas, shared_areas
 from pavetwin.perception.classes import SINGLE_CRACK
 from pavetwin.perception.inference.detections import IS_COVERED
 
@@ -37,10 +38,7 @@ def whole_objects(boxes: Float32Array, classes: Int64Array, masks: Float32Array 
 
 def _shares(boxes: Float64Array) -> Float64Array:
     """(n, n) how much of each box lies within each."""
-    starts, ends = np.maximum(boxes[:, None, :2], boxes[:, :2]), np.minimum(boxes[:, None, 2:], boxes[:, 2:])
-    sides = np.maximum(ends - starts, 0.0)
-    areas = (boxes[:, 2:] - boxes[:, :2]).prod(axis=1)
-    shares: Float64Array = sides.prod(axis=2) / np.maximum(areas, 1e-9)[:, None]
+    shares: Float64Array = shared_areas(boxes, boxes) / np.maximum(areas(boxes), 1e-9)[:, None]
     return shares
 
 

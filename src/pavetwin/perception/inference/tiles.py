@@ -10,6 +10,7 @@ import numpy as np
 
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
 from pavetwin.labels.boxes import PixelBox
+from pavetwin.perception.box_pairs import areas
 from pavetwin.perception.classes import SINGLE_CRACK, coarse_of_classes
 from pavetwin.perception.inference.detections import IS_COVERED, Detections, MaskPart
 
@@ -166,8 +167,8 @@ def _same(piece: int, others: IndexArray, pieces: _Pieces, windows: Float64Array
     shared = np.hstack([np.maximum(theirs[:, :2], window[:2]), np.minimum(theirs[:, 2:], window[2:])])
     mine = _within(np.broadcast_to(pieces.boxes[piece], shared.shape), shared)
     seen = _within(pieces.boxes[others], shared)
-    both = _areas(_within(mine, seen))
-    is_same = both > SAME * np.maximum(_areas(mine) + _areas(seen) - both, 1e-9)
+    both = areas(_within(mine, seen))
+    is_same = both > SAME * np.maximum(areas(mine) + areas(seen) - both, 1e-9)
     cells = pieces.cells[piece]
     if cells is not None:
         for at in np.flatnonzero(both > 0):
@@ -184,8 +185,8 @@ def _go_on(first: Float64Array, second: Float64Array, shared: Float64Array) -> b
     if seen[0] is None or seen[1] is None:
         return False
     mine, theirs = seen[0][None], seen[1][None]
-    both = _areas(_within(mine, theirs))[0]
-    return bool(both > GOES_ON * max(_areas(mine)[0] + _areas(theirs)[0] - both, 1e-9))
+    both = areas(_within(mine, theirs))[0]
+    return bool(both > GOES_ON * max(areas(mine)[0] + areas(theirs)[0] - both, 1e-9))
 
 
 def _around(cells: Float64Array, window: Float64Array) -> Float64Array | None:
@@ -216,22 +217,16 @@ def _within(boxes: Float64Array, windows: Float64Array) -> Float64Array:
     return np.hstack([np.maximum(boxes[:, :2], windows[:, :2]), np.minimum(boxes[:, 2:], windows[:, 2:])])
 
 
-def _areas(boxes: Float64Array) -> Float64Array:
-    """0 where a box is turned inside out: where nothing was shared."""
-    sides = np.maximum(boxes[:, 2:] - boxes[:, :2], 0.0)
-    return sides[:, 0] * sides[:, 1]
-
-
 def _shares(boxes: Float64Array, window: Float64Array) -> Float64Array:
     """How much of each box lies within a window."""
-    return _areas(_within(boxes, np.broadcast_to(window, boxes.shape))) / np.maximum(_areas(boxes), 1e-9)
+    return areas(_within(boxes, np.broadcast_to(window, boxes.shape))) / np.maximum(areas(boxes), 1e-9)
 
 
 def _joined(
     group: Sequence[int], pieces: _Pieces, found: Sequence[Detections]
 ) -> tuple[list[float], int, float, float, tuple[MaskPart, ...]]:
     """Box, class, both confidences and mask of one object."""
-    judge = max(group, key=lambda at: pieces.confidence[at] * _areas(pieces.boxes[[at]])[0])
+    judge = max(group, key=lambda at: pieces.confidence[at] * areas(pieces.boxes[[at]])[0])
     of, row = found[pieces.tile[judge]], pieces.row[judge]
     masks = tuple(part for at in group for part in found[pieces.tile[at]].masks[pieces.row[at]])
     box = _box(group, pieces).tolist()
