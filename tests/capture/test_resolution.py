@@ -1,6 +1,7 @@
 """Images of a drawn ground resolution: what a pixel covers, where crops lie, and what the camera cannot reach."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -147,9 +148,17 @@ def test_the_coarsest_resolution_that_is_told_is_taken() -> None:
     check(CROPS.model_copy(update={"gsd_mm": (2.0, 13.3)}))
 
 
+@pytest.mark.parametrize("high", [{"gsd_mm": (14.0, 32.0)}, {"gsd_mm": None, "altitudes_m": (20.0, 45.0, 120.0)}])
+def test_only_images_of_damage_are_taken_from_low(high: dict[str, Any]) -> None:
+    check(CROPS.model_copy(update={**high, "empty": 1.0, "road_users": 1.0}))
+    with pytest.raises(PaveTwinError, match="defects"):
+        check(CROPS.model_copy(update={**high, "empty": 0.99, "road_users": 1.0}))
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
+        ({"gsd_mm": (2.0, 33.0), "empty": 1.0}, "`gsd_mm` 2 33: .* covers 32.9 mm from 120 m, the highest; choose"),
         ({"gsd_mm": (1.0, 8.0)}, "`gsd_mm` 1 8: .*'phantom4pro' covers 1.37 mm from 5 m, .*between 1.38 and 13.3 mm"),
         ({"gsd_mm": (2.0, 14.0)}, "`gsd_mm` 2 14: .* covers 13.3 mm from 48.5 m, .*defects are seen"),
         ({"camera": "paper"}, "`gsd_mm` 1.5 12: .*'paper' covers 6.08 mm"),

@@ -77,6 +77,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ({"altitude": [2.0]}, "--altitude 2: the UAV flies at 5 m or higher, 1 m clear of vehicles of up to 4 m"),
         ({"altitude": [10.0, 3000.0]}, "--altitude 3000: the UAV flies at 120 m or lower, the legal ceiling"),
         ({"altitude": [10.0, 20.0]}, "--altitude 20: images are to show defects, which must be nearer than 20 m"),
+        ({"altitude": [10.0, 20.0]}, "choose a lower altitude, or images that show none (--empty 1)."),
     ],
 )
 def test_what_is_wrong_is_said_plainly_and_leaves_nothing(

@@ -50,10 +50,10 @@ def check(settings: CaptureSettings) -> None:
             raise PaveTwinError(f"`{name}`: a {settings.platforms[0]} does not fly; leave it out.")
     check_resolution(settings)
     for altitude in settings.altitudes_m:
-        if altitude >= AIMED_WITHIN_M:
+        if altitude >= AIMED_WITHIN_M and settings.empty < 1:
             raise PaveTwinError(
                 f"`altitudes_m` {altitude:g}: images are to show defects, which must be nearer than "
-                f"{AIMED_WITHIN_M:g} m; choose a lower altitude."
+                f"{AIMED_WITHIN_M:g} m; choose a lower altitude, or images that show none (`empty` 1)."
             )
 
 

@@ -56,10 +56,13 @@ def check_resolution(settings: "CaptureSettings") -> None:
         return
     camera = find_camera(settings.camera)
     (low, high), focal = settings.gsd_mm, native_focal_px(camera)
-    finest, coarsest = 1000 * LOWEST_M / focal, 1000 * min(CEILING_M / focal, AIMED_PIXEL_M)
+    finest, highest = 1000 * LOWEST_M / focal, 1000 * CEILING_M / focal
+    coarsest = min(highest, 1000 * AIMED_PIXEL_M) if settings.empty < 1 else highest
     if low < finest or high > coarsest * (1 + ROUNDING):
         at_m, limit = (LOWEST_M, finest) if low < finest else (coarsest * focal / 1000, coarsest)
-        why = "the lowest altitude" if low < finest else "the highest at which defects are seen"
+        why = "the lowest altitude" if low < finest else "the highest"
+        if low >= finest and coarsest < highest:
+            why += " at which defects are seen"
         raise PaveTwinError(
             f"`gsd_mm` {low:g} {high:g}: a pixel of the camera '{settings.camera}' covers {limit:.3g} mm from "
             f"{at_m:.3g} m, {why}; choose between {np.ceil(100 * finest) / 100:g} and "
