@@ -11,7 +11,17 @@ import pytest
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.classes import categories
 from pavetwin.labels.rle import encode
-from pavetwin.perception.classes import CAR, CLASSES, COARSE, NO_SUBTYPE, ROAD_DEFECT, class_of, coarse_of, subtype_of
+from pavetwin.perception.classes import (
+    CAR,
+    CLASSES,
+    COARSE,
+    NO_SUBTYPE,
+    PERSON,
+    ROAD_DEFECT,
+    class_of,
+    coarse_of,
+    subtype_of,
+)
 from pavetwin.perception.examples.coco import read_coco
 from pavetwin.perception.examples.example import Outline, RunLengths, labelled_classes, mask_in, missing_classes
 from pavetwin.perception.examples.pack import PackOptions, read_pack, write_pack
@@ -104,6 +114,26 @@ def test_what_has_iscrowd_is_ignored_and_its_class_may_be_missing(tmp_path: Path
     assert ignored <= {"Pothole", "Car"}
     assert {"Pothole", "Car"} <= set(missing_classes(data.examples))
     assert CAR not in labelled_classes(data.examples)["drawn roads"]
+
+
+def test_what_was_pasted_tells_nothing_of_others_of_its_class_and_stays_so_when_packed(tmp_path: Path) -> None:
+    def change(content: dict[str, Any]) -> None:
+        for each in content["annotations"]:
+            if each["category_id"] == 5:
+                each["attributes"] = {"cut_out": "a car of another image"}
+
+    folder = drawn_roads(tmp_path / "roads", {"train": 9})
+    labels = folder / "annotations" / "instances_train.json"
+    content = json.loads(labels.read_text())
+    change(content)
+    labels.write_text(json.dumps(content))
+    data = read_coco(folder, ("train",))
+    write_pack([data], tmp_path / "all.pack", PackOptions())
+    for each in (data, read_pack(tmp_path / "all.pack", ("train",))):
+        cars = [true for example in each.examples for true in example.objects if true.coarse == CAR]
+        assert cars
+        assert all(true.is_pasted for true in cars)
+        assert labelled_classes(each.examples)["drawn roads"] == {ROAD_DEFECT, PERSON}
 
 
 def test_a_capture_is_synthetic(tmp_path: Path) -> None:

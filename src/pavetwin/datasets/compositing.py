@@ -40,7 +40,7 @@ from pavetwin.datasets.common_form import (
     write_description,
 )
 from pavetwin.datasets.composite_plan import CompositePlan, SplitPlanner, road_gsd_mm
-from pavetwin.datasets.covering import CUT_OUT, covered, filled, pasted
+from pavetwin.datasets.covering import covered, filled, pasted
 from pavetwin.datasets.cutout_library import CUT_OUTS, cut_out_all, read_picture
 from pavetwin.datasets.cutouts import CutOut
 from pavetwin.datasets.importing import check_same, fingerprint, move_in
@@ -53,6 +53,7 @@ from pavetwin.datasets.report import Finding, Report
 from pavetwin.datasets.splitting import KEPT, USUAL_SHARES, split_groups
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.files import link_or_copy, staging_folder, working_in
+from pavetwin.labels import CUT_OUT
 from pavetwin.labels.classes import CAR
 from pavetwin.seeds import Stream, child
 

@@ -15,16 +15,13 @@ import numpy as np
 from pavetwin.arrays import BoolArray
 from pavetwin.datasets.annotated import Annotation, Polygon
 from pavetwin.datasets.changes import GONE_SHARE
-from pavetwin.labels import outlines
+from pavetwin.labels import CUT_OUT, outlines
 from pavetwin.labels.boxes import of_mask
 
 KEPT_SHARE: Final = 0.6
 """Of an annotation's area."""
 
 COVERED: Final = "covered"
-
-CUT_OUT: Final = "cut_out"
-"""Attribute of an object that was put into an image: the name of its cut-out."""
 
 
 def filled(annotation: Annotation, size_px: tuple[int, int]) -> BoolArray:

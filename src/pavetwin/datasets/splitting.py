@@ -18,12 +18,11 @@ import numpy as np
 from pavetwin.arrays import Float64Array, IndexArray
 from pavetwin.datasets.annotated import AnnotatedImage, class_names
 from pavetwin.datasets.common_form import read_description, read_images
-from pavetwin.datasets.covering import CUT_OUT
 from pavetwin.datasets.report import FILE as REPORT
 from pavetwin.datasets.report import Finding, Report
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
-from pavetwin.labels import SPLITS
+from pavetwin.labels import CUT_OUT, SPLITS
 from pavetwin.seeds import Stream, child
 
 LISTS: Final = Path("ImageSets") / "Main"

@@ -4,3 +4,6 @@ from typing import Final
 
 SPLITS: Final = ("train", "val", "test")
 """Images to learn from, to choose settings by, and to measure with."""
+
+CUT_OUT: Final = "cut_out"
+"""Attribute of an object that was put into an image: the name of its cut-out."""

@@ -118,7 +118,8 @@ def read_split(folder: Path, split: str) -> LabelledSplit:
     every = frozenset(range(len(COARSE)))
     images = []
     for image, example in zip(content["images"], data.examples, strict=True):
-        known = every if example.is_synthetic else labelled.get(example.source, every)
+        pasted = {each.coarse for each in example.objects if each.is_pasted}
+        known = every if example.is_synthetic else labelled.get(example.source, every) | pasted
         found = tuple(map(_region, rows.pop(image["id"], []), example.objects))
         group = str(image.get("group") or example.name)
         images.append(LabelledImage(int(image["id"]), example, group, known, _image_facts(image), found))

@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.labels import CUT_OUT
 from pavetwin.labels.boxes import FloatBox
 from pavetwin.labels.rle import encode
 from pavetwin.perception.classes import coarse_of, subtype_of
@@ -140,7 +141,9 @@ def _object(row: dict[str, Any], kinds: dict[int, Kind], size: tuple[int, int], 
     box = (left, top, left + width, top + height)
     name, coarse, subtype = kinds[row["category_id"]]
     shape = _shape(row.get("segmentation"), where)
-    return TrueObject(name, coarse, subtype, _checked(box, size, where), bool(row.get("iscrowd")), shape)
+    told = row.get("attributes")
+    is_pasted = isinstance(told, dict) and CUT_OUT in told
+    return TrueObject(name, coarse, subtype, _checked(box, size, where), bool(row.get("iscrowd")), shape, is_pasted)
 
 
 def _checked(box: FloatBox, size: tuple[int, int], where: str) -> FloatBox:

@@ -78,6 +78,8 @@ class TrueObject:
     """In pixels of the image."""
     is_ignored: bool = False
     shape: Shape | None = None
+    is_pasted: bool = False
+    """Whether it was put into the image, which says nothing of others of its class there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,10 +144,15 @@ class ExampleSet:
 
 
 def labelled_classes(examples: Iterable[Example]) -> dict[str, frozenset[int]]:
-    """Source → the coarse classes of which it labels any; of others, its images may show some unlabelled."""
+    """Source → the coarse classes of which it labels any; of others, its images may show some unlabelled.
+
+    Objects that were put into an image are labelled whatever the source labels, so they do not count.
+    """
     found: dict[str, set[int]] = defaultdict(set)
     for example in examples:
-        found[example.source].update(each.coarse for each in example.objects if not each.is_ignored)
+        found[example.source].update(
+            each.coarse for each in example.objects if not each.is_ignored and not each.is_pasted
+        )
     return {source: frozenset(classes) for source, classes in found.items()}
 
 

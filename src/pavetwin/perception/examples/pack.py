@@ -194,6 +194,8 @@ def _object(true: TrueObject) -> dict[str, Any]:
         "box": [round(value, 3) for value in true.box],
         "ignored": true.is_ignored,
     }
+    if true.is_pasted:
+        row["pasted"] = True
     if isinstance(true.shape, RunLengths):
         row["mask"] = [true.shape.counts, *true.shape.size, *true.shape.origin]
     return row
@@ -249,4 +251,5 @@ def _true_object(row: dict[str, Any]) -> TrueObject:
     mask = row.get("mask")
     shape = RunLengths(mask[0], (mask[1], mask[2]), (mask[3], mask[4])) if mask else None
     left, top, right, bottom = row["box"]
-    return TrueObject(row["category"], row["coarse"], row["subtype"], (left, top, right, bottom), row["ignored"], shape)
+    box, is_pasted = (left, top, right, bottom), row.get("pasted", False)
+    return TrueObject(row["category"], row["coarse"], row["subtype"], box, row["ignored"], shape, is_pasted)
