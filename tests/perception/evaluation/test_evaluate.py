@@ -410,6 +410,18 @@ def test_classes_that_a_source_does_not_label_are_left_out(tmp_path: Path) -> No
     assert [counts(found, category)[2] for category in (CRACK, POTHOLE, PERSON)] == [0, 0, 0]
 
 
+def test_a_class_that_was_pasted_counts_where_it_was_pasted(tmp_path: Path) -> None:
+    images = [[true(CRACK), true(CAR, FAR, attributes={"cut_out": "of another image"})], [true(CRACK, FAR)]]
+    folder = write_labels(tmp_path, images, facts=[{"source": "roads"}] * 2)
+    path = folder / "annotations" / "instances_test.json"
+    path.write_text(path.read_text().replace("PaveTwin synthetic images", "photographs"))
+    split = read_split(folder, "test")
+    rows = [said(1, CAR, FAR), said(2, CAR)]
+    found = evaluate(split, read_detections(write_detections(tmp_path / "f.json", rows), (split,)), resamples=0)
+    assert (found.told, found.unlabelled) == (2, 1)
+    assert counts(found, CAR) == (1, 1, 0)
+
+
 @pytest.mark.parametrize(
     ("values", "message"), [({"confidence": 1.5}, "`confidence` 1.5"), ({"resamples": -1}, "`resa")]
 )
