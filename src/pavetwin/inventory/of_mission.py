@@ -24,7 +24,7 @@ from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.look_table import check_version, detector_of, detector_sha256, measures_sizes, names_no_detector
 from pavetwin.mission.results import detections_table
 from pavetwin.perception.classes import SIZES
-from pavetwin.perception.inference.detector import pixels_of
+from pavetwin.perception.inference.pictures import pixels_of
 from pavetwin.perception.results.measuring import NOT_RESOLVABLE, check_size
 from pavetwin.perception.results.photograph import pose_of
 from pavetwin.sensing import OTHER_CLASSES

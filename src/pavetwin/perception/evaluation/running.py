@@ -12,7 +12,7 @@ from pavetwin.perception.classes import coarse_of_classes
 from pavetwin.perception.evaluation.detections import FoundBox
 from pavetwin.perception.evaluation.labelled import LabelledImage, LabelledSplit
 from pavetwin.perception.inference.detections import Detections
-from pavetwin.perception.inference.detector import Picture
+from pavetwin.perception.inference.pictures import Picture
 from pavetwin.perception.results.detected_image import sizes_of
 
 LEAST_CONFIDENCE: Final = 0.001

@@ -19,7 +19,7 @@ from pavetwin.arrays import Int64Array
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.perception.classes import CLASSES
 from pavetwin.perception.inference.detections import Detections
-from pavetwin.perception.inference.detector import Picture, pixels_of
+from pavetwin.perception.inference.pictures import Picture, pixels_of
 
 NETWORKS: Final = tuple(f"{family}{size}" for family in ("yolov8", "yolo11", "yolo12") for size in "nsml")
 

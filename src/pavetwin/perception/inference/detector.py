@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from PIL import Image, ImageOps
+from PIL import Image
 
 from pavetwin.arrays import Float32Array, UInt8Array
 from pavetwin.errors import PaveTwinError
@@ -15,6 +15,7 @@ from pavetwin.perception.inference.detections import Detections, MaskPart
 from pavetwin.perception.inference.model_file import ModelFacts, open_session
 from pavetwin.perception.inference.overlaps import lowering
 from pavetwin.perception.inference.parts import whole_objects
+from pavetwin.perception.inference.pictures import Picture, pixels_of
 from pavetwin.perception.inference.tiles import merged, tile_windows
 from pavetwin.perception.shipped import model_path
 
@@ -31,9 +32,6 @@ times, where it is better, and at 2.0, where it is worse: docs/how-to/detect.md.
 
 MOST: Final = 300
 """Detections of an image or a tile, the most confident ones."""
-
-Picture = str | Path | Image.Image | UInt8Array
-"""A file, a picture of Pillow's, or pixels (rows, columns, 3) of red, green and blue."""
 
 
 class Detector:
@@ -88,37 +86,38 @@ class Detector:
         """Whether its detections of defects have masks, from which they are measured."""
         return self.facts.mask_px > 0
 
-    def detect(self, images: Iterable[Picture], between: Callable[[], None] | None = None) -> list[Detections]:
+    def detect(self, images: Iterable[Picture], tell: Callable[[float], None] | None = None) -> list[Detections]:
         """The detections of each image.
 
         Args:
-            between: is called before each image and every few tiles; what it raises ends the work.
+            tell: is called before each image and every few tiles, with the share of the image that is done; what it
+                raises ends the work.
 
         Raises:
             PaveTwinError: a file cannot be read as an image.
         """
-        return list(self.each(images, between))
+        return list(self.each(images, tell))
 
-    def each(self, images: Iterable[Picture], between: Callable[[], None] | None = None) -> Iterator[Detections]:
+    def each(self, images: Iterable[Picture], tell: Callable[[float], None] | None = None) -> Iterator[Detections]:
         """The same, one image after the other: for more than fit into memory."""
-        return (self._of_image(pixels_of(image), between or (lambda: None)) for image in images)
+        return (self._of_image(pixels_of(image), tell or (lambda _: None)) for image in images)
 
     def in_tiles(self, size: tuple[int, int]) -> bool:
         """Whether an image of this width and height is looked at in tiles."""
         return self.tiled and max(size) > self._whole_px
 
-    def _of_image(self, pixels: UInt8Array, between: Callable[[], None]) -> Detections:
-        between()
+    def _of_image(self, pixels: UInt8Array, tell: Callable[[float], None]) -> Detections:
+        tell(0.0)
         size = (pixels.shape[1], pixels.shape[0])
         if not self.in_tiles(size):
             return self._whole(pixels)
         tiles = tile_windows(size, self.image_px)
         found: list[Detections] = []
         for start in range(0, len(tiles), BATCH):
-            between()
+            tell(start / len(tiles))
             found += self._tiles(pixels, tiles[start : start + BATCH])
         if self.overview:
-            between()
+            tell(1.0)
             tiles.append((0, 0, *size))
             found.append(self._whole(pixels))
         return merged(found, tiles)
@@ -194,25 +193,6 @@ def _detections(
         has_mask = grids is not None and classes[at] < len(SUBTYPES)
         masks.append((MaskPart((box[0], box[1], box[2], box[3]), grids[at]),) if has_mask else ())  # type: ignore[index]
     return Detections(size, boxes, classes, found["detection"], found["subtype"], tuple(masks))
-
-
-def pixels_of(image: Picture) -> UInt8Array:
-    """An image as red, green and blue (rows, columns, 3), turned as its EXIF says.
-
-    Raises:
-        PaveTwinError: it cannot be read as an image.
-    """
-    if isinstance(image, np.ndarray):
-        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8 or not image.size:
-            raise PaveTwinError("An image as an array is uint8 of (rows, columns, 3): red, green, blue.")
-        return image
-    try:
-        held = Image.open(image) if isinstance(image, str | Path) else image
-        return np.asarray(ImageOps.exif_transpose(held).convert("RGB"))
-    # Pillow's decoders raise nearly anything for damaged files.
-    except Exception as error:
-        what = f"'{image}'" if isinstance(image, str | Path) else "The image"
-        raise PaveTwinError(f"{what} cannot be read as an image ({error}).") from error
 
 
 def _resized(pixels: UInt8Array, size: tuple[int, int]) -> UInt8Array:

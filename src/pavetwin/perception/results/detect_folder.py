@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Final
 
@@ -12,7 +13,7 @@ from pavetwin.perception.results.detected_image import DetectedImage, described
 from pavetwin.perception.results.forms import coco, geojson, label_studio, table
 from pavetwin.perception.results.measuring import check_size
 from pavetwin.perception.results.pictures import annotated
-from pavetwin.perception.results.sources import source_images
+from pavetwin.perception.results.sources import SourceImage, source_images
 
 PICTURES_FOLDER: Final = "pictures"
 COCO_FILE: Final = "coco.json"
@@ -62,7 +63,8 @@ def detect_source(
     done: list[DetectedImage] = []
     unreadable: list[str] = []
     for image in source_images(source, every_s, output):
-        tell(image.share, f"Detecting in image {len(done) + 1}")
+        told = partial(_tell, image, f"Detecting in image {len(done) + 1}", tell)
+        told(0.0)
         try:
             pixels, pose = image.read()
         except PaveTwinError as error:
@@ -70,7 +72,7 @@ def detect_source(
                 raise
             unreadable.append(str(error))
             continue
-        (found,) = detector.detect([pixels])
+        (found,) = detector.detect([pixels], told)
         done.append(described(image.name, found, pose, gsd_mm))
         if pictures:
             name = PurePosixPath(image.name)
@@ -81,6 +83,13 @@ def detect_source(
     if not done:
         raise PaveTwinError(unreadable[0] if unreadable else f"'{source}' has no frame that can be read.")
     return DetectOutcome(tuple(done), tuple(unreadable), _write(done, output))
+
+
+def _tell(image: SourceImage, words: str, tell: Callable[[float, str], None], done: float) -> None:
+    """Args:
+    done: share of the image.
+    """
+    tell(image.share + done * image.part, words)
 
 
 def _write(images: list[DetectedImage], output: Path) -> tuple[Path, ...]:

@@ -7,12 +7,11 @@ from typing import Final
 
 import cv2
 import numpy as np
-from PIL import Image
 
 from pavetwin.arrays import UInt8Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import PICTURE_SUFFIXES
-from pavetwin.perception.inference.detector import pixels_of
+from pavetwin.perception.inference.pictures import opened, pixels_of
 from pavetwin.perception.results.measuring import check_size
 from pavetwin.perception.results.photograph import PhotographPose, pose_of
 
@@ -32,6 +31,8 @@ class SourceImage:
     """Its pixels, and what it says of how it was taken; raises a `PaveTwinError` where it cannot be read."""
     share: float
     """Of the source that is done before it, 0 … 1."""
+    part: float = 0.0
+    """Of the source, 0 … 1: what it is itself."""
 
 
 def source_images(source: Path, every_s: float = 1.0, output: Path | None = None) -> Iterator[SourceImage]:
@@ -52,7 +53,7 @@ def source_images(source: Path, every_s: float = 1.0, output: Path | None = None
         raise PaveTwinError(f"There is no picture, video or folder '{source}'.")
     if source.suffix.lower() in VIDEOS:
         return _of_video(source, every_s)
-    return iter((SourceImage(source.name, lambda: _read(source), 0.0),))
+    return iter((SourceImage(source.name, lambda: _read(source), 0.0, 1.0),))
 
 
 def _of_folder(folder: Path, output: Path | None) -> Iterator[SourceImage]:
@@ -68,7 +69,12 @@ def _of_folder(folder: Path, output: Path | None) -> Iterator[SourceImage]:
         kinds = ", ".join(sorted(each.removeprefix(".") for each in PICTURE_SUFFIXES))
         raise PaveTwinError(f"There is no picture in '{folder}' or the folders within ({kinds}).")
     return (
-        SourceImage(file.relative_to(folder).as_posix(), lambda file=file: _read(file), at / len(files))  # type: ignore[misc]
+        SourceImage(
+            file.relative_to(folder).as_posix(),
+            lambda file=file: _read(file),  # type: ignore[misc]
+            at / len(files),
+            1 / len(files),
+        )
         for at, file in enumerate(files)
     )
 
@@ -87,7 +93,7 @@ def _written(folder: Path) -> set[Path]:
 
 def _read(file: Path) -> tuple[UInt8Array, PhotographPose]:
     pixels = pixels_of(file)
-    with Image.open(file) as held:
+    with opened(file) as held:
         return pixels, pose_of(held)
 
 

@@ -117,7 +117,7 @@ class PredictionServer:
     def _detect(self, files: list[HTTPFile], is_gone: Callable[[], bool]) -> list[DetectedImage]:
         until_s = monotonic() + self.limits.look_s
 
-        def check() -> None:
+        def check(_done: float = 0.0) -> None:
             if is_gone() or self._is_stopped:
                 raise RefusedRequestError(400, "Nobody waits for the answer.")
             if monotonic() > until_s:

@@ -9,7 +9,7 @@ from tornado.httputil import HTTPFile, HTTPInputError, ParseMultipartConfig, par
 
 from pavetwin.arrays import UInt8Array
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.inference.detector import pixels_of
+from pavetwin.perception.inference.pictures import pixels_of
 from pavetwin.perception.results.photograph import PhotographPose, pose_of
 
 FIELD: Final = "file"

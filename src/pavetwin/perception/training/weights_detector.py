@@ -10,8 +10,9 @@ import torch
 
 from pavetwin.arrays import UInt8Array
 from pavetwin.labels.boxes import FloatBox, share_within
-from pavetwin.perception.inference.detector import Detector, Picture, pixels_of
+from pavetwin.perception.inference.detector import Detector
 from pavetwin.perception.inference.model_file import ModelFacts
+from pavetwin.perception.inference.pictures import Picture, pixels_of
 from pavetwin.perception.inference.tiles import tile_windows
 from pavetwin.perception.training.detect import DetectLimits, detect
 from pavetwin.perception.training.export import facts_of
