@@ -1,4 +1,4 @@
-"""`python -m benchmarks.full_training RECIPE.yaml -o FOLDER`: all that the model card still owes, by one command.
+"""`python -m benchmarks.full_training RECIPE.yaml -o FOLDER`: the trainings of a recipe and their tables.
 
     python -m benchmarks.full_training recipes/full-training-cpu.yaml -o out/training
     python -m benchmarks.full_training recipes/full-training-gpu.yaml -o out/training --stop-after 540

@@ -9,7 +9,7 @@ SOURCES.add(
     DatasetSource(
         title="RDD2022, China drone subset (Arya et al. 2022)",
         home="https://github.com/sekilab/RoadDamageDetector",
-        licence="as stated on its page; cite it",
+        licence="CC BY-SA 4.0 as copies of it state; cite it",
         labels=VocLayout(),
         classes={
             "D00": "Single Crack",
