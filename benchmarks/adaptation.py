@@ -1,11 +1,13 @@
 """`python -m benchmarks.adaptation START DATASET… --photographs DATASET -o FOLDER`: the effect of adaptation.
 
     python -m benchmarks.adaptation runs/synthetic/best.pt datasets/synthetic --photographs datasets/real \
-        -o out/adaptation
+        --composites datasets/composites --also datasets/aerial-cars -o out/adaptation
 
 Every variant goes on from the same weights for the same number of steps, with several random seeds. Runs of one seed
-see the same synthetic images. All are measured on the photographs' split `test`; switches read their split `train`,
-and only `labelled photographs` reads its labels. Differences are to `plain`, paired by image, and their intervals hold
+see the same synthetic images. All are measured on the photographs' split `test`, and on that of `--also`; switches read
+the split `train` of the photographs without its labels, and the other variants with them. `composites` shows
+photographs with people and vehicles put on them, and `bare roads` the same photographs without; both need
+`--composites`. Differences are to `plain`, for composites to `bare roads`, paired by image, and their intervals hold
 the spread between seeds. A run that is there is not made again. Needs PyTorch and pycocotools.
 """
 
@@ -14,8 +16,10 @@ import json
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import Enum
 from hashlib import sha256
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -36,6 +40,21 @@ VALIDATION: Final = 24
 """Images of the validation split that are looked at: the weights of the last step are kept, whatever they show."""
 
 METRICS: Final = {"coarse_map50": "Road Defect AP@0.5", "map50": "mAP@0.5 of the subtypes"}
+ALSO: Final = {"map50": "mAP@0.5 of `--also`"}
+
+COMPOSITE: Final = "-composite"
+"""With which the name of a composite ends, after that of its photograph."""
+
+Member = tuple[ExampleSet, Example]
+
+
+class Shown(Enum):
+    """Labelled images that are no captures."""
+
+    NONE = "none"
+    PHOTOGRAPHS = "photographs"
+    BARE = "those photographs of which there are composites"
+    COMPOSITES = "composites"
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,17 +62,27 @@ class Variant:
     """What is changed of the plain run."""
 
     settings: Mapping[str, Any] = field(default_factory=dict)
-    reads_labels: bool = False
-    """Whether the photographs are trained on with their labels."""
+    shown: Shown = Shown.NONE
+    base: str = PLAIN
+    """The variant that it is compared with."""
 
+
+BARE_ROADS: Final = "bare roads"
 
 VARIANTS: Final[Mapping[str, Variant]] = {
     PLAIN: Variant(),
     "Fourier amplitudes": Variant({"fourier": 0.01}),
     "appearance": Variant({"appearance": 0.5}),
     "mean teacher": Variant({"teacher_weight": 1.0, "teacher_after": 0}),
-    "labelled photographs": Variant({"order": "mixed"}, reads_labels=True),
+    "labelled photographs": Variant({"order": "mixed"}, Shown.PHOTOGRAPHS),
+    "mostly photographs": Variant({"order": "synthetic-real", "skip_first": True}, Shown.PHOTOGRAPHS),
+    "photographs alone": Variant({"order": "real", "without": "Person,Car"}, Shown.PHOTOGRAPHS),
+    BARE_ROADS: Variant({"order": "mixed"}, Shown.BARE),
+    "composites": Variant({"order": "mixed"}, Shown.COMPOSITES, BARE_ROADS),
 }
+"""`labelled photographs` are a quarter of the views; `mostly photographs` has a quarter of synthetic ones."""
+
+WITH_COMPOSITES: Final = tuple(name for name, each in VARIANTS.items() if each.shown in (Shown.BARE, Shown.COMPOSITES))
 
 
 def options_of(start: Path, variant: Variant, *, steps: int, batch: int, rate: float, seed: int) -> TrainingOptions:
@@ -77,22 +106,49 @@ def options_of(start: Path, variant: Variant, *, steps: int, batch: int, rate: f
 
 def shortened(sets: Sequence[ExampleSet], views: int, options: TrainingOptions) -> list[ExampleSet]:
     """The same sets with as many training images, drawn by the seed, as give an epoch of so many views, and with a few
-    images for validation."""
+    images for validation.
+
+    Raises:
+        PaveTwinError: they have fewer views.
+    """
     from pavetwin.perception.training.schedule import phases_of
 
     rng = np.random.default_rng(options.seed)
     members = [(data, each) for data in sets for each in data.examples if each.split == "train"]
     order = [members[at] for at in rng.permutation(len(members))]
     # One image may be several crops of an epoch.
-    lengths = [phases_of([each], replace(options, order="synthetic"))[0].main for each in order]
+    lengths = [phases_of([each], replace(options, order="real-synthetic"))[0].main for each in order]
     ends = np.cumsum(lengths)
     if ends[-1] < views:
         raise PaveTwinError(f"`steps`: the datasets have {ends[-1]} views, and the runs need {views}.")
+    return only(sets, [*order[: int(np.searchsorted(ends, views)) + 1], *validating(sets)])
+
+
+def validating(sets: Sequence[ExampleSet]) -> list[Member]:
+    """A few images for validation."""
     seen = [(data, each) for data in sets for each in data.examples if each.split == "val" and each.objects]
-    drawn = [*order[: int(np.searchsorted(ends, views)) + 1], *seen[:: max(1, len(seen) // VALIDATION)]]
-    chosen = {(id(data), each.split, each.name) for data, each in drawn}
+    return seen[:: max(1, len(seen) // VALIDATION)]
+
+
+def only(sets: Sequence[ExampleSet], members: Sequence[Member]) -> list[ExampleSet]:
+    """Those of the sets that have any of these images, with only these."""
+    chosen = {(id(data), each.split, each.name) for data, each in members}
     kept = [[each for each in data.examples if (id(data), each.split, each.name) in chosen] for data in sets]
     return [with_examples(data, examples) for data, examples in zip(sets, kept, strict=True) if examples]
+
+
+def composites_of(photographs: ExampleSet, composites: ExampleSet) -> tuple[ExampleSet, ExampleSet]:
+    """The photographs of which there are composites, and these composites.
+
+    Raises:
+        PaveTwinError: there are none.
+    """
+    made = {Path(each.name).stem: each for each in composites.examples if Path(each.name).stem.endswith(COMPOSITE)}
+    bare = [each for each in photographs.examples if Path(each.name).stem + COMPOSITE in made]
+    if not bare:
+        raise PaveTwinError(f"'{composites.path}' has no composites of the training photographs.")
+    of_these = [made[Path(each.name).stem + COMPOSITE] for each in bare]
+    return with_examples(photographs, bare), with_examples(composites, of_these)
 
 
 def with_examples(data: ExampleSet, examples: Sequence[Example]) -> ExampleSet:
@@ -104,40 +160,69 @@ def with_examples(data: ExampleSet, examples: Sequence[Example]) -> ExampleSet:
 class Study:
     """The runs of all variants, and what they find."""
 
-    def __init__(self, start: Path, datasets: Sequence[Path], photographs: Path, folder: Path) -> None:
+    def __init__(
+        self,
+        start: Path,
+        datasets: Sequence[Path],
+        photographs: Path,
+        folder: Path,
+        *,
+        composites: Path | None = None,
+        also: Path | None = None,
+    ) -> None:
         """Raises:
         PaveTwinError: a dataset cannot be read.
         """
         self._start, self._folder, self._photographs = start, folder, photographs
         self._synthetic = read_examples(list(datasets))
         (labelled,) = read_examples([photographs])
-        self._labelled = with_examples(labelled, [each for each in labelled.examples if each.split == "train"])
-        self.split = read_split(photographs, "test")
+        labelled = with_examples(labelled, [each for each in labelled.examples if each.split == "train"])
+        self._shown = {Shown.PHOTOGRAPHS: labelled}
+        if composites is not None:
+            (made,) = read_examples([composites])
+            self._shown[Shown.BARE], self._shown[Shown.COMPOSITES] = composites_of(labelled, made)
+        self.splits = {"found.json": read_split(photographs, "test")}
+        if also is not None:
+            self.splits["found-also.json"] = read_split(also, "test")
 
-    def found(self, name: str, variant: Variant, *, steps: int, batch: int, rate: float, seed: int) -> list[FoundBox]:
-        """What a run finds on the photographs; it is trained unless it is there."""
+    def found(
+        self, name: str, variant: Variant, *, steps: int, batch: int, rate: float, seed: int
+    ) -> dict[str, list[FoundBox]]:
+        """File of detections → what a run finds in its images; it is trained unless it is there."""
         options = options_of(self._start, variant, steps=steps, batch=batch, rate=rate, seed=seed)
         run = self._folder / f"{name.replace(' ', '-').lower()}-{seed}"
-        file = run / "found.json"
-        if not file.is_file():
+        missing = {file: split for file, split in self.splits.items() if not (run / file).is_file()}
+        if missing:
             self._train(run, variant, options, steps * batch)
             from pavetwin.perception.training.weights_detector import WeightsDetector
 
             detector = WeightsDetector(run / "best.pt", confidence=LEAST_CONFIDENCE)
-            write_found(file, found_by(detector, (self.split,)), self.split)
-        return list(read_detections(file, (self.split,)))
+            for file, split in missing.items():
+                write_found(run / file, found_by(detector, (split,)), split)
+        return {file: list(read_detections(run / file, (split,))) for file, split in self.splits.items()}
 
     def _train(self, run: Path, variant: Variant, options: TrainingOptions, views: int) -> None:
         from pavetwin.perception.training.trainer import Trainer
         from pavetwin.perception.training.watchers import Silent
 
-        # Photographs with labels take the place of as many synthetic images.
-        own = round(views * (1 - options.replay)) if variant.reads_labels else views
-        sets = shortened(self._synthetic, own, options)
         unlabelled = read_unlabelled(self._photographs) if options.adaptations else None
-        if variant.reads_labels:
-            sets.append(self._labelled)
+        sets = self._sets(variant, options, views)
         Trainer(sets, run, options, TrainingMachine(), Silent(), self._start, unlabelled).run()
+
+    def _sets(self, variant: Variant, options: TrainingOptions, views: int) -> list[ExampleSet]:
+        """What a run is trained on: so many views in all."""
+        if variant.shown is Shown.NONE:
+            return shortened(self._synthetic, views, options)
+        labelled = self._shown[variant.shown]
+        # Those that are drawn take the place of as many others.
+        own = round(views * (1 - options.replay))
+        if options.order == "mixed":
+            return [*shortened(self._synthetic, own, options), labelled]
+        checked = validating(self._synthetic)
+        if options.order == "real":
+            return [*shortened([labelled], views, options), *only(self._synthetic, checked)]
+        shown = [(data, each) for data in self._synthetic for each in data.examples if each.split == "train"]
+        return [*shortened([labelled], own, options), *only(self._synthetic, [*shown, *checked])]
 
 
 def write_found(file: Path, found: Sequence[FoundBox], split: LabelledSplit) -> None:
@@ -173,14 +258,21 @@ def table(
     resamples: int = RESAMPLES,
     *,
     base: str = PLAIN,
+    bases: Mapping[str, str] = MappingProxyType({}),
     metrics: Mapping[str, str] = METRICS,
 ) -> str:
-    """A row for each variant: the mean of its runs, each run, and the difference to the base with its interval."""
+    """A row for each variant: the mean of its runs, each run, and the difference to the base with its interval.
+
+    Args:
+        bases: variant → the one that it is compared with, where that is another one.
+    """
     heads = " | ".join(f"{words} | of each run | less {base}, 95 % interval" for words in metrics.values())
     rows = [f"| variant | {heads} |", "|---" * (1 + 3 * len(metrics)) + "|"]
     for name, found in runs.items():
-        compared = compare_in_pairs(split, runs[base], found, resamples=resamples)
-        rows.append(f"| {name} | {' | '.join(cells_of(compared, key, is_base=name == base) for key in metrics)} |")
+        own = bases.get(name, base)
+        compared = compare_in_pairs(split, runs[own], found, resamples=resamples)
+        told = name if own == base else f"{name}, less {own}"
+        rows.append(f"| {told} | {' | '.join(cells_of(compared, key, is_base=name == own) for key in metrics)} |")
     return "\n".join(rows)
 
 
@@ -199,26 +291,43 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="synthetic images")
     parser.add_argument("--photographs", type=Path, required=True, metavar="DATASET", help="photographs, split")
     parser.add_argument("-o", "--output", type=Path, required=True, help="folder of the runs")
+    parser.add_argument("--composites", type=Path, metavar="DATASET", help="of the same photographs")
+    parser.add_argument("--also", type=Path, metavar="DATASET", help="other images to measure on")
     parser.add_argument("--steps", type=int, default=120, help="of each run")
     parser.add_argument("--batch", type=int, default=16, help="images of a step")
     parser.add_argument("--rate", type=float, default=5e-4, help="greatest learning rate")
     parser.add_argument("--seeds", type=int, default=3, help="runs of each variant")
     parser.add_argument("--only", nargs="+", choices=list(VARIANTS), default=list(VARIANTS), metavar="VARIANT")
     asked = parser.parse_args(arguments)
-    names = [PLAIN, *(name for name in asked.only if name != PLAIN)]
+    names = [name for name in VARIANTS if name in (PLAIN, *asked.only, *(VARIANTS[each].base for each in asked.only))]
+    if asked.composites is None:
+        if set(asked.only) & set(WITH_COMPOSITES) and set(asked.only) != set(VARIANTS):
+            fail(f"--composites: `{BARE_ROADS}` and `composites` need a dataset with composites of the photographs.")
+            return 2
+        names = [name for name in names if name not in WITH_COMPOSITES]
     how = {"steps": asked.steps, "batch": asked.batch, "rate": asked.rate}
-    runs: dict[str, list[Sequence[FoundBox]]] = {name: [] for name in names}
     try:
-        study = Study(asked.start, asked.datasets, asked.photographs, asked.output)
+        study = Study(
+            asked.start, asked.datasets, asked.photographs, asked.output, composites=asked.composites, also=asked.also
+        )
+        runs: dict[str, dict[str, list[Sequence[FoundBox]]]] = {
+            file: {name: [] for name in names} for file in study.splits
+        }
         with progress("Training") as tell:
             # Seed by seed, so that a study that is stopped has whole comparisons.
             for at, (seed, name) in enumerate((seed, name) for seed in range(asked.seeds) for name in names):
                 tell(at / (asked.seeds * len(names)), f"Training {name}, seed {seed}")
-                runs[name].append(study.found(name, VARIANTS[name], seed=seed, **how))
+                for file, found in study.found(name, VARIANTS[name], seed=seed, **how).items():
+                    runs[file][name].append(found)
     except PaveTwinError as error:
         fail(str(error))
         return 2
-    print(table(runs, study.split))
+    bases = {name: VARIANTS[name].base for name in names}
+    tables = [
+        table(runs[file], split, bases=bases, metrics=metrics)
+        for (file, split), metrics in zip(study.splits.items(), (METRICS, ALSO), strict=False)
+    ]
+    print("\n\n".join(tables))
     return 0
 
 

@@ -21,6 +21,7 @@ LICENCES = {
     "synthetic-5": "Apache-2.0",
     "synthetic-8": "Apache-2.0",
     "synthetic-11": "Apache-2.0",
+    "synthetic-12": "Apache-2.0",
 }
 """What each file says; whoever saw photographs names them."""
 

@@ -1,0 +1,61 @@
+"""What the epochs of a run show, and when a phase ends before its last one."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pavetwin.perception.classes import CLASSES
+from pavetwin.perception.examples.coco import read_coco
+from pavetwin.perception.examples.example import ExampleSet
+from pavetwin.perception.training import trainer
+from pavetwin.perception.training.batches import TrainingViews
+from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
+from pavetwin.perception.training.trainer import Trainer
+from pavetwin.perception.training.watchers import Silent
+from scenes.drawn_roads import drawn_roads
+
+TINY = TrainingOptions(
+    width=0.03, depth=0.01, image_px=64, epochs=4, classifier_epochs=1, batch=4, warmup_epochs=1, mosaic_off=0
+)
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> list[ExampleSet]:
+    folder = drawn_roads(tmp_path_factory.mktemp("data"), {"train": 12, "val": 3}, size=(64, 48))
+    return [read_coco(folder, ("train", "val"))]
+
+
+def phases(run: Path) -> list[str]:
+    """The phase of each epoch."""
+    return [row.split(",")[0] for row in (run / "curves.csv").read_text().splitlines()[1:]]
+
+
+@pytest.mark.parametrize(("patience", "epochs"), [(1, 2), (2, 3), (9, 4)])
+def test_a_phase_ends_after_as_many_epochs_without_a_better_result(
+    data: list[ExampleSet], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, patience: int, epochs: int
+) -> None:
+    """All epochs are as good as the first."""
+    monkeypatch.setattr(Trainer, "_validate", lambda _: np.full((len(CLASSES), 10), 0.5))
+    options = replace(TINY, patience=patience, classifier_epochs=0)
+    Trainer(data, tmp_path / "run", options, TrainingMachine("cpu"), Silent()).run()
+    assert phases(tmp_path / "run") == ["all"] * epochs
+
+
+def test_the_last_epochs_and_the_classifier_s_are_without_mosaics(
+    data: list[ExampleSet], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: list[tuple[int, int, float]] = []
+
+    def views(members: Any, order: Any, known: Any, options: Any, mask_px: Any, key: Any, *others: Any) -> Any:
+        shown.append((key[1], key[2], options.mosaic))
+        return TrainingViews(members, order, known, options, mask_px, key, *others)
+
+    monkeypatch.setattr(trainer, "TrainingViews", views)
+    options = replace(TINY, mosaic=0.7, mosaic_off=2)
+    Trainer(data, tmp_path / "run", options, TrainingMachine("cpu"), Silent()).run()
+    assert shown == [(0, 0, 0.7), (0, 1, 0.7), (0, 2, 0.0), (0, 3, 0.0), (1, 0, 0.0)]
