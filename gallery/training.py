@@ -17,6 +17,12 @@ RUNS: Final = Path("recipes/runs")
 PARTS: Final = {"box": 7.5, "classes": 0.5, "distribution": 1.5, "subtype": 1.0, "mask": 1.0}
 """Parts of the loss and their weights in it, see docs/explanation/detector.md."""
 
+BEFORE: Final = {
+    "synthetic-11": ("synthetic-9", "synthetic-10"),
+    "synthetic-12": ("synthetic-9", "synthetic-10", "synthetic-11", "synthetic-12-first"),
+}
+"""Short trainings that one went on from: their epochs are drawn before its own."""
+
 
 def model_panels(losses: Axes, precisions: Axes, name: str, runs: list[pl.DataFrame]) -> None:
     """Weighted parts of the loss, and the average precision on the validation images, over the detector's epochs; a
@@ -32,8 +38,14 @@ def model_panels(losses: Axes, precisions: Axes, name: str, runs: list[pl.DataFr
     losses.set(title=f"{name}: parts of the loss, weighted", xlabel="epoch", ylim=(0, None))
     precisions.set(title=f"{name}: validation images, AP@0.5, %", xlabel="epoch", ylim=(0, 100))
     for axes in (losses, precisions):
+        axes.title.set_size(10)
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.spines[["top", "right"]].set_visible(False)
+
+
+def runs_of(name: str) -> list[pl.DataFrame]:
+    """The curves of a training's runs."""
+    return [pl.read_csv(file) for file in sorted((RUNS / name).rglob("curves.csv"))]
 
 
 def main() -> None:
@@ -44,8 +56,12 @@ def main() -> None:
     names = sorted(shipped_models(), key=lambda name: (name.startswith("mixed"), len(name), name))
     figure, rows = plt.subplots(len(names), 2, figsize=(11, 3.4 * len(names)), squeeze=False, layout="constrained")
     for (losses, precisions), name in zip(rows, names, strict=True):
-        runs = [pl.read_csv(file) for file in sorted((RUNS / name).rglob("curves.csv"))]
-        title = name if len(runs) == 1 else f"{name} ({len(runs)} runs)"
+        runs, title = runs_of(name), name
+        if len(runs) > 1:
+            title += f" ({len(runs)} runs)"
+        elif name in BEFORE:
+            before = [curves for each in BEFORE[name] for curves in runs_of(each)]
+            runs, title = [pl.concat([*before, *runs])], f"{name}, from {BEFORE[name][0]} on"
         model_panels(losses, precisions, title, runs)
     for axes in rows[0]:
         handles, labels = axes.get_legend_handles_labels()
