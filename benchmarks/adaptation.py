@@ -1,6 +1,6 @@
 """`python -m benchmarks.adaptation START DATASET… --photographs DATASET -o FOLDER`: the effect of adaptation.
 
-    python -m benchmarks.adaptation runs/synthetic/best.pt datasets/synthetic --photographs datasets/real \
+    python -m benchmarks.adaptation synthetic-1 datasets/synthetic --photographs datasets/real \
         --composites datasets/composites --also datasets/aerial-cars -o out/adaptation
 
 Every variant goes on from the same weights for the same number of steps, with several random seeds. Runs of one seed
@@ -33,6 +33,8 @@ from pavetwin.perception.evaluation.running import LEAST_CONFIDENCE, found_by
 from pavetwin.perception.examples.example import Example, ExampleSet
 from pavetwin.perception.examples.opening import read_examples
 from pavetwin.perception.examples.unlabelled import read_unlabelled
+from pavetwin.perception.inference.model_file import open_session
+from pavetwin.perception.shipped import start_path
 from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
 
 PLAIN: Final = "plain"
@@ -91,9 +93,14 @@ def options_of(start: Path, variant: Variant, *, steps: int, batch: int, rate: f
     Raises:
         PaveTwinError: these are no weights.
     """
+    from pavetwin.perception.training.exported import is_exported
     from pavetwin.perception.training.run_folder import load_network
 
-    told = load_network(start)[1].get("options", {})
+    if is_exported(start):
+        facts = open_session(start, 1)[1]
+        told = {**facts.architecture, "image_px": facts.image_px, "native": facts.native}
+    else:
+        told = load_network(start)[1].get("options", {})
     names = ("size", "width", "depth", "p2", "activation", "masks", "mask_points", "image_px", "native", "upside_down")
     kept = {name: told[name] for name in names if name in told}
     of_run = {"epochs": 1, "classifier_epochs": 0, "mosaic": 0.0, "mosaic_off": 0, "warmup_epochs": 0.1}
@@ -287,7 +294,7 @@ def cells_of(compared: PairedComparison, key: str, *, is_base: bool) -> str:
 def main(arguments: Sequence[str]) -> int:
     """The exit code."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.adaptation", description=__doc__.splitlines()[0])
-    parser.add_argument("start", type=Path, metavar="START", help="weights, such as runs/synthetic/best.pt")
+    parser.add_argument("start", type=Path, metavar="START", help="weights, or a model by file or name")
     parser.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="synthetic images")
     parser.add_argument("--photographs", type=Path, required=True, metavar="DATASET", help="photographs, split")
     parser.add_argument("-o", "--output", type=Path, required=True, help="folder of the runs")
@@ -308,7 +315,12 @@ def main(arguments: Sequence[str]) -> int:
     how = {"steps": asked.steps, "batch": asked.batch, "rate": asked.rate}
     try:
         study = Study(
-            asked.start, asked.datasets, asked.photographs, asked.output, composites=asked.composites, also=asked.also
+            start_path(asked.start),
+            asked.datasets,
+            asked.photographs,
+            asked.output,
+            composites=asked.composites,
+            also=asked.also,
         )
         runs: dict[str, dict[str, list[Sequence[FoundBox]]]] = {
             file: {name: [] for name in names} for file in study.splits

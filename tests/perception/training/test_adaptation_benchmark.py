@@ -10,6 +10,7 @@ from benchmarks.adaptation import PLAIN, VARIANTS, composites_of, main, options_
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.examples.opening import read_examples
+from pavetwin.perception.shipped import model_path
 from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
 from pavetwin.perception.training.schedule import phases_of
 from pavetwin.perception.training.trainer import Trainer
@@ -70,6 +71,12 @@ def test_the_table_has_each_variant_beside_the_plain_one_and_runs_are_kept(
     monkeypatch.setattr(adaptation.Study, "_train", lambda *_: pytest.fail("trained again"))
     assert main(words) == 0
     assert capsys.readouterr().out.splitlines() == rows
+
+
+def test_a_run_begins_with_the_network_and_the_images_of_a_model_that_ships() -> None:
+    options = options_of(model_path("synthetic-1"), VARIANTS[PLAIN], steps=3, batch=4, rate=1e-3, seed=1)
+    assert (options.image_px, options.native) == (320, True)
+    assert options.architecture == TrainingOptions().architecture
 
 
 @pytest.fixture(scope="module")
