@@ -25,6 +25,7 @@ from typing import Any, Final
 import numpy as np
 
 from pavetwin.cli.console import fail, progress
+from pavetwin.datasets.compositing import COMPOSITE
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.evaluation.detections import FoundBox, read_detections
 from pavetwin.perception.evaluation.evaluate import RESAMPLES, PairedComparison, compare_in_pairs
@@ -43,9 +44,6 @@ VALIDATION: Final = 24
 
 METRICS: Final = {"coarse_map50": "Road Defect AP@0.5", "map50": "mAP@0.5 of the subtypes"}
 ALSO: Final = {"map50": "mAP@0.5 of `--also`"}
-
-COMPOSITE: Final = "-composite"
-"""With which the name of a composite ends, after that of its photograph."""
 
 Member = tuple[ExampleSet, Example]
 

@@ -62,6 +62,9 @@ THERE: Final = "it has a composite already"
 PLANNED: Final = {"most", "enlarge", "reduce", "repeat"}
 """Settings that decide what stands on which road."""
 
+COMPOSITE: Final = "-composite"
+"""With which the name of a composite ends, after that of its image."""
+
 COMPOSITE_OF: Final = "composite_of"
 """Attribute of a composite: the image whose road it shows."""
 
@@ -279,7 +282,7 @@ def _keep(folder: Path, output: Path, staging: Path, given: Mapping[str, str], o
 
 
 def _name(image: AnnotatedImage) -> str:
-    return f"{image.name}-composite"
+    return image.name + COMPOSITE
 
 
 def _random_numbers(image: AnnotatedImage, *, seed: int) -> np.random.Generator:
