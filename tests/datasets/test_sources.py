@@ -14,6 +14,7 @@ from pavetwin.datasets.annotated import AnnotatedImage, class_names
 from pavetwin.datasets.common_form import read_images
 from pavetwin.datasets.importing import import_source
 from pavetwin.datasets.normalise import ImageSize
+from pavetwin.datasets.recipe import backgrounds_in
 from pavetwin.datasets.report import Report
 from pavetwin.datasets.sources import SOURCES, source_of
 from scenes.photographs import coco, picture, voc, yolo
@@ -95,9 +96,13 @@ def test_rdd2022_china_drone(copied: Callable[..., Path]) -> None:
         "China_Drone/train/annotations/xmls/China_Drone_000170.xml: no valid box, and not listed as verified "
         "background; the image is left out"
     ]
-    empty = "China_Drone/train/images/China_Drone_000170.jpg"
-    again, _ = imported("rdd2022-china-drone", folder.rename(folder.parent / "again"), backgrounds=frozenset({empty}))
-    assert [each.original for each in again if each.is_background] == [empty]
+    listed = folder.parent / f"{folder.name}-rdd2022-china-drone" / "unlabelled.txt"
+    assert listed.read_text() == "China_Drone/train/images/China_Drone_000170.jpg\n"
+    moved = folder.rename(folder.parent / "again")
+    again, report = imported("rdd2022-china-drone", moved, backgrounds=backgrounds_in(listed))
+    assert [each.original for each in again if each.is_background] == listed.read_text().split()
+    assert not list(report)
+    assert not (folder.parent / "again-rdd2022-china-drone" / "unlabelled.txt").exists()
 
 
 def test_pothole_recognition(copied: Callable[..., Path]) -> None:

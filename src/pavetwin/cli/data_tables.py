@@ -25,7 +25,7 @@ NOTES_SHOWN = 3
 
 def tell_report(report: "Report", folder: Path) -> None:
     """The report's first lines, refusals first, on the error stream; and where all of it is."""
-    from pavetwin.datasets.report import FILE, Finding
+    from pavetwin.datasets.report import FILE, UNLABELLED, Finding
 
     order = list(Finding)
     lines = sorted(report, key=lambda problem: order.index(problem.finding))
@@ -37,6 +37,11 @@ def tell_report(report: "Report", folder: Path) -> None:
         counts = ", ".join(f"{report.counts[each]} {each.value}" for each in order if report.counts[each])
         more = f" but {report.untold}, which are only counted" if report.untold else ""
         err.line(f"{counts}; all{more} in {folder / FILE}")
+    if report.unlabelled:
+        err.line(
+            f"Pictures without a label: {folder / UNLABELLED}. Look at them; those that show nothing of any class are "
+            "kept as background if this list is given (--background, or `background` of a recipe)."
+        )
 
 
 def splits_table(found: "SplitShares") -> "Table":

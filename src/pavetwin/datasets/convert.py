@@ -86,6 +86,7 @@ def convert(
     if not has_labels and not is_background:
         words = "no valid box, and not listed as verified background; the image is left out"
         report.add(Finding.DROPPED, raw.labels, words, alike="no valid box")
+        report.unlabelled.append(raw.original)
         return None
     return AnnotatedImage(
         name=name,

@@ -31,7 +31,7 @@ from pavetwin.datasets.layouts.base import RawImage
 from pavetwin.datasets.normalise import ImageSize, ImageView, encoded_views, kept_as_it_is, seen_through, views
 from pavetwin.datasets.pictures import PictureError, files_in, picture_size
 from pavetwin.datasets.report import FILE as REPORT
-from pavetwin.datasets.report import Finding, Report
+from pavetwin.datasets.report import UNLABELLED, Finding, Report
 from pavetwin.datasets.sources import DatasetSource
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.files import PICTURE_SUFFIXES, staging_folder, working_in
@@ -127,6 +127,7 @@ def import_source(
             made = made_ahead(found, partial(_encode, size=size), exists=partial(_exists, output))
             images = sum(_write(each, output, staging, report) for each in made)
         report.save(output / REPORT)
+        report.save_unlabelled(output / UNLABELLED)
         write_description(output, {**expected, "complete": True, "images": images})
     return ImportSummary(output, images, report)
 

@@ -12,6 +12,9 @@ from pavetwin.files import writing
 
 FILE: Final = "report.csv"
 
+UNLABELLED: Final = "unlabelled.txt"
+"""List of the pictures without a label, as `--background` takes it."""
+
 MOST: Final = 20_000
 """Lines that are kept; more are only counted, so that memory does not grow with the dataset."""
 
@@ -56,6 +59,8 @@ class Report:
     def __init__(self) -> None:
         self._problems: dict[object, Problem] = {}
         self.counts: Counter[Finding] = Counter()
+        self.unlabelled: list[str] = []
+        """Pictures that are left out since they have no valid box, and nobody says that they show nothing."""
 
     def add(self, finding: Finding, file: str, text: str, line: int | None = None, *, alike: str | None = None) -> None:
         """Tell of something.
@@ -109,3 +114,12 @@ class Report:
             table.writerow(("finding", "file", "line", "count", "text"))
             for each in self:
                 table.writerow((each.finding.value, each.file, each.line or "", each.count, each.text))
+
+    def save_unlabelled(self, path: Path) -> None:
+        """Write the list of pictures without a label, one a line; no file where there are none."""
+        if not self.unlabelled:
+            path.unlink(missing_ok=True)
+            return
+        lines = "".join(f"{picture}\n" for picture in self.unlabelled)
+        with writing(path) as temporary:
+            temporary.write_text(lines, encoding="utf-8", errors="surrogateescape")
