@@ -55,6 +55,10 @@ def evaluate(
     regions: Annotated[
         Path | None, typer.Option(help="What the subtype head says at true regions, see the how-to.")
     ] = None,
+    true_regions: Annotated[
+        bool,
+        typer.Option("--true-regions", help="Ask a model's subtype head at true regions too; needs PyTorch and onnx."),
+    ] = False,
     resamples: Annotated[int, typer.Option(help="Of the bootstrap over images; 0 for no intervals.")] = 1000,
     seed: Annotated[int, typer.Option(help="Random seed of the bootstrap; 0 is a seed too.")] = 0,
 ) -> None:
@@ -71,8 +75,8 @@ def evaluate(
     The dataset is a capture, or what `pavetwin data export --formats coco` writes. The file may hold detections of the
     split val too: the confidence with the best F1 is chosen there.
 
-    Needs pycocotools: pip install 'pavetwin\\[evaluate]'; a model needs onnxruntime too, and no PyTorch. Weights need
-    PyTorch, and are asked for the subtypes of true regions too.
+    Needs pycocotools: pip install 'pavetwin\\[evaluate]'; a model needs onnxruntime too, and no PyTorch but for
+    --true-regions. Weights need PyTorch, and are asked for the subtypes of true regions too.
     """
     from pavetwin.experiments.detector_report.write import write_detector_report
     from pavetwin.labels import SPLITS
@@ -80,12 +84,17 @@ def evaluate(
     from pavetwin.perception.evaluation.evaluate import check_evaluation, compare_in_pairs
     from pavetwin.perception.evaluation.evaluate import evaluate as evaluated
     from pavetwin.perception.evaluation.labelled import read_split
+    from pavetwin.perception.shipped import model_path
 
     if output is None:
         raise PaveTwinError("Say where the report goes with -o, for example -o evaluation.")
     if split not in SPLITS:
         raise PaveTwinError(no_such("split", split, SPLITS, key="`split`"))
     check_evaluation(confidence, resamples)
+    if true_regions and regions is not None:
+        raise PaveTwinError("`regions`: the file says what `true_regions` would ask; give one of them.")
+    if true_regions and detections.suffix.lower() == ".json":
+        raise PaveTwinError("`true_regions`: a file of detections cannot be asked; give what it says with `regions`.")
     if runs and not against:
         raise PaveTwinError("`run`: other runs take part in differences only; name what to compare with (`against`).")
     with progress("Evaluating") as tell:
@@ -100,10 +109,11 @@ def evaluate(
         if regions is not None:
             with about("regions"):
                 told = read_subtypes(regions, chosen)
-        elif detections.suffix.lower() == WEIGHTS:
+        elif true_regions or detections.suffix.lower() == WEIGHTS:
             from pavetwin.perception.evaluation.running import subtypes_by
 
-            told = subtypes_by(_of_weights(detections), chosen)
+            weights = detections if detections.suffix.lower() == WEIGHTS else model_path(detections)
+            told = subtypes_by(_of_weights(weights), chosen)
         validation = next((each for each in splits[1:] if each.name == VALIDATION), None)
         how: dict[str, Any] = {"confidence": confidence, "resamples": resamples, "seed": seed}
         result = evaluated(chosen, found, validation=validation, subtypes=told, **how)

@@ -280,6 +280,23 @@ def test_who_hangs_up_holds_its_share_until_its_turn(monkeypatch: pytest.MonkeyP
         assert service.send(large)[0] == 200
 
 
+def test_one_request_may_be_as_large_as_it_is_told() -> None:
+    """Also where that is more than all that wait may have by default."""
+    large = encoded(STREET) + bytes(1_500_000)
+    with running(upload_mb=2.0, held_mb=1.0) as service:
+        assert service.send(large)[0] == 200
+        assert service.send(large + bytes(1_000_000))[0] == 413
+
+
+def test_an_image_may_have_as_many_pixels_as_it_is_told() -> None:
+    """Pillow alone refuses what has more than 179 million."""
+    with running(megapixels=300.0) as service:
+        status, told = service.send(png_of(20_000, 10_000))
+        assert (status, "is damaged" in told["error"]) == (400, True)
+        status, told = service.send(png_of(20_000, 20_000))
+        assert (status, "at most 300 megapixels" in told["error"]) == (413, True)
+
+
 def test_what_takes_too_long_is_given_up() -> None:
     with running(look_s=0.3, megapixels=50.0) as service:
         before = time.monotonic()

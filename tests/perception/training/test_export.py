@@ -18,6 +18,7 @@ from torchvision.ops import box_iou
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.inference import Detector
 from pavetwin.perception.inference.model_file import ModelFacts
+from pavetwin.perception.shipped import DEFAULT, model_path
 from pavetwin.perception.training.architecture import variant
 from pavetwin.perception.training.detect import DetectLimits, ImageDetections, detect
 from pavetwin.perception.training.export import export, onnx_model
@@ -258,7 +259,9 @@ def test_weights_say_what_their_file_says_and_are_asked_of_regions(tmp_path: Pat
     said = whole.subtypes_at(image, [found.box(at) for at in rows])
     assert len(set(said)) > 1
     assert said == found.classes[rows].tolist()
-    asked = weights.subtypes_at(image, [(100.0, 70.0, 150.0, 120.0), (2.0, 2.0, 60.0, 50.0)])
+    boxes_asked = [(100.0, 70.0, 150.0, 120.0), (2.0, 2.0, 60.0, 50.0)]
+    asked = weights.subtypes_at(image, boxes_asked)
+    assert WeightsDetector(tmp_path / "model.onnx", confidence=0.3).subtypes_at(image, boxes_asked) == asked
     alone = [weights.subtypes_at(each, [box])[0] for each, box in (
         (image[32:128, 64:160], (36.0, 38.0, 86.0, 88.0)), (image[:96, :96], (2.0, 2.0, 60.0, 50.0))
     )]  # fmt: skip
@@ -274,7 +277,28 @@ def test_weights_are_evaluated_without_an_export(tmp_path: Path) -> None:
     told = json.loads((tmp_path / "report" / "metrics.json").read_text())
     rows = json.loads((data / "annotations" / "instances_test.json").read_text())["annotations"]
     assert told["subtypes_on_true_regions"]["regions"] == sum(row["category_id"] <= 3 for row in rows) > 0
+    export(run, tmp_path / "model.onnx")
+    asked = ("--true-regions", "--resamples", 0)
+    done = pavetwin("evaluate", tmp_path / "model.onnx", data, "-o", tmp_path / "exported", *asked)
+    assert done.returncode == 0, done.stderr
+    same = json.loads((tmp_path / "exported" / "metrics.json").read_text())
+    assert same["subtypes_on_true_regions"] == told["subtypes_on_true_regions"]
     (tmp_path / "best.pt").write_bytes(b"nothing")
     refused = plain_refusal(pavetwin("evaluate", tmp_path / "best.pt", data, "-o", tmp_path / "other"))
     assert refused.startswith("Error: '")
     assert "is damaged, or no file of this program's" in refused
+
+
+@pytest.mark.parametrize("name", [DEFAULT, "mixed-3"])
+def test_what_ships_says_the_same_in_pytorch(name: str) -> None:
+    """On rendered images, at the size that it was trained on."""
+    pictures = sorted((Path(__file__).resolve().parents[3] / "docs/gallery").glob("*.jpg"))
+    told, shown = Detector(name, threads=1), WeightsDetector(model_path(Path(name)), threads=1)
+    assert (told.facts, told.image_px) == (shown.facts, shown.image_px)
+    found = 0
+    for one, other in zip(told.each(pictures), shown.each(pictures), strict=True):
+        assert one.names == other.names
+        np.testing.assert_allclose(one.boxes, other.boxes, atol=0.5)
+        np.testing.assert_allclose(one.confidence, other.confidence, atol=1e-3)
+        found += len(one)
+    assert found > 20

@@ -3,7 +3,7 @@
 import warnings
 from pathlib import Path
 from threading import Lock
-from typing import Final
+from typing import BinaryIO, Final
 
 import numpy as np
 from PIL import Image, ImageOps
@@ -20,6 +20,25 @@ LARGEST_PX: Final = 500_000_000
 _LIMIT = Lock()
 
 
+def of_any_size(file: str | Path | BinaryIO, kinds: tuple[str, ...] | None = None) -> Image.Image:
+    """A picture of any number of pixels, which are not read yet: the caller has a limit of its own.
+
+    Args:
+        kinds: which are taken, as Pillow names them; None takes all.
+
+    Raises:
+        OSError, ValueError, SyntaxError: it is no picture, as `PIL.Image.open` says.
+    """
+    # Pillow refuses large pictures, and its limit is one for the whole process.
+    with _LIMIT, warnings.catch_warnings():
+        warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+        usual, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
+        try:
+            return Image.open(file, formats=kinds)
+        finally:
+            Image.MAX_IMAGE_PIXELS = usual
+
+
 def opened(file: str | Path) -> Image.Image:
     """A picture whose pixels are not read yet.
 
@@ -27,14 +46,7 @@ def opened(file: str | Path) -> Image.Image:
         PaveTwinError: it is no picture, or too large.
     """
     try:
-        # Pillow refuses pictures that are smaller than this, and its limit is one for the whole process.
-        with _LIMIT, warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            usual, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
-            try:
-                held = Image.open(file)
-            finally:
-                Image.MAX_IMAGE_PIXELS = usual
+        held = of_any_size(file)
     except (OSError, ValueError, SyntaxError) as error:
         raise PaveTwinError(f"'{file}' cannot be read as an image ({error}).") from error
     width, height = held.size

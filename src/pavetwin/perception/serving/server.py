@@ -216,7 +216,7 @@ class _PredictHandler(_AnyHandler):
             return
         if length > limits.upload_mb * MEGABYTE:
             self._refusal = RefusedRequestError(413, f"The request is larger than {limits.upload_mb:g} MB.")
-        elif self.server.held - self._held + length > limits.held_mb * MEGABYTE:
+        elif self.server.held - self._held + length > max(limits.held_mb, limits.upload_mb) * MEGABYTE:
             self._refusal = RefusedRequestError(429, _BUSY)
         if self._refusal is not None:
             self._release()

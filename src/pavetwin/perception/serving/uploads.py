@@ -9,7 +9,7 @@ from tornado.httputil import HTTPFile, HTTPInputError, ParseMultipartConfig, par
 
 from pavetwin.arrays import UInt8Array
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.inference.pictures import pixels_of
+from pavetwin.perception.inference.pictures import of_any_size, pixels_of
 from pavetwin.perception.results.photograph import PhotographPose, pose_of
 
 FIELD: Final = "file"
@@ -32,7 +32,7 @@ class ServerLimits:
     waiting: int = 64
     """Requests that wait for the detector or are being looked at."""
     held_mb: float = 256.0
-    """Of all requests together that are being received or wait."""
+    """Of all requests together that are being received or wait; never less than one of them may have."""
     timeout_s: float = 30.0
     """For the headers of a request, and for its body."""
     look_s: float = 60.0
@@ -87,16 +87,13 @@ def decoded(file: HTTPFile, megapixels: float) -> tuple[UInt8Array, PhotographPo
     name = file["filename"][:100] or "the file"
     Image.init()  # its readers of all kinds, once
     try:
-        with Image.open(BytesIO(file["body"]), formats=KINDS) as held:
+        with of_any_size(BytesIO(file["body"]), KINDS) as held:
             if held.width * held.height > megapixels * 1e6:
                 raise RefusedRequestError(
                     413, f"'{name}' has {held.width} × {held.height} px; at most {megapixels:g} megapixels are taken."
                 )
             pose = pose_of(held)
             return pixels_of(held), pose
-    except Image.DecompressionBombError as error:
-        words = f"'{name}' has too many pixels; at most {megapixels:g} megapixels are taken."
-        raise RefusedRequestError(413, words) from error
     except UnidentifiedImageError as error:
         raise RefusedRequestError(415, f"'{name}' is no image of a kind that is taken: {', '.join(KINDS)}.") from error
     except RefusedRequestError:

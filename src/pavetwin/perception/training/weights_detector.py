@@ -1,5 +1,5 @@
 """The detector of a run's weights in PyTorch, for their evaluation without an export; and what its subtype head says of
-regions that it did not find itself, which an exported file cannot be asked."""
+regions that it did not find itself, which onnxruntime cannot ask an exported file."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,23 +11,26 @@ import torch
 from pavetwin.arrays import UInt8Array
 from pavetwin.labels.boxes import FloatBox, share_within
 from pavetwin.perception.inference.detector import Detector
-from pavetwin.perception.inference.model_file import ModelFacts
+from pavetwin.perception.inference.model_file import ModelFacts, open_session
 from pavetwin.perception.inference.pictures import Picture, pixels_of
 from pavetwin.perception.inference.tiles import tile_windows
 from pavetwin.perception.training.detect import DetectLimits, detect
 from pavetwin.perception.training.export import facts_of
+from pavetwin.perception.training.exported import exported_network, is_exported
 from pavetwin.perception.training.run_folder import load_network
 
 
 class WeightsDetector(Detector):
-    """A file of weights (`best.pt`), used as an exported model is."""
+    """A file of weights (`best.pt`), used as an exported model is; or an exported model, run by PyTorch."""
 
     def _open(self, path: Path, threads: int) -> ModelFacts:
-        network, told = load_network(path)
         if threads:
             torch.set_num_threads(threads)
-        self._network = network
-        return facts_of(network, told)
+        if is_exported(path):
+            self._network = exported_network(path)
+            return open_session(path, 1)[1]
+        self._network, told = load_network(path)
+        return facts_of(self._network, told)
 
     def _told(self, canvas: UInt8Array) -> dict[str, Any]:
         limits = DetectLimits(confidence=self._confidence, overlap=self._overlap)
