@@ -14,6 +14,7 @@ from types import SimpleNamespace
 from typing import Any
 from unittest.mock import create_autospec
 
+import numpy as np
 import polars as pl
 import pytest
 from benchmarks import __main__ as program
@@ -28,6 +29,7 @@ from benchmarks import (
     page,
     pairs,
     process,
+    serving,
     startup,
     streets,
     study_pairs,
@@ -38,6 +40,7 @@ from benchmarks import (
 from benchmarks.__main__ import GROUPS, main, measure
 from benchmarks.measure import Kind, Line, Size, median_s
 from benchmarks.table import as_json, notes, table
+from PIL import Image
 from rich.console import Console
 
 from pavetwin.errors import PaveTwinError
@@ -46,6 +49,7 @@ from pavetwin.world.folder import CACHE_VARIABLE
 from pavetwin.world.store import load_world, save_world
 from scenes import damaged
 from scenes.command_line import pavetwin
+from scenes.drawn_detector import FILE
 from scenes.traffic import make_network
 
 SMOKE = Size(
@@ -358,3 +362,23 @@ def test_the_coverage_of_intervals_is_tabled(
     printed = capsys.readouterr().out
     assert printed.count("| 20, ") == len(coverage.KINDS)
     assert "of 6 pairs" in printed
+
+
+def test_a_picture_is_repeated_until_a_size_is_full() -> None:
+    picture = Image.fromarray(np.arange(24, dtype=np.uint8).reshape(2, 4, 3))
+    pixels = np.asarray(serving.tiled(picture, (6, 5)))
+    assert pixels.shape == (5, 6, 3)
+    assert (pixels[4, 5] == np.asarray(picture)[0, 1]).all()
+
+
+@pytest.mark.slow
+def test_the_server_answers_what_it_takes_and_refuses_the_rest(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serving, "LARGE_PX", (400, 300))
+    assert serving.main([str(FILE)]) == 0
+    told = [line.split(" | ") for line in capsys.readouterr().out.splitlines()[1:]]
+    assert [answers for _, answers, *_ in told[:3]] == ["1 × 200", "128 × 200", "8 × 413"]
+    assert [answers for _, answers, *_ in told[4:]] == ["1 × 200", "1 × 200"]
+    memory = [float(greatest) for _, _, greatest, _ in told]
+    assert memory == sorted(memory)
