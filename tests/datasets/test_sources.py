@@ -15,7 +15,7 @@ from pavetwin.datasets.common_form import read_images
 from pavetwin.datasets.importing import import_source
 from pavetwin.datasets.normalise import ImageSize
 from pavetwin.datasets.recipe import backgrounds_in
-from pavetwin.datasets.report import Report
+from pavetwin.datasets.report import Finding, Report
 from pavetwin.datasets.sources import SOURCES, source_of
 from scenes.photographs import coco, picture, voc, yolo
 
@@ -130,6 +130,14 @@ def test_a_cyclist_is_neither_a_car_nor_a_person(tmp_path: Path) -> None:
     (image,), _ = imported("uav-cars", tmp_path / "photos")
     assert labels(image) == [(CAR, (20, 20, 30, 30)), (CAR, (70, 20, 80, 30))]
     assert [(each.category, each.box) for each in image.annotations if each.ignored] == [(None, (40, 40, 60, 60))]
+
+
+def test_a_picture_with_something_to_ignore_is_not_offered_as_background(tmp_path: Path) -> None:
+    for name, labels_of in (("cyclist", ["4 0.25 0.25 0.1 0.1"]), ("empty", [])):
+        picture(tmp_path / "photos" / f"{name}.jpg", (100, 100))
+        yolo(tmp_path / "photos" / f"{name}.txt", *labels_of)
+    images, report = imported("uav-cars", tmp_path / "photos")
+    assert (images, report.counts[Finding.DROPPED], report.unlabelled) == ([], 2, ["empty.jpg"])
 
 
 def test_highrpd_leaves_out_every_image_with_a_pit(tmp_path: Path) -> None:

@@ -86,7 +86,8 @@ def convert(
     if not has_labels and not is_background:
         words = "no valid box, and not listed as verified background; the image is left out"
         report.add(Finding.DROPPED, raw.labels, words, alike="no valid box")
-        report.unlabelled.append(raw.original)
+        if not annotations:  # an ignored region may be damage of a class that is not learned
+            report.unlabelled.append(raw.original)
         return None
     return AnnotatedImage(
         name=name,
