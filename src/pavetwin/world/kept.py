@@ -13,6 +13,7 @@ import warnings
 import zlib
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
+from enum import Enum
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -168,9 +169,13 @@ def _fixed(values: dict[Any, Any]) -> Mapping[Any, Any]:
 
 
 class _Pickler(pickle.Pickler):
-    """Writes mappings that cannot be changed, too."""
+    """Writes mappings that cannot be changed, too, and members of enumerations by their value: Python 3.11.2 writes
+    them by name and `getattr`, which `_Unpickler` does not know."""
 
     dispatch_table = MappingProxyType({MappingProxyType: lambda values: (_fixed, (dict(values),))})
+
+    def reducer_override(self, each: object, /) -> Any:
+        return (type(each), (each.value,)) if isinstance(each, Enum) else NotImplemented
 
 
 class _Unpickler(pickle.Unpickler):
