@@ -261,7 +261,7 @@ def test_who_hangs_up_holds_its_share_until_its_turn(monkeypatch: pytest.MonkeyP
         server_module._PredictHandler, "on_connection_close", lambda each: (hang_up(each), closed.set())[0]
     )
     large = encoded(STREET) + bytes(600_000)
-    with running(held_mb=1.0) as service, ThreadPoolExecutor(1) as clients:
+    with running(upload_mb=1.0, held_mb=1.0) as service, ThreadPoolExecutor(1) as clients:
         look = service.server.detector.detect
         service.server.detector.detect = lambda *given: (may_look.wait(10), look(*given))[1]  # type: ignore[method-assign]
         first = clients.submit(service.send, encoded(STREET))
