@@ -83,6 +83,7 @@ def test_a_report_is_written(place: Path) -> None:
             "Error: --run: 'no.json' cannot be read",
         ),
         (("found.json", "town", "-o", "n", "--regions", "found.json"), "Error: --regions: 'found.json': entry 1"),
+        (("synthetic-1", "bare", "-o", "n", "--true-regions"), "Error: Asking at true regions needs PyTorch, which is"),
         (("found.json", "town", "-o", "n", "--true-regions"), "Error: --true-regions: a file of detections cannot be"),
         (("a.onnx", "town", "-o", "n", "--true-regions", "--regions", "b.json"), "Error: --regions: the file says"),
         (("found.json", "bare", "-o", "n"), "Error: The picture of '001.png' in 'bare' cannot be"),

@@ -95,6 +95,10 @@ def evaluate(
         raise PaveTwinError("`regions`: the file says what `true_regions` would ask; give one of them.")
     if true_regions and detections.suffix.lower() == ".json":
         raise PaveTwinError("`true_regions`: a file of detections cannot be asked; give what it says with `regions`.")
+    if true_regions:
+        from pavetwin.cli.train import check_torch
+
+        check_torch("Asking at true regions")  # before all images are looked at
     if runs and not against:
         raise PaveTwinError("`run`: other runs take part in differences only; name what to compare with (`against`).")
     with progress("Evaluating") as tell:

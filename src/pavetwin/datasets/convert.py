@@ -55,6 +55,7 @@ def convert(
         return None
     annotations: list[Annotation] = []
     known: set[tuple[str | None, PixelBox]] = set()
+    has_lost = False
     for each in raw.objects:
         becomes = outcome(source.classes, each.label)
         if becomes is None:
@@ -73,6 +74,7 @@ def convert(
             return None
         annotation = _annotation(each, becomes, raw, size_px, report)
         if annotation is None:
+            has_lost = True
             continue
         if (annotation.category, annotation.box) in known:
             report.add(Finding.DROPPED, raw.labels, TWICE, each.line)
@@ -86,7 +88,8 @@ def convert(
     if not has_labels and not is_background:
         words = "no valid box, and not listed as verified background; the image is left out"
         report.add(Finding.DROPPED, raw.labels, words, alike="no valid box")
-        if not annotations:  # an ignored region may be damage of a class that is not learned
+        # What is ignored may be damage of a class that is not learned, and what had no valid box was something too.
+        if not annotations and not has_lost:
             report.unlabelled.append(raw.original)
         return None
     return AnnotatedImage(

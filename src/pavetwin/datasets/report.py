@@ -60,8 +60,8 @@ class Report:
         self._problems: dict[object, Problem] = {}
         self.counts: Counter[Finding] = Counter()
         self.unlabelled: list[str] = []
-        """Pictures that are left out since they have no box, also none to ignore, and nobody says that they show
-        nothing."""
+        """Pictures that are left out since nothing of any class is labelled, also nothing to ignore and no box that is
+        not valid, and nobody says that they show nothing."""
 
     def add(self, finding: Finding, file: str, text: str, line: int | None = None, *, alike: str | None = None) -> None:
         """Tell of something.
