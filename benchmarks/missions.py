@@ -1,6 +1,5 @@
 """Whole missions without rendering, flown as `pavetwin fly` does, on one core."""
 
-import resource
 import statistics
 import subprocess
 import sys
@@ -15,6 +14,7 @@ import numpy as np
 
 import pavetwin.mission.mission as loop
 from benchmarks.measure import Kind, Line
+from benchmarks.process import peak_mib
 from pavetwin._core import Flight, Trace
 from pavetwin.config import MissionSettings, load_settings
 from pavetwin.mission.environment import MissionEnvironment, new_flight, prepare
@@ -167,20 +167,11 @@ def memory_line(folder: Path, segments: int) -> Line:
 
 def main(folder: Path, segments: int) -> None:
     """Fly once over what was recorded; print the peak resident memory before and after, in MiB."""
-    libraries = _peak_mib()
+    libraries = peak_mib()
     world = load_world(folder)
     recording = load_recording(next(cached(world, f"traffic/high-{SEED}.parquet")))
     Course.over(world, Replay(world, recording), segments).fly("hover")
-    print(libraries, _peak_mib())
-
-
-def _peak_mib() -> float:
-    """Of this process alone: a child's `ru_maxrss` begins with that of its parent on Linux."""
-    status = Path("/proc/self/status")
-    if status.is_file():
-        peak = next(line for line in status.read_text(encoding="utf-8").splitlines() if line.startswith("VmHWM"))
-        return float(peak.split()[1]) / 2**10
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
+    print(libraries, peak_mib())
 
 
 if __name__ == "__main__":

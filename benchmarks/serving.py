@@ -17,7 +17,6 @@ from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from io import BytesIO
-from pathlib import Path
 from statistics import median
 from time import perf_counter
 from typing import Final
@@ -26,6 +25,7 @@ import numpy as np
 from PIL import Image
 
 from benchmarks.detecting import PICTURE
+from benchmarks.process import peak_mib
 from pavetwin.perception.shipped import DEFAULT
 
 FRAME_PX: Final = (640, 480)
@@ -59,7 +59,7 @@ def measure(port: int, process: int, model: str) -> None:
     with Image.open(PICTURE) as held:
         street = held.convert("RGB")
     frame, large = jpeg(street.crop((0, 0, *FRAME_PX))), jpeg(tiled(street, LARGE_PX))
-    print(f"{model}: what is sent | answers | greatest memory so far, MB | seconds each, median")
+    print(f"{model}: what is sent | answers | greatest memory so far, MiB | seconds each, median")
     rows = (
         ("one frame of 640 × 480 px", 1, 1, frame),
         ("128 frames, from 32 clients", 128, 32, frame),
@@ -74,7 +74,7 @@ def measure(port: int, process: int, model: str) -> None:
         statuses = Counter(status for status, _ in told)
         answers = ", ".join(f"{number} × {status}" for status, number in sorted(statuses.items()))
         took_s = median(seconds for _, seconds in told)
-        print(f"{what} | {answers} | {greatest_mb(process):.0f} | {took_s:.2f}", flush=True)
+        print(f"{what} | {answers} | {peak_mib(process):.0f} | {took_s:.2f}", flush=True)
 
 
 def sent(port: int, content: bytes) -> tuple[int, float]:
@@ -88,12 +88,6 @@ def sent(port: int, content: bytes) -> tuple[int, float]:
         return connection.getresponse().status, perf_counter() - start
     finally:
         connection.close()
-
-
-def greatest_mb(process: int) -> float:
-    """Greatest resident memory of a process so far."""
-    lines = Path(f"/proc/{process}/status").read_text(encoding="utf-8").splitlines()
-    return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM:")) / 1000
 
 
 def tiled(picture: Image.Image, size_px: tuple[int, int]) -> Image.Image:

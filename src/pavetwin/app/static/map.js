@@ -1,13 +1,14 @@
 // The map: the town on a canvas that is drawn again when the view changes, and above it what moves and what is chosen.
 
-import { drawAgents, drawCar, drawDefect, drawTown, drawUav, parkedAgents, pathOf, rectangle, townPaths } from './shapes.js';
-import { visibilityColour } from './theme.js';
+import { drawMission } from './mission_layer.js';
+import { drawTown, parkedAgents, pathOf, townPaths } from './shapes.js';
+import { Viewport } from './viewport.js';
 
 const TOOLS_PX = 44; // Of the map below its buttons.
-const CLOSEST = 60, DRAG_PX = 4, NEAR_PX = 12;
+const DRAG_PX = 4, NEAR_PX = 12;
 
 export class StreetMap {
-  #root; #still; #moving; #events; #view = null; #map = null; #paths = null; #colours = null; #segments = [];
+  #root; #still; #moving; #events; #viewport; #map = null; #paths = null; #colours = null; #segments = [];
   #selection = []; #drawn = []; #hovered = null; #flight = null; #mission = null; #time = 0; #defect = null; #parked = [];
   #box = null; #pointers = new Map(); #dragged = 0; #pending = { still: false, moving: false };
   layers = new Set(['buildings', 'trees', 'names', 'traffic', 'parked', 'route', 'windows', 'defects']);
@@ -19,11 +20,12 @@ export class StreetMap {
     this.#root = root;
     [this.#still, this.#moving] = root.querySelectorAll('canvas');
     this.#events = events;
+    this.#viewport = new Viewport(root);
     new ResizeObserver(() => this.#resize()).observe(root);
     this.#listen();
   }
 
-  get view() { return this.#view; }
+  get view() { return this.#viewport.view; }
 
   setWorld(map) {
     this.#map = map;
@@ -55,15 +57,9 @@ export class StreetMap {
 
   setTime(t) {
     this.#time = t;
-    if (this.following && this.#mission && this.#view) {
-      const { x, y } = this.#mission.at(t);
-      if (Math.hypot(x - this.#view.x, y - this.#view.y) > 1e-3) {
-        this.#view = { ...this.#view, x, y };
-        this.redraw();
-        return;
-      }
-    }
-    this.redrawMoving();
+    const place = this.following && this.#mission && this.view ? this.#mission.at(t) : null;
+    if (place && this.#viewport.centre(place.x, place.y)) this.redraw();
+    else this.redrawMoving();
   }
 
   segment(id) { return this.#segments.find(segment => segment.id === id); }
@@ -77,37 +73,34 @@ export class StreetMap {
   }
 
   /** Where the middle of a segment is on the canvas, in pixels. */
-  screenOf(id) { return this.#toScreen(...this.segment(id).middle); }
+  screenOf(id) { return this.#viewport.toScreen(...this.segment(id).middle); }
 
   fit() {
     if (!this.#map) return;
-    const [west, south, east, north] = this.#map.bounds_m, { height } = this.#size();
+    const [west, south, east, north] = this.#map.bounds_m, { height } = this.#viewport.size;
     this.show(west, south, east, north + (north - south) * TOOLS_PX / Math.max(1, height - TOOLS_PX), 1);
   }
 
   /** Show an area. */
   show(west, south, east, north, margin = 1.25) {
-    const { width, height } = this.#size();
-    const k = Math.min(CLOSEST, Math.min(width / (east - west), height / (north - south)) / margin);
-    this.#view = { x: (west + east) / 2, y: (south + north) / 2, k };
+    this.#viewport.show(west, south, east, north, margin);
     this.redraw();
   }
 
   showPlace(x, y, k = 12) {
-    this.#view = { x, y, k: Math.max(this.#view?.k ?? k, k) };
+    this.#viewport.showPlace(x, y, k);
     this.redraw();
   }
 
   zoom(factor, x, y) {
-    const { width, height } = this.#size(), [left, top] = [x ?? width / 2, y ?? height / 2];
-    const [mx, my] = this.#toWorld(left, top), k = Math.min(CLOSEST, Math.max(0.02, this.#view.k * factor));
-    this.#view = { k, x: mx - (left - width / 2) / k, y: my + (top - height / 2) / k };
+    this.#viewport.zoom(factor, x, y);
     this.redraw();
   }
 
+  /** Move by shares of the map's width and height. */
   move(right, up) {
-    const { width, height } = this.#size();
-    this.#view = { ...this.#view, x: this.#view.x + right * width / this.#view.k, y: this.#view.y + up * height / this.#view.k };
+    const { width, height } = this.#viewport.size;
+    this.#viewport.drag(-right * width, up * height);
     this.redraw();
   }
 
@@ -118,7 +111,7 @@ export class StreetMap {
     this.#pending.moving = true;
     requestAnimationFrame(() => {
       this.#pending.moving = false;
-      if (!this.#view || !this.#colours || !this.#map) return;
+      if (!this.view || !this.#colours || !this.#map) return;
       if (this.#pending.still) {
         this.#pending.still = false;
         this.#drawStill();
@@ -130,49 +123,26 @@ export class StreetMap {
 
   // Drawing.
 
-  #size() { return { width: this.#root.clientWidth || 1, height: this.#root.clientHeight || 1 }; }
-
   #resize() {
-    const { width, height } = this.#size(), ratio = devicePixelRatio || 1;
-    for (const canvas of [this.#still, this.#moving]) {
-      canvas.width = Math.round(width * ratio);
-      canvas.height = Math.round(height * ratio);
-    }
-    if (!this.#view) this.fit();
+    for (const canvas of [this.#still, this.#moving]) this.#viewport.fill(canvas);
+    if (!this.view) this.fit();
     this.redraw();
-  }
-
-  #metres(pen) {
-    const { width, height } = this.#size(), ratio = devicePixelRatio || 1, { x, y, k } = this.#view;
-    pen.setTransform(k * ratio, 0, 0, -k * ratio, (width / 2 - x * k) * ratio, (height / 2 + y * k) * ratio);
-  }
-
-  #pixels(pen) { const ratio = devicePixelRatio || 1; pen.setTransform(ratio, 0, 0, ratio, 0, 0); }
-
-  #toScreen(x, y) {
-    const { width, height } = this.#size(), { x: cx, y: cy, k } = this.#view;
-    return [width / 2 + (x - cx) * k, height / 2 - (y - cy) * k];
-  }
-
-  #toWorld(left, top) {
-    const { width, height } = this.#size(), { x, y, k } = this.#view;
-    return [x + (left - width / 2) / k, y - (top - height / 2) / k];
   }
 
   #drawStill() {
     const pen = this.#still.getContext('2d'), colours = this.#colours;
-    this.#pixels(pen);
+    this.#viewport.pixels(pen);
     pen.fillStyle = colours.ground;
     pen.fillRect(0, 0, this.#still.width, this.#still.height);
-    this.#metres(pen);
-    drawTown(pen, this.#paths, colours, { pixel: 1 / this.#view.k, trees: this.#map.trees, layers: this.layers });
-    this.#pixels(pen);
+    this.#viewport.metres(pen);
+    drawTown(pen, this.#paths, colours, { pixel: this.#viewport.pixel, trees: this.#map.trees, layers: this.layers });
+    this.#viewport.pixels(pen);
     if (this.layers.has('names')) this.#drawNames(pen);
     this.#drawBase(pen);
   }
 
   #drawNames(pen) {
-    const { k } = this.#view, { width, height } = this.#size(), size = Math.max(9, Math.min(14, 6 * k)), taken = [];
+    const { k } = this.view, { width, height } = this.#viewport.size, size = Math.max(9, Math.min(14, 6 * k)), taken = [];
     if (k < 0.5) return;
     pen.font = `${size}px system-ui, "DejaVu Sans", sans-serif`;
     pen.textAlign = 'center';
@@ -186,7 +156,7 @@ export class StreetMap {
     for (const { street, length_m, line } of ordered.sort((a, b) => b.length_m - a.length_m)) {
       const wide = pen.measureText(street).width;
       if (wide > 0.95 * length_m * k) continue;
-      const [x, y] = this.#toScreen(...pointAlong(line, 0.5));
+      const [x, y] = this.#viewport.toScreen(...pointAlong(line, 0.5));
       if (x < -50 || y < -50 || x > width + 50 || y > height + 50) continue;
       if (taken.some(([a, b, r]) => Math.hypot(a - x, b - y) < (r + wide) / 2)) continue;
       taken.push([x, y, wide]);
@@ -206,7 +176,7 @@ export class StreetMap {
   }
 
   #drawBase(pen) {
-    const [x, y] = this.#toScreen(...this.#map.base_m);
+    const [x, y] = this.#viewport.toScreen(...this.#map.base_m);
     pen.beginPath();
     pen.arc(x, y, 8, 0, 2 * Math.PI);
     pen.fillStyle = this.#colours.base;
@@ -225,10 +195,10 @@ export class StreetMap {
     const pen = this.#moving.getContext('2d');
     pen.setTransform(1, 0, 0, 1, 0, 0);
     pen.clearRect(0, 0, this.#moving.width, this.#moving.height);
-    this.#metres(pen);
+    this.#viewport.metres(pen);
     this.#drawChosen(pen);
     if (this.#mission) this.#drawMission(pen);
-    this.#pixels(pen);
+    this.#viewport.pixels(pen);
     if (!this.#mission) this.#drawNumbers(pen);
     if (this.#box) {
       const [x0, y0, x1, y1] = this.#box;
@@ -241,7 +211,7 @@ export class StreetMap {
   }
 
   #drawChosen(pen) {
-    const chosen = this.#selection.length ? this.#selection : this.#drawn, pixel = 1 / this.#view.k;
+    const chosen = this.#selection.length ? this.#selection : this.#drawn, pixel = this.#viewport.pixel;
     const outline = (id, alpha, width) => {
       const segment = this.segment(id);
       if (!segment) return;
@@ -266,7 +236,7 @@ export class StreetMap {
     chosen.forEach((id, number) => {
       const segment = this.segment(id);
       if (!segment) return;
-      const [x, y] = this.#toScreen(...segment.middle);
+      const [x, y] = this.#viewport.toScreen(...segment.middle);
       pen.beginPath();
       pen.arc(x, y, 9, 0, 2 * Math.PI);
       pen.fillStyle = this.#colours.accent;
@@ -277,106 +247,17 @@ export class StreetMap {
   }
 
   #drawMission(pen) {
-    const { k } = this.#view, pixel = 1 / k, mission = this.#mission, t = this.#time, now = mission.at(t), c = this.#colours;
-    const { layers } = this;
-    if (layers.has('windows')) this.#drawWindows(pen, mission, now.captures);
-    if (layers.has('route')) this.#drawRoute(pen, mission, now);
-    if (layers.has('parked')) drawAgents(pen, this.#parked, c, 1.5 * pixel);
-    if (layers.has('traffic')) drawAgents(pen, this.#flight.agentsAt(t), c, 3.2 * pixel);
-    this.#pixels(pen);
-    if (layers.has('defects')) {
-      const radius = Math.max(2.6, Math.min(6, 0.5 * k));
-      for (const defect of mission.defects) {
-        const [x, y] = this.#toScreen(...defect.place_m), is = mission.outcomeAt(defect, t);
-        drawDefect(pen, x, y, defect.id === this.#defect ? radius * 1.5 : radius, is, c);
-        if (defect.id === this.#defect) {
-          pen.beginPath();
-          pen.arc(x, y, radius * 2.4, 0, 2 * Math.PI);
-          pen.strokeStyle = c.accent;
-          pen.lineWidth = 2;
-          pen.stroke();
-        }
-      }
-    }
-    this.#drawReactions(pen, mission, t);
-    this.#metres(pen);
-    const others = this.#flight.missions.filter(other => other !== mission);
-    for (const other of [...others, mission]) {
-      const state = other.at(Math.min(t, other.duration_s)), { x, y, yaw, visibility } = state, eye = other.cameraOf(state);
-      const size = Math.max(1.9, 17 * pixel), several = this.#flight.missions.length > 1;
-      if (other === mission && visibility !== null) {
-        const path = new Path2D();
-        rectangle(path, eye.x, eye.y, yaw, mission.window_m[1], mission.window_m[0]);
-        for (const [colour, width] of [[c.halo, 4.5], [visibilityColour(c, visibility), 2.6]]) {
-          pen.strokeStyle = colour;
-          pen.lineWidth = width * pixel;
-          pen.stroke(path);
-        }
-      }
-      pen.globalAlpha = other === mission ? 1 : 0.65;
-      if (other.car) drawCar(pen, x, y, yaw, other.car, pixel, c.uav, c.halo);
-      else drawUav(pen, x, y, yaw, size, several ? c.policies[other.policy] ?? c.uav : c.uav, c.halo);
-      pen.globalAlpha = 1;
-    }
-  }
-
-  #drawWindows(pen, mission, count) {
-    const { x_m, y_m, yaw_rad } = mission.captures, [across, along] = mission.window_m, path = new Path2D();
-    for (let i = 0; i < count; i++) rectangle(path, x_m[i], y_m[i], yaw_rad[i], along, across);
-    pen.save();
-    const inside = new Path2D();
-    for (const id of mission.targets) if (this.segment(id)) inside.addPath(this.segment(id).path);
-    pen.clip(inside, 'evenodd');
-    pen.fillStyle = this.#colours.seen;
-    pen.globalAlpha = 0.75;
-    pen.fill(path);
-    pen.restore();
-  }
-
-  #drawRoute(pen, mission, now) {
-    const { x_m, y_m, visibility } = mission.track, pixel = 1 / this.#view.k, c = this.#colours;
-    pen.lineCap = 'round';
-    pen.lineJoin = 'round';
-    let from = 0;
-    const isSeen = i => visibility[i] !== null, shade = i => (isSeen(i) ? visibilityColour(c, visibility[i]) : null);
-    for (let i = 1; i <= now.row + 1; i++) {
-      if (i <= now.row && shade(i) === shade(from)) continue;
-      pen.beginPath();
-      pen.moveTo(x_m[from], y_m[from]);
-      for (let j = from + 1; j <= Math.min(i, now.row); j++) pen.lineTo(x_m[j], y_m[j]);
-      if (i > now.row) pen.lineTo(now.x, now.y);
-      pen.strokeStyle = shade(from) ?? c.ink;
-      pen.lineWidth = (isSeen(from) ? 2.6 : 1) * pixel;
-      pen.globalAlpha = isSeen(from) ? 1 : 0.55;
-      pen.stroke();
-      from = i;
-    }
-    pen.globalAlpha = 1;
-    pen.lineCap = 'butt';
-  }
-
-  #drawReactions(pen, mission, t) {
-    for (const event of mission.events) {
-      if (event.t_s > t) break;
-      const colour = { wait: 'wait', displace: 'displace', revisit: 'revisit', battery: 'battery' }[event.kind];
-      if (!colour || !event.place_m) continue;
-      const [x, y] = this.#toScreen(...event.place_m);
-      pen.beginPath();
-      pen.arc(x, y, 6, 0, 2 * Math.PI);
-      pen.strokeStyle = this.#colours[colour];
-      pen.lineWidth = 1.6;
-      pen.stroke();
-      pen.globalAlpha = 0.2;
-      pen.fillStyle = this.#colours[colour];
-      pen.fill();
-      pen.globalAlpha = 1;
-    }
+    drawMission(pen, this.#viewport, {
+      flight: this.#flight, mission: this.#mission, parked: this.#parked, time: this.#time, defect: this.#defect,
+      layers: this.layers, colours: this.#colours, surfaceOf: id => this.segment(id)?.path,
+    });
   }
 
   // What the user does.
 
   #at(left, top) {
-    const [x, y] = this.#toWorld(left, top), reach = NEAR_PX / this.#view.k, pen = this.#moving.getContext('2d');
+    const [x, y] = this.#viewport.toWorld(left, top), reach = NEAR_PX * this.#viewport.pixel;
+    const pen = this.#moving.getContext('2d');
     pen.setTransform(1, 0, 0, 1, 0, 0);
     let best = null, nearest = reach;
     for (const segment of this.#segments) {
@@ -392,7 +273,7 @@ export class StreetMap {
   #defectAt(left, top) {
     if (!this.#mission || !this.layers.has('defects')) return null;
     const near = this.#mission.defects.map(defect => {
-      const [x, y] = this.#toScreen(...defect.place_m);
+      const [x, y] = this.#viewport.toScreen(...defect.place_m);
       return [Math.hypot(x - left, y - top), defect];
     }).filter(([away]) => away < 8).sort((a, b) => a[0] - b[0]);
     return near.length ? near[0][1] : null;
@@ -405,10 +286,10 @@ export class StreetMap {
     };
     canvas.addEventListener('wheel', event => {
       event.preventDefault();
-      if (this.#view) this.zoom(1.0015 ** -event.deltaY, ...place(event));
+      if (this.view) this.zoom(1.0015 ** -event.deltaY, ...place(event));
     }, { passive: false });
     canvas.addEventListener('pointerdown', event => {
-      if (event.button > 0 || !this.#view) return;
+      if (event.button > 0 || !this.view) return;
       canvas.setPointerCapture(event.pointerId);
       this.#pointers.set(event.pointerId, place(event));
       this.#dragged = 0;
@@ -417,7 +298,7 @@ export class StreetMap {
     });
     canvas.addEventListener('pointermove', event => {
       const now = place(event), was = this.#pointers.get(event.pointerId);
-      if (!this.#view) return;
+      if (!this.view) return;
       if (was) this.#drag(event, was, now);
       else this.#hover(now);
     });
@@ -445,8 +326,7 @@ export class StreetMap {
         this.following = false;
         this.#events.free();
       }
-      const { k } = this.#view;
-      this.#view = { ...this.#view, x: this.#view.x - (now[0] - was[0]) / k, y: this.#view.y + (now[1] - was[1]) / k };
+      this.#viewport.drag(now[0] - was[0], now[1] - was[1]);
       this.redraw();
     }
     this.#pointers.set(event.pointerId, now);
@@ -471,19 +351,19 @@ export class StreetMap {
 
   /** As a click on the middle of the map, for the keyboard. */
   clickMiddle() {
-    const { width, height } = this.#size();
-    if (this.#view) this.#click([width / 2, height / 2]);
+    const { width, height } = this.#viewport.size;
+    if (this.view) this.#click([width / 2, height / 2]);
   }
 
   /** Pick all segments in view. */
   pickView() {
-    const { width, height } = this.#size();
-    if (this.#view) this.#pickBox([0, 0, width, height]);
+    const { width, height } = this.#viewport.size;
+    if (this.view) this.#pickBox([0, 0, width, height]);
   }
 
   #pickBox([x0, y0, x1, y1]) {
-    const [west, north] = this.#toWorld(Math.min(x0, x1), Math.min(y0, y1));
-    const [east, south] = this.#toWorld(Math.max(x0, x1), Math.max(y0, y1));
+    const [west, north] = this.#viewport.toWorld(Math.min(x0, x1), Math.min(y0, y1));
+    const [east, south] = this.#viewport.toWorld(Math.max(x0, x1), Math.max(y0, y1));
     const inside = this.#segments.filter(({ middle: [x, y] }) => x > west && x < east && y > south && y < north);
     if (inside.length) this.#events.pick(inside.map(segment => segment.id), { toggle: false });
   }
