@@ -8,6 +8,7 @@ import typer
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
+from pavetwin.perception.shipped import model_path, shipped_models
 
 
 def export(
@@ -15,7 +16,8 @@ def export(
         list[Path],
         typer.Argument(
             metavar="RUN",
-            help="Folder of a run, or its best.pt; several that began with the same weights give the mean of theirs.",
+            help="Folder of a run, or its best.pt; several that began with the same weights give the mean of theirs. "
+            "Or an exported model, or one that ships, to store it otherwise.",
         ),
     ],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="The file, such as model.onnx.")] = None,
@@ -26,7 +28,10 @@ def export(
         Path | None,
         typer.Option(metavar="PICTURES", help="Convolutions in int8, with ranges from a folder of pictures: smaller."),
     ] = None,
-    licence: Annotated[str, typer.Option(help="Of the weights, as the file shall say it, such as Apache-2.0.")] = "",
+    licence: Annotated[
+        str,
+        typer.Option(help="Of the weights, as the file shall say it, such as Apache-2.0; a model keeps its own."),
+    ] = "",
 ) -> None:
     """Write a trained detector as one ONNX file, which runs without PyTorch.
 
@@ -34,6 +39,7 @@ def export(
     pavetwin export runs/first -o model.onnx
     pavetwin export runs/first/best.pt -o small.onnx --half --licence Apache-2.0
     pavetwin export runs/first -o int8.onnx --int8 datasets/town/images/train
+    pavetwin export synthetic-11 -o int8.onnx --int8 datasets/town/images/train
     pavetwin export runs/seed-0 runs/seed-1 runs/seed-2 -o mean.onnx --half
 
     Needs PyTorch (`pip install pavetwin\\[train]`); `pavetwin detect` and `pavetwin serve` run the file without it.
@@ -46,9 +52,7 @@ def export(
         raise PaveTwinError("`int8`: weights are stored in int8 or in half precision; leave `half` out.")
     if int8 is not None and not int8.is_dir():
         raise PaveTwinError(f"`int8`: there is no folder of pictures '{int8}'.")
-    for run in runs:
-        if not run.exists():
-            raise PaveTwinError(f"There is no run '{run}'; `pavetwin train` makes one.")
+    runs = [_existing(run) for run in runs]
     _check_installed()
     from pavetwin.perception.training.export import export as exported
 
@@ -65,6 +69,18 @@ def export(
     masks = "with masks" if facts.mask_px else "without masks"
     of = f" the mean of {len(runs)} runs," if len(runs) > 1 else ""
     out.line(f"Model: {output},{of} {output.stat().st_size / 1e6:.1f} MB, {masks}, for images of {facts.image_px} px.")
+
+
+def _existing(run: Path) -> Path:
+    """A run, weights, an exported model, or the file of one that ships."""
+    if run.exists():
+        return run
+    if str(run) in shipped_models():
+        return model_path(run)
+    raise PaveTwinError(
+        f"There is no run '{run}', and no model of this name ships ({', '.join(shipped_models())}); "
+        "`pavetwin train` makes a run."
+    )
 
 
 def _check_installed() -> None:

@@ -225,6 +225,37 @@ def test_convolutions_are_stored_in_int8_and_find_nearly_the_same(tmp_path: Path
     assert "leave --half out" in plain_refusal(pavetwin(*words, tmp_path / "pictures", "--half"))
 
 
+def test_an_exported_model_is_stored_otherwise_and_says_the_same(tmp_path: Path) -> None:
+    """As a user has it who holds the file of a model alone, such as one that ships."""
+    export(saved(lively_network(), tmp_path / "run"), tmp_path / "whole.onnx", licence="CC0-1.0")
+    again, half, int8 = (tmp_path / f"{name}.onnx" for name in ("again", "half", "int8"))
+    assert export(tmp_path / "whole.onnx", again) == Detector(tmp_path / "whole.onnx").facts
+    assert export(again, again, half=True, licence="MIT").licence == "MIT"  # in place
+    shown = images_of(9, (96, 96), np.random.default_rng(1))
+    (tmp_path / "pictures").mkdir()
+    for at, pixels in enumerate(shown[1:]):
+        Image.fromarray(pixels).save(tmp_path / "pictures" / f"{at}.png")
+    for words in ((half, "--half"), (int8, "--int8", tmp_path / "pictures")):
+        done = pavetwin("export", tmp_path / "whole.onnx", "-o", *words)
+        assert done.returncode == 0, done.stderr
+    one, other, third = (Detector(file, confidence=0.3) for file in (tmp_path / "whole.onnx", half, int8))
+    assert one.facts == other.facts == third.facts
+    assert (len(one.facts.recipe), one.facts.licence) == (64, "CC0-1.0")
+    assert half.stat().st_size < 0.6 * (tmp_path / "whole.onnx").stat().st_size
+    found, said = one.detect([shown[0]])[0], other.detect([shown[0]])[0]
+    assert len(found) > 0
+    assert abs(len(found) - len(said)) <= 1
+    assert float(box_iou(torch.tensor(found.boxes), torch.tensor(said.boxes)).amax(dim=1).median()) > 0.98
+
+    refused = plain_refusal(pavetwin("export", int8, "-o", half))
+    assert "is stored in int8; take the model in single or half precision" in refused
+    refused = plain_refusal(pavetwin("export", tmp_path / "run", tmp_path / "whole.onnx", "-o", half))
+    assert "whole.onnx' is an exported model, and a mean is of runs" in refused
+    refused = plain_refusal(pavetwin("export", "synthetic-0", "-o", half))
+    assert "There is no run 'synthetic-0', and no model of this name ships" in refused
+    assert DEFAULT in refused
+
+
 def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
     network = lively_network()
     with torch.no_grad():

@@ -228,7 +228,7 @@ def test_models_that_cannot_be_begun_with_are_refused(tiny: Path, data: list[Exa
         model.graph.initializer.extend(numpy_helper.from_array(np.asarray(value), name) for name, value in values)
         model.graph.node.append(helper.make_node("DequantizeLinear", ["stored", "step"], ["restored"]))
 
-    assert "is stored in int8; begin with the model in single or half precision" in changed("int8.onnx", in_int8)
+    assert "is stored in int8; take the model in single or half precision" in changed("int8.onnx", in_int8)
 
 
 def test_the_command_takes_what_ships_by_name(tmp_path: Path) -> None:

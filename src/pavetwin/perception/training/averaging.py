@@ -16,6 +16,7 @@ from typing import Any
 import torch
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.perception.training.exported import is_exported
 from pavetwin.perception.training.network import DetectorNetwork
 from pavetwin.perception.training.run_folder import BEST, SETTINGS, load_network
 
@@ -58,6 +59,9 @@ def averaged_network(runs: Sequence[Path]) -> tuple[DetectorNetwork, dict[str, A
         raise PaveTwinError("A mean is of runs; name one at least.")
     if len(runs) == 1:
         return load_network(weights_of(runs[0]))
+    for run in runs:
+        if is_exported(run):
+            raise PaveTwinError(f"'{run}' is an exported model, and a mean is of runs: name their folders or best.pt.")
     members = [_member(run) for run in runs]
     first = members[0]
     for at, other in enumerate(members[1:], start=1):

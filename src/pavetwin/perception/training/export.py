@@ -22,6 +22,7 @@ from pavetwin.perception.inference.model_file import OUTPUTS, ModelFacts
 from pavetwin.perception.training.averaging import averaged_network, weights_of
 from pavetwin.perception.training.detect import DetectLimits
 from pavetwin.perception.training.export_graph import OPSET, answers, joined, store_in_half, suppression
+from pavetwin.perception.training.exported import exported_model, is_exported
 from pavetwin.perception.training.heads import REGION_STRIDE, RegionHead, pooled
 from pavetwin.perception.training.network import DetectorNetwork
 from pavetwin.perception.training.run_folder import SETTINGS
@@ -66,7 +67,8 @@ def export(runs: Path | Sequence[Path], target: Path, *, licence: str = "", half
     """Write the ONNX file of a run's best weights, or of a file of weights; of several, with the mean of their weights.
 
     Args:
-        licence: of the weights, as the file shall say it.
+        runs: one may be an exported model, of which another file is made: it keeps what the model says of itself.
+        licence: of the weights, as the file shall say it; unless given, as an exported model says it.
         half: store the weights in half precision: half the size; they are computed with in single precision.
 
     Raises:
@@ -74,11 +76,15 @@ def export(runs: Path | Sequence[Path], target: Path, *, licence: str = "", half
             the file cannot be written.
     """
     given = [runs] if isinstance(runs, Path) else list(runs)
-    network, told = averaged_network(given)
-    settings = [weights_of(run).parent / SETTINGS for run in given]
-    is_known = all(each.is_file() for each in settings)
-    recipe = sha256(b"".join(each.read_bytes() for each in settings)).hexdigest() if is_known else ""
-    facts = replace(facts_of(network, told), recipe=recipe, licence=licence)
+    if len(given) == 1 and is_exported(given[0]):
+        network, facts = exported_model(given[0])
+    else:
+        network, told = averaged_network(given)
+        settings = [weights_of(run).parent / SETTINGS for run in given]
+        is_known = all(each.is_file() for each in settings)
+        recipe = sha256(b"".join(each.read_bytes() for each in settings)).hexdigest() if is_known else ""
+        facts = replace(facts_of(network, told), recipe=recipe)
+    facts = replace(facts, licence=licence or facts.licence)
     content = onnx_model(network, facts, half=half).SerializeToString()
     with writing(target) as temporary:
         temporary.write_bytes(content)

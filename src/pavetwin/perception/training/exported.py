@@ -9,7 +9,7 @@ nothing but the bias, until it is trained.
 
 from collections.abc import Collection, Iterable
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import torch
@@ -20,6 +20,9 @@ from pavetwin.perception.training.architecture import Architecture
 from pavetwin.perception.training.batches import Batch
 from pavetwin.perception.training.device_pictures import DevicePictures, images_of
 from pavetwin.perception.training.network import DetectorNetwork
+
+if TYPE_CHECKING:
+    from pavetwin.perception.inference.model_file import ModelFacts
 
 SUFFIX: Final = ".onnx"
 """Of exported models."""
@@ -36,7 +39,13 @@ def is_exported(path: Path) -> bool:
 
 
 def exported_network(path: Path) -> DetectorNetwork:
-    """The network of an exported model, in `eval` mode, in which it says what the model says.
+    """The network of `exported_model`."""
+    return exported_model(path)[0]
+
+
+def exported_model(path: Path) -> "tuple[DetectorNetwork, ModelFacts]":
+    """The network of an exported model, in `eval` mode, in which it says what the model says, and what the model says
+    of itself.
 
     Its normalisations have a mean of 0 and a variance of 1 until `measure_normalisations` has seen images.
 
@@ -49,7 +58,7 @@ def exported_network(path: Path) -> DetectorNetwork:
     model = _read(path)
     facts = ModelFacts.of_properties({each.key: each.value for each in model.metadata_props}, f"'{path}'")
     if any(node.op_type == "DequantizeLinear" for node in model.graph.node):
-        raise PaveTwinError(f"'{path}' is stored in int8; begin with the model in single or half precision.")
+        raise PaveTwinError(f"'{path}' is stored in int8; take the model in single or half precision.")
     try:
         network = DetectorNetwork(Architecture(**facts.architecture)).eval()
         weights = _weights(model, network)
@@ -58,7 +67,7 @@ def exported_network(path: Path) -> DetectorNetwork:
         network.load_state_dict(weights)
     except (KeyError, TypeError, ValueError, RuntimeError, PaveTwinError) as error:
         raise PaveTwinError(f"'{path}' holds no weights of a detector of this version.") from error
-    return network
+    return network, facts
 
 
 def _read(path: Path) -> Any:
@@ -66,7 +75,7 @@ def _read(path: Path) -> Any:
         import onnx
     except ImportError as error:
         raise PaveTwinError(
-            f"Beginning with '{path}' needs onnx, which is an extra; install it with `pip install pavetwin[train]`."
+            f"The weights of '{path}' are read by onnx, which is an extra: `pip install pavetwin[train]`."
         ) from error
     try:
         model = onnx.load(path)

@@ -11,12 +11,12 @@ import torch
 from pavetwin.arrays import UInt8Array
 from pavetwin.labels.boxes import FloatBox, share_within
 from pavetwin.perception.inference.detector import Detector
-from pavetwin.perception.inference.model_file import ModelFacts, open_session
+from pavetwin.perception.inference.model_file import ModelFacts
 from pavetwin.perception.inference.pictures import Picture, pixels_of
 from pavetwin.perception.inference.tiles import tile_windows
 from pavetwin.perception.training.detect import DetectLimits, detect
 from pavetwin.perception.training.export import facts_of
-from pavetwin.perception.training.exported import exported_network, is_exported
+from pavetwin.perception.training.exported import exported_model, is_exported
 from pavetwin.perception.training.run_folder import load_network
 
 
@@ -27,8 +27,8 @@ class WeightsDetector(Detector):
         if threads:
             torch.set_num_threads(threads)
         if is_exported(path):
-            self._network = exported_network(path)
-            return open_session(path, 1)[1]
+            self._network, facts = exported_model(path)
+            return facts
         self._network, told = load_network(path)
         return facts_of(self._network, told)
 
