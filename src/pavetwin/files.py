@@ -74,6 +74,30 @@ def writing(target: Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
+def check_folder(folder: Path) -> None:
+    """Whether files can be written into a folder, which need not be there yet: before long work of which they tell.
+
+    Raises:
+        PaveTwinError: it is a file, lies below one, or may not be written.
+    """
+    there = next(each for each in (folder, *folder.absolute().parents) if each.exists())
+    if not there.is_dir():
+        raise PaveTwinError(f"'{there}' is a file, so that nothing can be written into '{folder}'; name a folder.")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise PaveTwinError(f"'{there}' may not be written; name another folder than '{folder}'.")
+
+
+def check_target(file: Path) -> None:
+    """The same of a file.
+
+    Raises:
+        PaveTwinError: it is a folder, or its folder is a file or may not be written.
+    """
+    if file.is_dir():
+        raise PaveTwinError(f"'{file}' is a folder; name a file in it.")
+    check_folder(file.parent)
+
+
 def write_pieces(target: Path, pieces: Iterable[bytes]) -> None:
     """Write a file piece by piece: whole, or not at all, as `writing` does."""
     with writing(target) as temporary, temporary.open("wb") as stream:

@@ -79,6 +79,9 @@ def test_what_ships_is_compared_by_name(place: Path) -> None:
         (("--sizes", "n,x"), "Error: --sizes: no size 'x'; known are n, s, m, l."),
         (("--sizes", "n"), "Error: Untrained networks need PyTorch, an extra; install it with `pip install"),
         (("nosuch.onnx",), "Error: There is no"),
+        ((str(FILE), "--threads", "999"), "Error: --threads 999: this machine has"),
+        ((str(FILE), "-o", "."), "Error: --output: '.' is a folder; name a file in it."),
+        ((str(FILE), "-o", f"{FILE}/a.csv"), f"Error: --output: '{FILE}' is a file, so that nothing can be written"),
         ((str(FILE), "--dataset", "."), "Error: --dataset: '.' holds no annotations/instances_test.json"),
     ],
 )

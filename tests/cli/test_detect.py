@@ -118,6 +118,8 @@ def test_an_overview_is_asked_for(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (("in.png", "--model", FILE, "-o", "in.png", "--force"), "--output: 'in.png' is a file, so that nothing can"),
+        (("in.png", "--model", FILE, "-o", "in.png/sub"), "into 'in.png/sub'; name a folder."),
         (("in.png", "-o", "new", "--model", "none-1"), "--model: There is no model 'none-1': name one that ships"),
         (("in.png", "--model", FILE), "Say where the results go"),
         (("gone", "--model", FILE, "-o", "new"), "There is no picture, video or folder 'gone'"),

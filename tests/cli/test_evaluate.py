@@ -75,6 +75,8 @@ def test_a_report_is_written(place: Path) -> None:
         (("found.json", "town", "-o", "n", "--split", "tset"), "Error: --split: no split 'tset' (did you mean"),
         (("found.json", "town", "-o", "n", "--confidence", "25"), "Error: --confidence 25: it is above 0 and below 1."),
         (("synthetic-1", "bare", "-o", "n", "--confidence", "25"), "Error: --confidence 25: it is above 0 and below"),
+        (("synthetic-1", "bare", "-o", "n", "--seed", "-3"), "Error: --seed -3: it is 0 or more."),
+        (("synthetic-1", "bare", "-o", "found.json"), "Error: --output: 'found.json' is a file, so that nothing can"),
         (("found.json", "town", "-o", "n", "--overview"), "Error: --overview: 'found.json' holds detections"),
         (("found.json", "town", "-o", "n", "--against", "no.json"), "Error: --against: 'no.json' cannot be read"),
         (("found.json", "town", "-o", "n", "--run", "no.json"), "Error: --run: other runs take part in differences"),

@@ -9,6 +9,7 @@ import typer
 
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError, about, no_such
+from pavetwin.files import check_target, writing
 
 SIZES = ("n", "s", "m", "l")
 
@@ -77,7 +78,12 @@ def compare(
     )
     from pavetwin.perception.evaluation.labelled import read_split
     from pavetwin.perception.evaluation.ultralytics_models import LICENCE, check_ultralytics
+    from pavetwin.perception.inference.model_file import check_threads
 
+    check_threads(threads)
+    if output is not None:
+        with about("output"):
+            check_target(output)
     for _, network in foreign:
         check_ultralytics(network)
     if foreign and not _has_torch():
@@ -117,8 +123,6 @@ def compare(
     _tell(HEADINGS, [cells(row) for row in rows])
     out.line(f"\nFPS on {processor()}, {threads or os.cpu_count()} threads.")
     if output is not None:
-        from pavetwin.files import writing
-
         with writing(output) as temporary:
             temporary.write_text(as_csv(rows), encoding="utf-8")
         out.line(f"Table: {output}")

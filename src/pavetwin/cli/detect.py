@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pavetwin.cli.console import out, progress
-from pavetwin.errors import PaveTwinError
+from pavetwin.errors import PaveTwinError, about
+from pavetwin.files import check_folder
 from pavetwin.perception.shipped import DEFAULT
 
 if TYPE_CHECKING:
@@ -82,7 +83,9 @@ def detect(
     path = named(model)
     if output is None:
         raise PaveTwinError("Say where the results go with -o, for example -o found.")
-    if output.exists() and (not output.is_dir() or any(output.iterdir())) and not force:
+    with about("output"):
+        check_folder(output)
+    if output.exists() and any(output.iterdir()) and not force:
         raise PaveTwinError(f"`output` '{output}' exists and holds something; choose another folder, or add `force`.")
     from pavetwin.perception.inference import Detector
     from pavetwin.perception.results.detect_folder import detect_source

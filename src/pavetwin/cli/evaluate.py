@@ -8,6 +8,7 @@ import typer
 
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError, about, no_such
+from pavetwin.files import check_folder
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -90,7 +91,9 @@ def evaluate(
         raise PaveTwinError("Say where the report goes with -o, for example -o evaluation.")
     if split not in SPLITS:
         raise PaveTwinError(no_such("split", split, SPLITS, key="`split`"))
-    check_evaluation(confidence, resamples)
+    with about("output"):
+        check_folder(output)
+    check_evaluation(confidence, resamples, seed)
     if true_regions and regions is not None:
         raise PaveTwinError("`regions`: the file says what `true_regions` would ask; give one of them.")
     if true_regions and detections.suffix.lower() == ".json":

@@ -46,6 +46,8 @@ def export(
     """
     if output is None:
         raise PaveTwinError("Say where the model goes with -o, for example -o model.onnx.")
+    if not output.is_dir() and output.suffix.lower() != ".onnx":
+        raise PaveTwinError(f"`output` '{output}': a model's name ends in .onnx, by which other commands know it.")
     if output.is_dir():
         raise PaveTwinError(f"`output` '{output}' is a folder; name a file in it, for example {output}/model.onnx.")
     if int8 is not None and half:

@@ -247,6 +247,8 @@ def test_an_exported_model_is_stored_otherwise_and_says_the_same(tmp_path: Path)
     assert abs(len(found) - len(said)) <= 1
     assert float(box_iou(torch.tensor(found.boxes), torch.tensor(said.boxes)).amax(dim=1).median()) > 0.98
 
+    refused = plain_refusal(pavetwin("export", tmp_path / "whole.onnx", "-o", tmp_path / "model.txt"))
+    assert "model.txt': a model's name ends in .onnx" in refused
     refused = plain_refusal(pavetwin("export", int8, "-o", half))
     assert "is stored in int8; take the model in single or half precision" in refused
     refused = plain_refusal(pavetwin("export", tmp_path / "run", tmp_path / "whole.onnx", "-o", half))
@@ -314,7 +316,7 @@ def test_weights_are_evaluated_without_an_export(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     same = json.loads((tmp_path / "exported" / "metrics.json").read_text())
     assert same["subtypes_on_true_regions"] == told["subtypes_on_true_regions"]
-    (tmp_path / "best.pt").write_bytes(b"nothing")
+    (tmp_path / "best.pt").write_bytes(b"this is text")
     refused = plain_refusal(pavetwin("evaluate", tmp_path / "best.pt", data, "-o", tmp_path / "other"))
     assert refused.startswith("Error: '")
     assert "is damaged, or no file of this program's" in refused

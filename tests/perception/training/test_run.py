@@ -326,7 +326,7 @@ def test_what_is_told_in_the_end_is_of_the_weights_that_are_kept(whole: Path, da
     assert trainer.best_map50 in [row["map50"] for row in trainer.curves]
 
 
-@pytest.mark.parametrize("content", [b"", b"no weights", b"PK\x03\x04" + 100 * b"\0"])
+@pytest.mark.parametrize("content", [b"", b"no weights", b"this is text", b"PK\x03\x04" + 100 * b"\0"])
 def test_a_damaged_checkpoint_is_refused(whole: Path, data: list[ExampleSet], tmp_path: Path, content: bytes) -> None:
     run = tmp_path / "run"
     run.mkdir()

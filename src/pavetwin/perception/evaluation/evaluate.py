@@ -91,7 +91,7 @@ def evaluate(
     Raises:
         PaveTwinError: a value is out of its bounds, or pycocotools is not installed.
     """
-    check_evaluation(confidence, resamples)
+    check_evaluation(confidence, resamples, seed)
     mine = found_in(split, found)
     five, coarse = _both(split, mine)
     best = None
@@ -150,7 +150,7 @@ def compare_in_pairs(
     Raises:
         PaveTwinError: a value is out of its bounds, or pycocotools is not installed.
     """
-    check_evaluation(confidence, resamples)
+    check_evaluation(confidence, resamples, seed)
     one, other = (
         [metrics_of(*_both(split, found_in(split, each)), confidence) for each in runs] for runs in (first, second)
     )
@@ -162,7 +162,7 @@ def compare_in_pairs(
     )
 
 
-def check_evaluation(confidence: float, resamples: int) -> None:
+def check_evaluation(confidence: float, resamples: int, seed: int) -> None:
     """What can be known before the detector looks at the first image.
 
     Raises:
@@ -173,6 +173,8 @@ def check_evaluation(confidence: float, resamples: int) -> None:
         raise PaveTwinError(f"`confidence` {confidence:g}: it is above 0 and below 1.")
     if not 0 <= resamples <= 100_000:
         raise PaveTwinError(f"`resamples` {resamples}: there are 0 to 100000.")
+    if seed < 0:
+        raise PaveTwinError(f"`seed` {seed}: it is 0 or more.")
 
 
 def _both(split: LabelledSplit, found: Sequence[FoundBox]) -> tuple[Matched, Matched]:

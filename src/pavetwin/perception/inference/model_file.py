@@ -12,6 +12,7 @@ inputs `confidence` and `overlap` may be left out. Outputs, a row for each detec
 """
 
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -97,6 +98,15 @@ class ModelFacts:
         return facts
 
 
+def check_threads(threads: int) -> None:
+    """Raises:
+    PaveTwinError: it is no number of threads that this machine's cores can run.
+    """
+    cores = os.cpu_count() or 1
+    if not 0 <= threads <= cores:
+        raise PaveTwinError(f"`threads` {threads}: this machine has {cores} cores, and 0 takes one for each.")
+
+
 def open_session(path: Path, threads: int) -> tuple[Any, ModelFacts]:
     """An onnxruntime session on the processor, and what the file says of itself.
 
@@ -104,8 +114,10 @@ def open_session(path: Path, threads: int) -> tuple[Any, ModelFacts]:
         threads: of the session; 0 takes one for each core.
 
     Raises:
-        PaveTwinError: there is no such file, it is damaged, it is another model, or onnxruntime is not installed.
+        PaveTwinError: there is no such file, it is damaged, it is another model, onnxruntime is not installed, or there
+            are more threads than cores.
     """
+    check_threads(threads)
     try:
         onnxruntime: Any = import_module("onnxruntime")
     except ImportError as error:

@@ -11,7 +11,6 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from pickle import UnpicklingError
 from typing import Any, Final
 
 import torch
@@ -173,7 +172,8 @@ def _load(path: Path, device: torch.device) -> dict[str, Any]:
     try:
         content = torch.load(path, map_location=device, weights_only=True)
         number = content["format"]
-    except (OSError, RuntimeError, UnpicklingError, EOFError, KeyError, TypeError, ValueError) as error:
+    # What it raises of a file that is something else depends on the first bytes.
+    except Exception as error:
         raise PaveTwinError(f"'{path}' is damaged, or no file of this program's.") from error
     if number != FORMAT:
         raise PaveTwinError(f"'{path}' is of format {number}, this version's is {FORMAT}.")
