@@ -149,7 +149,7 @@ class FreeRoad:
         """Args:
         road: (height, width)
         taken: (height, width) where something stands.
-        gap_px: that stays free around each object, and to what is not road.
+        gap_px: that stays free around each object, and to what is not road, between the middles of pixels.
         """
         self._gap = max(2, round(gap_px))
         self._road = road

@@ -107,7 +107,8 @@ def deduct_value(distress: Distress, severity: Severity, density: float) -> floa
     Args:
         density: quantity over the area of the sample unit, as a percentage: m² per m², m per m², or number per m².
 
-    Below the first density of a chart the value falls linearly to 0 at none; beyond the last it stays.
+    Below the first density of a chart the value falls linearly to 0 at none; beyond the last it stays. A severity takes
+    no less than a lower one: between points that two charts share, their curves may cross by a hundredth.
 
     Raises:
         ValueError: the density is negative or not a number.
@@ -118,7 +119,8 @@ def deduct_value(distress: Distress, severity: Severity, density: float) -> floa
     densities = DEDUCT_POINTS[distress][0]
     first, last = densities[0], densities[-1]
     within = min(max(charted, first), last)
-    value = float(_deduct_curve(distress, severity)(log10(within)))
+    no_worse = tuple(Severity)[: tuple(Severity).index(severity) + 1]
+    value = max(float(_deduct_curve(distress, each)(log10(within))) for each in no_worse)
     return min(100.0, value * min(1.0, charted / first))
 
 

@@ -131,8 +131,9 @@ def test_a_patch_has_the_finish_of_the_pavement_in_its_middle() -> None:
     st.integers(20, 250),
 )
 def test_filled_polygons_have_their_area(corners: list[tuple[float, float]], level: int) -> None:
-    """To within a ninth of a cell along the edge, and a cell at each corner."""
+    """To within a fourth of a cell along the edge, since samples that the edge touches are filled, and a cell at each
+    corner."""
     shape, raster = Polygon(corners), RasterGrid((0, 0), 256)
     found = filled(raster, [(shape.exterior, level)], 0)
     area = float(found.sum()) / level * raster.cell_m**2
-    assert area == pytest.approx(shape.area, abs=raster.cell_m * (0.2 * shape.length + 4 * raster.cell_m))
+    assert area == pytest.approx(shape.area, abs=raster.cell_m * (0.25 * shape.length + 4 * raster.cell_m))
