@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 
 from pavetwin.cli.console import out, progress
-from pavetwin.errors import PaveTwinError
-from pavetwin.files import writing
+from pavetwin.errors import PaveTwinError, about
+from pavetwin.files import check_target, writing
 from pavetwin.perception.shipped import model_path, shipped_models
 
 
@@ -46,10 +46,10 @@ def export(
     """
     if output is None:
         raise PaveTwinError("Say where the model goes with -o, for example -o model.onnx.")
-    if not output.is_dir() and output.suffix.lower() != ".onnx":
+    with about("output"):
+        check_target(output)
+    if output.suffix.lower() != ".onnx":
         raise PaveTwinError(f"`output` '{output}': a model's name ends in .onnx, by which other commands know it.")
-    if output.is_dir():
-        raise PaveTwinError(f"`output` '{output}' is a folder; name a file in it, for example {output}/model.onnx.")
     if int8 is not None and half:
         raise PaveTwinError("`int8`: weights are stored in int8 or in half precision; leave `half` out.")
     if int8 is not None and not int8.is_dir():

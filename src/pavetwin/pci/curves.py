@@ -119,8 +119,8 @@ def deduct_value(distress: Distress, severity: Severity, density: float) -> floa
     densities = DEDUCT_POINTS[distress][0]
     first, last = densities[0], densities[-1]
     within = min(max(charted, first), last)
-    no_worse = tuple(Severity)[: tuple(Severity).index(severity) + 1]
-    value = max(float(_deduct_curve(distress, each)(log10(within))) for each in no_worse)
+    up_to_it = tuple(Severity)[: tuple(Severity).index(severity) + 1]
+    value = max(float(_deduct_curve(distress, each)(log10(within))) for each in up_to_it)
     return min(100.0, value * min(1.0, charted / first))
 
 
