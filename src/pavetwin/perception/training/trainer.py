@@ -31,6 +31,7 @@ from pavetwin.perception.training.run_folder import BEST, TAUGHT, Curves, RunFol
 from pavetwin.perception.training.schedule import MovingAverage, Phase, epoch_order, phases_of, rate_at
 from pavetwin.perception.training.self_training import MeanTeacher
 from pavetwin.perception.training.targets import Targets
+from pavetwin.perception.training.trained_part import check_frozen, trained_part
 from pavetwin.perception.training.validate import validate
 from pavetwin.seeds import Stream, child
 
@@ -135,7 +136,8 @@ class Trainer:
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(options.seed)
             self.network = DetectorNetwork(options.architecture)
-        random = load_weights(self.network, start) if start is not None else frozenset[str]()
+        self._random = load_weights(self.network, start) if start is not None else frozenset[str]()
+        check_frozen(options, has_start=start is not None, random=self._random)
         self.network.to(device=self._device, memory_format=torch.channels_last)
         self._compiled = torch.compile(self.network.maps, dynamic=False) if machine.compiled else self.network.maps
         self._half = machine.half and has_half(self._device)
@@ -164,8 +166,9 @@ class Trainer:
                 if isinstance(each, HeldExampleSet):
                     each.hold(machine.workers)
         self._progress = _Progress()
-        if start is not None and is_exported(start) and not self._folder.has_checkpoint:
-            self._measure(random)
+        is_measured = start is not None and is_exported(start) and not options.freeze
+        if is_measured and not self._folder.has_checkpoint:
+            self._measure()
         self._begin(self._phases[0])
         self._resume()
 
@@ -206,17 +209,13 @@ class Trainer:
         drawn = f"{self._device}, labels are made by {processes}" if self._pictures is not None else processes
         return f"Training on {self._device} in {precision}; views are drawn by {drawn}."
 
-    def _measure(self, random: frozenset[str]) -> None:
-        """Give the normalisations of an exported model the statistics of the first epoch's views.
-
-        Args:
-            random: names of the weights that the model lacks.
-        """
+    def _measure(self) -> None:
+        """Give the normalisations of an exported model the statistics of the first epoch's views."""
         phase, key = self._phases[0], (self._options.seed, 0, 0)
         order = epoch_order(phase, key)[:MEASURED_VIEWS]
         views = self._views(phase, order, key)
         shown = batches(views, self._options.batch, workers=self._machine.workers)
-        measure_normalisations(self.network, shown, self._pictures, random)
+        measure_normalisations(self.network, shown, self._pictures, self._random)
 
     def _views(self, phase: Phase, order: Sequence[int], key: tuple[int, int, int]) -> TrainingViews:
         """What an epoch shows; `key` is seed, phase and epoch."""
@@ -235,10 +234,9 @@ class Trainer:
 
     def _begin(self, phase: Phase) -> None:
         """A fresh optimiser and moving average, over what the phase trains."""
-        trained = self.network.regions if phase.classifier else self.network
-        self._trained = list(trained.parameters())
-        decayed = [each for each in self._trained if each.ndim > 1]
-        others = [each for each in self._trained if each.ndim <= 1]
+        self._trained = trained_part(self.network, phase, self._options, self._random)
+        decayed = [each for each in self._trained.weights if each.ndim > 1]
+        others = [each for each in self._trained.weights if each.ndim <= 1]
         groups = [{"params": decayed, "weight_decay": self._options.weight_decay}, {"params": others}]
         self._optimiser = torch.optim.AdamW(groups, lr=self._options.rate, weight_decay=0.0)
         self._average = MovingAverage(self.network, self._options)
@@ -315,10 +313,7 @@ class Trainer:
 
     def _step(self, batch: Batch, phase: Phase, rate: float, photographs: Photographs) -> list[float]:
         """The losses of a batch, as `SUMS` names them; the weights have moved."""
-        self.network.train()
-        if phase.classifier:
-            for part in (self.network.backbone, self.network.neck, self.network.detection):
-                part.eval()
+        self._trained.begin_step()
         momentum = (
             max(NORM_MOMENTUM, 1 / (1 + self._average.steps))
             if self._is_new and not self._progress.phase
@@ -344,7 +339,7 @@ class Trainer:
         self._optimiser.zero_grad(set_to_none=True)
         if total.requires_grad:
             total.backward()
-            nn.utils.clip_grad_norm_(self._trained, LONGEST_GRADIENT)
+            nn.utils.clip_grad_norm_(self._trained.weights, LONGEST_GRADIENT)
             self._optimiser.step()
         self._average.update(self.network)
         return values
@@ -360,11 +355,11 @@ class Trainer:
                 # Together, so that batch normalisation learns the statistics of what it will be used on.
                 plain, varied = (images_of(each, self._device) for each in photographs)
                 said = self._teacher.targets(self._average.network, plain)
-                both = self._encode(torch.cat([images, varied]), phase)
+                both = self._encode(torch.cat([images, varied]))
                 encoded, theirs = both.images(slice(len(images))), both.images(slice(len(images), None))
                 taught = self._teacher.loss(self.network, theirs, said, self._options.weights)
             else:
-                encoded = self._encode(images, phase)
+                encoded = self._encode(images)
             if len(targets.regions):
                 logits, masks = self.network.regions(encoded.maps, targets.regions)
         if not phase.classifier:
@@ -383,10 +378,7 @@ class Trainer:
         rng = child(options.seed, Stream.DISTRACTORS, it.phase, it.epoch, it.step)
         return with_distractors(images, targets, options.distractors, rng).to(memory_format=torch.channels_last)
 
-    def _encode(self, images: Tensor, phase: Phase) -> Encoded:
-        if phase.classifier:
-            with torch.no_grad():
-                return self.network(images)
+    def _encode(self, images: Tensor) -> Encoded:
         # While the momentum changes, each step would be compiled again.
         is_settled = self._average.steps * NORM_MOMENTUM > 1
         maps = self._compiled if is_settled or not self._is_new else self.network.maps
