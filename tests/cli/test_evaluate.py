@@ -70,6 +70,8 @@ def test_a_report_is_written(place: Path) -> None:
         (("found.json", "town"), "Error: Say where the report goes with -o"),
         (("best.pt", "town", "-o", "n"), "Error: Evaluating weights needs PyTorch, which is an extra; install it with"),
         (("nosuch.json", "town", "-o", "n"), "Error: 'nosuch.json' cannot be read (No such file or directory)."),
+        (("synthetic-99", "town", "-o", "n"), "Error: There is no model 'synthetic-99': name one that ships (mixed-3,"),
+        (("nosuch.onnx", "town", "-o", "n"), "Error: There is no model 'nosuch.onnx': name one that ships (mixed-3,"),
         (("wrong.json", "town", "-o", "n"), "Error: 'wrong.json': entry 1 is of image 77, which is not in test"),
         (("found.json", ".", "-o", "n"), "Error: '.' holds no annotations/instances_test.json; make one with"),
         (("found.json", "town", "-o", "n", "--split", "tset"), "Error: --split: no split 'tset' (did you mean"),

@@ -151,9 +151,9 @@ def _found(
         overview: whether a model looks in tiles and as a whole.
     """
     from pavetwin.perception.evaluation.detections import read_detections
-    from pavetwin.perception.shipped import model_path, shipped_models
+    from pavetwin.perception.shipped import model_path
 
-    if not path.exists() and str(path) in shipped_models():
+    if not path.exists() and path.suffix.lower() not in (".json", WEIGHTS):
         path = model_path(path)
     kind = path.suffix.lower()
     if kind not in (".onnx", WEIGHTS):

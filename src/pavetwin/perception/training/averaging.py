@@ -125,7 +125,8 @@ def _check_starts(members: Sequence[_Member]) -> None:
         if each.start is None:
             raise PaveTwinError(
                 f"'{each.run}' began with random weights: a mean with others finds nothing. "
-                "Train each from the same weights with another seed: `pavetwin train DATASET start=WEIGHTS seed=1`."
+                "Train each from the same weights with another seed: "
+                "`pavetwin train DATASET output=RUN start=WEIGHTS seed=1`."
             )
     for one, other in combinations(members, 2):
         starts = (one.start, other.start) if one.start and other.start else (one.name, other.name)

@@ -56,7 +56,7 @@ def phases_of(members: Sequence[Member], options: TrainingOptions) -> list[Phase
         stages = [(first, kinds[first], []), (second, kinds[second], kinds[first])]
         stages = stages[options.skip_first :]
     phases = [_phase(name, main, others, options) for name, main, others in stages if options.epochs]
-    if options.classifier_epochs:
+    if options.classifier_epochs and not options.freeze:
         name, main, others = stages[-1]
         phases.append(_phase(f"{name}, classifier", main, others, options, classifier=True))
     if not phases:

@@ -23,6 +23,8 @@ class TrainedPart:
             weight.requires_grad_(name in names)
             if name in names:
                 self.weights.append(weight)
+        self.has_regions = any(weight.requires_grad for weight in network.regions.parameters())
+        """Whether a weight of the heads of regions is among them."""
         self._network = network
         self._kept = [each for each in network.modules() if _is_kept(each)]
 
@@ -56,9 +58,11 @@ def check_frozen(options: TrainingOptions, *, has_start: bool, random: Collectio
     if not options.freeze:
         return
     if not has_start:
-        raise PaveTwinError("`freeze` keeps the weights that a run begins with: give some (`start`).")
+        raise PaveTwinError("`freeze` keeps the weights that a run begins with; name some (`start`).")
     if not random:
-        raise PaveTwinError("`freeze`: the weights to begin with lack nothing that could be trained, such as `p2`.")
+        raise PaveTwinError(
+            "`freeze`: `start` has all weights of this network; give p2=true, a level that it lacks (`overrides`)."
+        )
 
 
 def _is_kept(layer: nn.Module) -> bool:

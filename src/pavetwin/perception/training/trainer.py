@@ -166,8 +166,7 @@ class Trainer:
                 if isinstance(each, HeldExampleSet):
                     each.hold(machine.workers)
         self._progress = _Progress()
-        is_measured = start is not None and is_exported(start) and not options.freeze
-        if is_measured and not self._folder.has_checkpoint:
+        if start is not None and is_exported(start) and not self._folder.has_checkpoint:
             self._measure()
         self._begin(self._phases[0])
         self._resume()
@@ -348,6 +347,7 @@ class Trainer:
         """Of the labelled images, and of the photographs that the teacher labels."""
         targets = batch.targets.to(self._device)
         images = self._seen(images_of(batch.images, self._device, self._pictures), targets)
+        has_regions = self._trained.has_regions and len(targets.regions) > 0
         nothing = torch.zeros((), device=self._device)
         box = classes = distribution = subtype = mask = taught = nothing
         with torch.autocast(self._device.type, dtype=torch.bfloat16, enabled=self._half):
@@ -360,11 +360,11 @@ class Trainer:
                 taught = self._teacher.loss(self.network, theirs, said, self._options.weights)
             else:
                 encoded = self._encode(images)
-            if len(targets.regions):
+            if has_regions:
                 logits, masks = self.network.regions(encoded.maps, targets.regions)
         if not phase.classifier:
             box, classes, distribution = detection_losses(encoded, targets)
-        if len(targets.regions):
+        if has_regions:
             subtype = subtype_loss(logits, targets.subtypes)
             if masks is not None and self._options.mask_weight:
                 mask = mask_loss(masks, targets.masks, targets.has_mask)
