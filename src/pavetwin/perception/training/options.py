@@ -77,7 +77,7 @@ class TrainingOptions:
     distractors: int = _about("Random shapes tried for each view, where nothing is labelled.", 0, 0, 64)
     subtype_weight: float = _about("α of L_total.", 1.0, 0, 100)
     mask_weight: float = _about("Of the mask loss; 0 trains no masks.", 1.0, 0, 100)
-    freeze: bool = _about("Train only the level that `p2` adds to what `--start` has.", default=False)
+    freeze: bool = _about("Train only the level that `p2` adds to what `start` has.", default=False)
     seed: int = _about("Random seed; 0 is a seed too.", 0, 0, 2**31)
     fourier: float = _about("β of Fourier amplitude transfer from photographs; 0: none.", 0.0, 0, 0.5)
     appearance: float = _about("Share of synthetic images moved to photographs' colours, noise, blur.", 0.0, 0, 1)
