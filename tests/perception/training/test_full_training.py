@@ -18,7 +18,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.perception.examples.opening import read_examples
 from pavetwin.perception.inference.model_file import open_session
 from pavetwin.perception.shipped import DEFAULT
-from pavetwin.perception.training.options import TrainingMachine
+from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
 from scenes.drawn_roads import drawn_roads
 
 pytestmark = pytest.mark.slow
@@ -158,11 +158,11 @@ def test_the_recipes_of_the_project_are_read_and_compare_whole_seeds(name: str) 
     assert [seed for seed, *_ in jobs(recipe)] == [seed for seed in range(3) for _ in range(runs)]
     if name.endswith("cpu"):
         told = json.loads((RECIPES / "runs" / DEFAULT / "run.json").read_text())
-        assert recipe.options("synthetic", "n", 0).as_mapping() == told["options"]
+        assert recipe.options("synthetic", "n", 0) == TrainingOptions.parse(told["options"])
         assert recipe.trainings["synthetic"].start == DEFAULT
     else:
         streets = [("streets", f"synthetic-8/seed-{seed}", seed) for seed in range(3)]
         for training, name, seed in (("synthetic", "synthetic-7", 1), ("mixed", "mixed-3", 2), *streets):
             told = json.loads((RECIPES / "runs" / name / "run.json").read_text())
-            assert recipe.options(training, "n", seed).as_mapping() == told["options"]
+            assert recipe.options(training, "n", seed) == TrainingOptions.parse(told["options"])
             assert Path(recipe.trainings[training].start or "").name == told["start"]

@@ -355,11 +355,11 @@ class Trainer:
                 # Together, so that batch normalisation learns the statistics of what it will be used on.
                 plain, varied = (images_of(each, self._device) for each in photographs)
                 said = self._teacher.targets(self._average.network, plain)
-                both = self._encode(torch.cat([images, varied]))
+                both = self._encode(torch.cat([images, varied]), phase)
                 encoded, theirs = both.images(slice(len(images))), both.images(slice(len(images), None))
                 taught = self._teacher.loss(self.network, theirs, said, self._options.weights)
             else:
-                encoded = self._encode(images)
+                encoded = self._encode(images, phase)
             if has_regions:
                 logits, masks = self.network.regions(encoded.maps, targets.regions)
         if not phase.classifier:
@@ -378,7 +378,9 @@ class Trainer:
         rng = child(options.seed, Stream.DISTRACTORS, it.phase, it.epoch, it.step)
         return with_distractors(images, targets, options.distractors, rng).to(memory_format=torch.channels_last)
 
-    def _encode(self, images: Tensor) -> Encoded:
+    def _encode(self, images: Tensor, phase: Phase) -> Encoded:
+        if phase.classifier:
+            return self.network(images)
         # While the momentum changes, each step would be compiled again.
         is_settled = self._average.steps * NORM_MOMENTUM > 1
         maps = self._compiled if is_settled or not self._is_new else self.network.maps
