@@ -21,11 +21,6 @@ TINY = (
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return drawn_roads(tmp_path_factory.mktemp("roads"), {"train": 12, "val": 3}, size=(64, 48))
-
-
-@pytest.fixture(scope="module")
 def trained(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     run = tmp_path_factory.mktemp("runs") / "run"
     done = pavetwin("train", folder, "-o", run, *TINY)

@@ -8,26 +8,18 @@ import numpy as np
 import pytest
 
 from pavetwin.perception.classes import CLASSES
-from pavetwin.perception.examples.coco import read_coco
 from pavetwin.perception.examples.example import ExampleSet
 from pavetwin.perception.training import trainer
 from pavetwin.perception.training.batches import TrainingViews
 from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
 from pavetwin.perception.training.trainer import Trainer
 from pavetwin.perception.training.watchers import Silent
-from scenes.drawn_roads import drawn_roads
 
 TINY = TrainingOptions(
     width=0.03, depth=0.01, image_px=64, epochs=4, classifier_epochs=1, batch=4, warmup_epochs=1, mosaic_off=0
 )
 
 pytestmark = pytest.mark.slow
-
-
-@pytest.fixture(scope="module")
-def data(tmp_path_factory: pytest.TempPathFactory) -> list[ExampleSet]:
-    folder = drawn_roads(tmp_path_factory.mktemp("data"), {"train": 12, "val": 3}, size=(64, 48))
-    return [read_coco(folder, ("train", "val"))]
 
 
 def phases(run: Path) -> list[str]:

@@ -15,7 +15,6 @@ from onnx import TensorProto, helper, numpy_helper
 from torch import Tensor, nn
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.examples.coco import read_coco
 from pavetwin.perception.examples.example import ExampleSet
 from pavetwin.perception.inference.model_file import ModelFacts
 from pavetwin.perception.shipped import start_path
@@ -63,12 +62,6 @@ def written(architecture: Architecture, path: Path, *, half: bool = False) -> Pa
 @pytest.fixture(scope="module")
 def tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return written(TINY.architecture, tmp_path_factory.mktemp("model") / "tiny.onnx")
-
-
-@pytest.fixture(scope="module")
-def data(tmp_path_factory: pytest.TempPathFactory) -> list[ExampleSet]:
-    folder = drawn_roads(tmp_path_factory.mktemp("data"), {"train": 12, "val": 3}, size=(64, 48))
-    return [read_coco(folder, ("train", "val"))]
 
 
 def shown(count: int) -> Tensor:

@@ -9,7 +9,6 @@ import pytest
 import torch
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.examples.coco import read_coco
 from pavetwin.perception.examples.example import ExampleSet
 from pavetwin.perception.training.export import export
 from pavetwin.perception.training.exported import exported_network
@@ -21,7 +20,6 @@ from pavetwin.perception.training.trained_part import trained_part
 from pavetwin.perception.training.trainer import Trainer
 from pavetwin.perception.training.watchers import Silent
 from scenes.command_line import pavetwin
-from scenes.drawn_roads import drawn_roads
 
 TINY = TrainingOptions(
     width=0.03, depth=0.01, image_px=64, epochs=2, classifier_epochs=0, batch=4, warmup_epochs=1, mosaic_off=1, seed=3
@@ -30,16 +28,6 @@ WITH_LEVEL = replace(TINY, p2=True, freeze=True, epochs=1)
 CPU = TrainingMachine(device="cpu")
 
 pytestmark = pytest.mark.slow
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return drawn_roads(tmp_path_factory.mktemp("data"), {"train": 12, "val": 3}, size=(64, 48))
-
-
-@pytest.fixture(scope="module")
-def data(folder: Path) -> list[ExampleSet]:
-    return [read_coco(folder, ("train", "val"))]
 
 
 @pytest.fixture(scope="module")
@@ -129,6 +117,6 @@ def test_a_run_that_would_keep_nothing_or_everything_is_refused(
 ) -> None:
     with pytest.raises(PaveTwinError, match=r"name some \(`start`\)"):
         Trainer(data, tmp_path / "run", WITH_LEVEL, CPU, Silent())
-    with pytest.raises(PaveTwinError, match="`start` has all weights of this network; give p2=true"):
+    with pytest.raises(PaveTwinError, match="`start` must lack it; here there is nothing"):
         Trainer(data, tmp_path / "run", replace(WITH_LEVEL, p2=False), CPU, Silent(), start=before)
     assert not (tmp_path / "run").exists()

@@ -47,16 +47,6 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return drawn_roads(tmp_path_factory.mktemp("data"), {"train": 12, "val": 3}, size=(64, 48))
-
-
-@pytest.fixture(scope="module")
-def data(folder: Path) -> list[ExampleSet]:
-    return [read_coco(folder, ("train", "val"))]
-
-
-@pytest.fixture(scope="module")
 def whole(data: list[ExampleSet], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run without interruption."""
     path = tmp_path_factory.mktemp("runs") / "whole"

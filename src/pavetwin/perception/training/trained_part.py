@@ -61,7 +61,7 @@ def check_frozen(options: TrainingOptions, *, has_start: bool, random: Collectio
         raise PaveTwinError("`freeze` keeps the weights that a run begins with; name some (`start`).")
     if not random:
         raise PaveTwinError(
-            "`freeze`: `start` has all weights of this network; give p2=true, a level that it lacks (`overrides`)."
+            "`freeze` trains the level of p2=true alone, and `start` must lack it; here there is nothing left to train."
         )
 
 
