@@ -86,7 +86,7 @@ test-all: setup  ## All tests, the slow ones too, and with new random examples
 		$(PYTEST) -m '' --hypothesis-profile explore || rc=1; $(MAKE) --no-print-directory test-train || rc=1; exit $$rc
 
 test-train: setup .venv-train/.done  ## The tests of the detector's training, with PyTorch in an environment of its own
-	@PYTHONPATH=src .venv-train/bin/python -m pytest -n $(PYTEST_WORKERS) --dist loadfile -m '' tests/perception
+	@PYTHONPATH=src .venv-train/bin/python -m pytest -n $(PYTEST_WORKERS) --dist loadfile -m '' tests/training tests/perception
 
 .venv-train/.done: requirements-train.lock | setup
 	@$(PYTHON) -m venv --clear .venv-train

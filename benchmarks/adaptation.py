@@ -25,18 +25,18 @@ from typing import Any, Final
 import numpy as np
 
 from pavetwin.cli.console import fail, progress
-from pavetwin.datasets.compositing import COMPOSITE
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.evaluation.detections import FoundBox, read_detections
-from pavetwin.perception.evaluation.evaluate import RESAMPLES, PairedComparison, compare_in_pairs
-from pavetwin.perception.evaluation.labelled import LabelledSplit, read_split
-from pavetwin.perception.evaluation.running import LEAST_CONFIDENCE, found_by
-from pavetwin.perception.examples.example import Example, ExampleSet
-from pavetwin.perception.examples.opening import read_examples
-from pavetwin.perception.examples.unlabelled import read_unlabelled
 from pavetwin.perception.inference.model_file import open_session
 from pavetwin.perception.shipped import start_path
-from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
+from pavetwin.training.datasets.compositing import COMPOSITE
+from pavetwin.training.evaluation.detections import FoundBox, read_detections
+from pavetwin.training.evaluation.evaluate import RESAMPLES, PairedComparison, compare_in_pairs
+from pavetwin.training.evaluation.labelled import LabelledSplit, read_split
+from pavetwin.training.evaluation.running import LEAST_CONFIDENCE, found_by
+from pavetwin.training.examples.example import Example, ExampleSet
+from pavetwin.training.examples.opening import read_examples
+from pavetwin.training.examples.unlabelled import read_unlabelled
+from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
 
 PLAIN: Final = "plain"
 VALIDATION: Final = 24
@@ -91,8 +91,8 @@ def options_of(start: Path, variant: Variant, *, steps: int, batch: int, rate: f
     Raises:
         PaveTwinError: these are no weights.
     """
-    from pavetwin.perception.training.exported import is_exported
-    from pavetwin.perception.training.run_folder import load_network
+    from pavetwin.training.trainer.exported import is_exported
+    from pavetwin.training.trainer.run_folder import load_network
 
     if is_exported(start):
         facts = open_session(start, 1)[1]
@@ -116,7 +116,7 @@ def shortened(sets: Sequence[ExampleSet], views: int, options: TrainingOptions) 
     Raises:
         PaveTwinError: they have fewer views.
     """
-    from pavetwin.perception.training.schedule import phases_of
+    from pavetwin.training.trainer.schedule import phases_of
 
     rng = np.random.default_rng(options.seed)
     members = [(data, each) for data in sets for each in data.examples if each.split == "train"]
@@ -199,7 +199,7 @@ class Study:
         missing = {file: split for file, split in self.splits.items() if not (run / file).is_file()}
         if missing:
             self._train(run, variant, options, steps * batch)
-            from pavetwin.perception.training.weights_detector import WeightsDetector
+            from pavetwin.training.trainer.weights_detector import WeightsDetector
 
             detector = WeightsDetector(run / "best.pt", confidence=LEAST_CONFIDENCE)
             for file, split in missing.items():
@@ -207,8 +207,8 @@ class Study:
         return {file: list(read_detections(run / file, (split,))) for file, split in self.splits.items()}
 
     def _train(self, run: Path, variant: Variant, options: TrainingOptions, views: int) -> None:
-        from pavetwin.perception.training.trainer import Trainer
-        from pavetwin.perception.training.watchers import Silent
+        from pavetwin.training.trainer.trainer import Trainer
+        from pavetwin.training.trainer.watchers import Silent
 
         unlabelled = read_unlabelled(self._photographs) if options.adaptations else None
         sets = self._sets(variant, options, views)

@@ -24,18 +24,18 @@ from benchmarks.adaptation import write_found
 from benchmarks.model_tables import tables_of
 from benchmarks.training_recipe import TrainingRecipe
 from pavetwin.cli.console import err, fail, out
-from pavetwin.datasets.packing import FILE as PACKED
-from pavetwin.datasets.recipe import recipe_values
 from pavetwin.errors import PaveTwinError
-from pavetwin.experiments.detector_report.write import write_detector_report
 from pavetwin.files import writing
-from pavetwin.perception.evaluation.detections import FoundBox, read_detections
-from pavetwin.perception.evaluation.evaluate import RESAMPLES, evaluate
-from pavetwin.perception.evaluation.labelled import LabelledSplit, numbered_after, read_split
-from pavetwin.perception.evaluation.running import LEAST_CONFIDENCE, found_by
-from pavetwin.perception.examples.opening import read_examples
 from pavetwin.perception.shipped import model_path, start_path
-from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
+from pavetwin.training.datasets.packing import FILE as PACKED
+from pavetwin.training.datasets.recipe import recipe_values
+from pavetwin.training.evaluation.detections import FoundBox, read_detections
+from pavetwin.training.evaluation.evaluate import RESAMPLES, evaluate
+from pavetwin.training.evaluation.labelled import LabelledSplit, numbered_after, read_split
+from pavetwin.training.evaluation.running import LEAST_CONFIDENCE, found_by
+from pavetwin.training.examples.opening import read_examples
+from pavetwin.training.report.write import write_detector_report
+from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
 
 BUILT: Final = ("synthetic", "export")
 """Folders in which `pavetwin data build` leaves COCO files."""
@@ -118,7 +118,7 @@ class Study:
         run, model = self._run(name, size, seed), self.model(name, size, seed)
         if not model.is_file():
             self._train(name, size, seed, run)
-            from pavetwin.perception.training.export import export
+            from pavetwin.training.trainer.export import export
 
             export(run, model, licence=self._recipe.trainings[name].licence, half=True)
         return self.seen_by(model, run)
@@ -156,8 +156,8 @@ class Study:
         return self._folder / "models" / f"{name}-{size}-{seed}.onnx"
 
     def _train(self, name: str, size: str, seed: int, run: Path) -> None:
-        from pavetwin.perception.training.trainer import Trainer
-        from pavetwin.perception.training.watchers import PlainLines
+        from pavetwin.training.trainer.trainer import Trainer
+        from pavetwin.training.trainer.watchers import PlainLines
 
         self.check_time()
         sets = read_examples([self.datasets[each] for each in self._recipe.trainings[name].datasets])

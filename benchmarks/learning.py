@@ -13,12 +13,12 @@ from PIL import Image
 from benchmarks.detecting import PICTURE
 from benchmarks.measure import Kind, Line, Size
 from pavetwin.perception.classes import CLASSES
-from pavetwin.perception.examples.opening import read_examples
-from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
+from pavetwin.training.examples.opening import read_examples
+from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
 
 if TYPE_CHECKING:
-    from pavetwin.perception.training.run_folder import Curves
-    from pavetwin.perception.training.schedule import Phase
+    from pavetwin.training.trainer.run_folder import Curves
+    from pavetwin.training.trainer.schedule import Phase
 
 OBJECTS: Final = 10
 """Labelled in an image: more than the 1.9 of the synthetic test images (1,278 in 688), since a mosaic shows four."""
@@ -75,8 +75,8 @@ def _step_s(dataset: Path, folder: Path, size: Size, half: bool) -> float | None
     """The median time of a step; None where bfloat16 is asked for and is not faster."""
     import torch
 
-    from pavetwin.perception.training.machine import has_half
-    from pavetwin.perception.training.trainer import Trainer
+    from pavetwin.training.trainer.machine import has_half
+    from pavetwin.training.trainer.trainer import Trainer
 
     if half and not has_half(torch.device("cpu")):
         return None

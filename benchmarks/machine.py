@@ -5,7 +5,7 @@ import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from pavetwin.perception.evaluation.comparison import processor
+from pavetwin.training.evaluation.comparison import processor
 
 BUSY_SHARE = 0.5
 """Above this load for each core, measured before the benchmarks begin, other programs take part in the result."""

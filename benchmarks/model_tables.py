@@ -6,9 +6,9 @@ from typing import Final
 
 from benchmarks.adaptation import cells_of
 from pavetwin.perception.classes import SIZES
-from pavetwin.perception.evaluation.detections import FoundBox
-from pavetwin.perception.evaluation.evaluate import DetectorEvaluation, compare_in_pairs, evaluate
-from pavetwin.perception.evaluation.labelled import LabelledSplit
+from pavetwin.training.evaluation.detections import FoundBox
+from pavetwin.training.evaluation.evaluate import DetectorEvaluation, compare_in_pairs, evaluate
+from pavetwin.training.evaluation.labelled import LabelledSplit
 
 METRICS: Final = {
     "map50": "mAP@0.5",

@@ -8,10 +8,10 @@ import numpy as np
 from PIL import Image
 
 from benchmarks.measure import Kind, Line, Size
-from pavetwin.datasets.ahead import THREADS
-from pavetwin.datasets.importing import import_source
-from pavetwin.datasets.normalise import ImageSize
-from pavetwin.datasets.sources import source_of
+from pavetwin.training.datasets.ahead import THREADS
+from pavetwin.training.datasets.importing import import_source
+from pavetwin.training.datasets.normalise import ImageSize
+from pavetwin.training.datasets.sources import source_of
 
 SIZE_PX: Final = (1280, 960)
 """As the samples of UAV-PDD2023 have it."""

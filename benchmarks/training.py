@@ -22,13 +22,13 @@ import numpy as np
 from benchmarks.adaptation import VALIDATION, table, with_examples, write_found
 from pavetwin.cli.console import fail, progress
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.evaluation.detections import FoundBox, read_detections
-from pavetwin.perception.evaluation.evaluate import RESAMPLES
-from pavetwin.perception.evaluation.labelled import LabelledSplit, numbered_after, read_split
-from pavetwin.perception.evaluation.running import LEAST_CONFIDENCE, found_by
-from pavetwin.perception.examples.example import ExampleSet
-from pavetwin.perception.examples.opening import read_examples
-from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
+from pavetwin.training.evaluation.detections import FoundBox, read_detections
+from pavetwin.training.evaluation.evaluate import RESAMPLES
+from pavetwin.training.evaluation.labelled import LabelledSplit, numbered_after, read_split
+from pavetwin.training.evaluation.running import LEAST_CONFIDENCE, found_by
+from pavetwin.training.examples.example import ExampleSet
+from pavetwin.training.examples.opening import read_examples
+from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
 
 RECIPE: Final[Mapping[str, Any]] = {
     "image_px": 320,
@@ -91,7 +91,7 @@ class Study:
         if not all(file.is_file() for file in files.values()):
             options = TrainingOptions.parse({**self._recipe, **settings, "seed": seed})
             self._train(run, options)
-            from pavetwin.perception.training.weights_detector import WeightsDetector
+            from pavetwin.training.trainer.weights_detector import WeightsDetector
 
             detector = WeightsDetector(run / "best.pt", confidence=LEAST_CONFIDENCE)
             for where, split in self.splits.items():
@@ -99,8 +99,8 @@ class Study:
         return {where: list(read_detections(file, (self.splits[where],))) for where, file in files.items()}
 
     def _train(self, run: Path, options: TrainingOptions) -> None:
-        from pavetwin.perception.training.trainer import Trainer
-        from pavetwin.perception.training.watchers import Silent
+        from pavetwin.training.trainer.trainer import Trainer
+        from pavetwin.training.trainer.watchers import Silent
 
         wanted = options.order.replace("mixed", "synthetic-real").split("-")
         sets, options = sized([each for kind in wanted for each in self._sets[kind]], self._views, options)
@@ -114,7 +114,7 @@ def sized(sets: Sequence[ExampleSet], views: int, options: TrainingOptions) -> t
     Raises:
         PaveTwinError: there are none to train on.
     """
-    from pavetwin.perception.training.schedule import phases_of
+    from pavetwin.training.trainer.schedule import phases_of
 
     members = [(data, each) for data in sets for each in data.examples if each.split == "train"]
     epoch = sum(phase.main + phase.drawn for phase in phases_of(members, replace(options, epochs=1)))

@@ -6,9 +6,9 @@ from typing import Any, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from pavetwin.config.base import PlacedValueError, Settings
-from pavetwin.datasets.recipe import recipe_values
 from pavetwin.errors import PaveTwinError, no_such
-from pavetwin.perception.training.options import TrainingOptions
+from pavetwin.training.datasets.recipe import recipe_values
+from pavetwin.training.trainer.options import TrainingOptions
 
 OF_RUN = ("size", "seed")
 """Settings that the recipe gives each run."""

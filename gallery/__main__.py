@@ -12,8 +12,8 @@ from gallery.pictures import PICTURES
 from gallery.renderer import GalleryRenderer
 from gallery.sheet import save
 from pavetwin.cli.console import fail, out
-from pavetwin.datasets.sources.base import source_of
 from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.training.datasets.sources.base import source_of
 
 BESIDE: Final = "photographs"
 """The sheet of frames beside photographs."""

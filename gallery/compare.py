@@ -7,7 +7,7 @@ the middle 80 % over the pictures. Then how well a classifier on texture statist
 apart.
 
 Once more by ground resolution: of the photographs in which the width of a painted line tells it
-(`pavetwin.datasets.markings`) and as many frames, each of the resolution of one photograph, over damage of the same
+(`pavetwin.training.datasets.markings`) and as many frames, each of the resolution of one photograph, over damage of the same
 kind, with a line too.
 """
 
@@ -41,9 +41,9 @@ from gallery.sheet import save
 from gallery.texture import GROUPS, SIDE_PX, texture_statistics, told_apart
 from pavetwin.capture.daylight import draw_compensation_ev
 from pavetwin.cli.console import fail, out
-from pavetwin.datasets.markings import LINE_WIDTH_M
-from pavetwin.datasets.sources.base import source_of
 from pavetwin.errors import PaveTwinError
+from pavetwin.training.datasets.markings import LINE_WIDTH_M
+from pavetwin.training.datasets.sources.base import source_of
 
 FRAMES: Final = 120
 PHOTOGRAPHS: Final = 240

@@ -14,9 +14,9 @@ from gallery.matched import SEEN, Pair, Photograph, darkness, flight_view, store
 from gallery.renderer import GREY, MORNING, OVERCAST, GalleryRenderer
 from gallery.texture import SIDE_PX
 from pavetwin.capture.daylight import MOST_COMPENSATION_EV
-from pavetwin.datasets.markings import painted_lines
 from pavetwin.defects.measures import extents_m
 from pavetwin.errors import PaveTwinError
+from pavetwin.training.datasets.markings import painted_lines
 from pavetwin.world.model import Defect
 
 SUNNY: Final = 8

@@ -14,12 +14,12 @@ from PIL import Image
 
 from gallery.renderer import GalleryRenderer
 from gallery.texture import SIDE_PX
-from pavetwin.datasets.markings import marking_gsd_mm, painted_lines
-from pavetwin.datasets.report import Report
-from pavetwin.datasets.rules import outcome
-from pavetwin.datasets.sources.base import DatasetSource
 from pavetwin.labels.boxes import FloatBox
 from pavetwin.scene.view import View, look
+from pavetwin.training.datasets.markings import marking_gsd_mm, painted_lines
+from pavetwin.training.datasets.report import Report
+from pavetwin.training.datasets.rules import outcome
+from pavetwin.training.datasets.sources.base import DatasetSource
 from pavetwin.world.model import Defect
 from pavetwin.world.segments import direction_at
 

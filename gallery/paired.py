@@ -11,9 +11,9 @@ from gallery.frame_matcher import FrameMatcher
 from gallery.matched import Pair, Photograph, photographs, pictures_in
 from gallery.renderer import GalleryRenderer, Picture
 from gallery.sheet import captioned, grid
-from pavetwin.datasets.markings import LINE_WIDTH_M
-from pavetwin.datasets.sources.base import DatasetSource
 from pavetwin.errors import PaveTwinError
+from pavetwin.training.datasets.markings import LINE_WIDTH_M
+from pavetwin.training.datasets.sources.base import DatasetSource
 
 SHOWN: Final = 24
 CELL_PX: Final = 212

@@ -7,8 +7,8 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from pavetwin.datasets.duplicates import alike, signature
-from pavetwin.datasets.overlaps import candidates, overlap
+from pavetwin.training.datasets.duplicates import alike, signature
+from pavetwin.training.datasets.overlaps import candidates, overlap
 
 
 def scenes_of(pictures: Sequence[Path]) -> list[int]:

@@ -11,7 +11,7 @@ from PIL import Image
 from PIL.JpegImagePlugin import JpegImageFile
 from scipy.fft import dctn
 
-from pavetwin.datasets.sources.base import source_of
+from pavetwin.training.datasets.sources.base import source_of
 from scenes.photographs import pavement
 
 COARSE = 40

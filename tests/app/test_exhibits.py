@@ -11,9 +11,9 @@ from PIL import Image
 from pavetwin.app.exhibits import _MARKS, REPORT, SHEET, ExhibitKind, exhibit_kind
 from pavetwin.app.session import Session
 from pavetwin.capture.settings import FILE as CAPTURED
-from pavetwin.datasets.common_form import DESCRIPTION as PHOTOGRAPHS
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.store import DESIGN
+from pavetwin.training.datasets.common_form import DESCRIPTION as PHOTOGRAPHS
 from pavetwin.world.store import save_world
 from scenes import damaged
 from scenes.command_line import pavetwin

@@ -8,9 +8,9 @@ import pytest
 
 from pavetwin.capture.recipe import JOINED, SyntheticRecipe, SyntheticSummary, build_synthetic
 from pavetwin.cli.data_build import _parts
-from pavetwin.datasets.packing import RecipePack, pack
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.examples.opening import read_examples
+from pavetwin.training.datasets.packing import RecipePack, pack
+from pavetwin.training.examples.opening import read_examples
 from scenes import scene_file
 from scenes.folders import contents
 from scenes.painter import Painter

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from pavetwin.perception.evaluation import comparison
-from pavetwin.perception.evaluation.labelled import read_split
 from pavetwin.perception.inference import Detector
+from pavetwin.training.evaluation import comparison
+from pavetwin.training.evaluation.labelled import read_split
 from scenes.command_line import pavetwin, plain_refusal
 from scenes.detections import CAR, POTHOLE, true, write_labels
 from scenes.drawn_detector import FILE, SIDE_PX, drawn

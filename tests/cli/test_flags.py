@@ -182,7 +182,7 @@ def test_names_and_values_are_refused_in_one_form(place: Path, arguments: tuple[
         (("capture", "make"), "pavetwin.capture.platforms", "PLATFORMS"),
         (("capture", "make"), "pavetwin.capture.formats", "FORMATS"),
         (("capture", "make"), "pavetwin.uav", "CAMERAS"),
-        (("data", "import"), "pavetwin.datasets.sources", "SOURCES"),
+        (("data", "import"), "pavetwin.training.datasets.sources", "SOURCES"),
         (("fly",), "pavetwin.policies", "POLICIES"),
         (("fly",), "pavetwin.sensing", "SENSORS"),
     ],

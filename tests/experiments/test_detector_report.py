@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from pavetwin.experiments.detector_report.worst import false_alarms, missed
-from pavetwin.perception.evaluation.evaluate import DetectorEvaluation, evaluate
+from pavetwin.training.evaluation.evaluate import DetectorEvaluation, evaluate
+from pavetwin.training.report.worst import false_alarms, missed
 from scenes.detections import CAR, CRACK, CROCODILE, FAR, PERSON, POTHOLE, said, scene, true
 
 SMALL = (100.0, 20.0, 8.0, 8.0)

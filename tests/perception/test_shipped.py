@@ -9,10 +9,10 @@ import pytest
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import area
 from pavetwin.perception.box_pairs import areas, shared_areas
-from pavetwin.perception.evaluation.comparison import timed_picture
 from pavetwin.perception.inference import Detector
 from pavetwin.perception.inference.model_file import open_session
 from pavetwin.perception.shipped import DEFAULT, model_path, shipped_models
+from pavetwin.training.evaluation.comparison import timed_picture
 from scenes.drawn_detector import FILE
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pavetwin.perception.evaluation.detections import FoundBox, read_detections
-from pavetwin.perception.evaluation.labelled import LabelledSplit, read_split
+from pavetwin.training.evaluation.detections import FoundBox, read_detections
+from pavetwin.training.evaluation.labelled import LabelledSplit, read_split
 
 CRACK, CROCODILE, POTHOLE, PERSON, CAR, RUT = range(1, 7)
 """Categories in these files; the last is a class of the user's own."""

@@ -153,7 +153,7 @@ def make() -> None:
     from onnx import compose, helper, parser
 
     from pavetwin.perception.inference.model_file import OUTPUTS, ModelFacts
-    from pavetwin.perception.training.export_graph import answers, joined, suppression
+    from pavetwin.training.trainer.export_graph import answers, joined, suppression
 
     between = suppression(2, 14, 8, confidence=0.25, overlap=0.7, candidates=3000, most=300)
     encoder, regions = (

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from pavetwin.datasets.common_form import read_images
-from pavetwin.datasets.importing import import_source
-from pavetwin.datasets.normalise import ImageSize
-from pavetwin.datasets.sources import source_of
+from pavetwin.training.datasets.common_form import read_images
+from pavetwin.training.datasets.importing import import_source
+from pavetwin.training.datasets.normalise import ImageSize
+from pavetwin.training.datasets.sources import source_of
 
 
 def told(source: str, folder: Path) -> list[str]:

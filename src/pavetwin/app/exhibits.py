@@ -83,7 +83,7 @@ def _make(folder: Path, kind: ExhibitKind, place: Path, tell: Callable[[float, s
 
         save_sheet(folder, place / SHEET)
     else:
-        from pavetwin.datasets.contact_sheet import save_contact_sheet
+        from pavetwin.training.datasets.contact_sheet import save_contact_sheet
 
         save_contact_sheet(folder, place / SHEET)
 

@@ -21,7 +21,7 @@ NAMES: Final = {
     "platforms": ("pavetwin.capture.platforms", "PLATFORMS"),
     "policies": ("pavetwin.policies", "POLICIES"),
     "sensors": ("pavetwin.sensing", "SENSORS"),
-    "sources": ("pavetwin.datasets.sources", "SOURCES"),
+    "sources": ("pavetwin.training.datasets.sources", "SOURCES"),
 }
 """Registries whose names an option's help may list, as in `{cameras}`: module and registry."""
 

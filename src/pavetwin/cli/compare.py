@@ -66,7 +66,8 @@ def compare(
         raise PaveTwinError("Name models to compare, or `sizes` of untrained networks, as in --sizes n,s,m,l.")
     if wanted and not _has_torch():
         raise PaveTwinError("Untrained networks need PyTorch, an extra; install it with `pip install pavetwin[train]`.")
-    from pavetwin.perception.evaluation.comparison import (
+    from pavetwin.perception.inference.model_file import check_threads
+    from pavetwin.training.evaluation.comparison import (
         HEADINGS,
         ComparedModel,
         as_csv,
@@ -76,9 +77,8 @@ def compare(
         compared_ultralytics,
         processor,
     )
-    from pavetwin.perception.evaluation.labelled import read_split
-    from pavetwin.perception.evaluation.ultralytics_models import LICENCE, check_ultralytics
-    from pavetwin.perception.inference.model_file import check_threads
+    from pavetwin.training.evaluation.labelled import read_split
+    from pavetwin.training.evaluation.ultralytics_models import LICENCE, check_ultralytics
 
     check_threads(threads)
     if output is not None:
@@ -99,7 +99,7 @@ def compare(
     count = None
     total = len(files) + len(wanted) + len(foreign)
     if _has_torch():
-        from pavetwin.perception.training.untrained import export_untrained, gflops_of
+        from pavetwin.training.trainer.untrained import export_untrained, gflops_of
 
         count = gflops_of
     with TemporaryDirectory() as folder, progress("Comparing") as tell:
@@ -113,7 +113,7 @@ def compare(
             rows.append(compared(name, path, split=None, frames=frames, threads=threads, count=count))
             tell(len(rows) / total)
         for name, given in foreign:
-            from pavetwin.perception.training.cost import gflops
+            from pavetwin.training.trainer.cost import gflops
 
             told = name if isinstance(given, Path) else f"{name}, untrained"
             row = compared_ultralytics(told, given, split=labels, frames=frames, threads=threads, count=gflops)

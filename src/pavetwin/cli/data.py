@@ -37,7 +37,7 @@ def list_sources() -> None:
     \b
     pavetwin data sources
     """
-    from pavetwin.datasets.sources import SOURCES
+    from pavetwin.training.datasets.sources import SOURCES
 
     for name, source in zip(SOURCES.names(), SOURCES.values(), strict=True):
         out.print(f"[bold]{name}[/]: {source.title}", highlight=False)
@@ -77,10 +77,10 @@ def import_folder(
     What is wrong with a file is told with its name and line, and the rest goes on; exit code 1 says that files were
     refused, 2 that no image is left. All findings are in report.csv of the dataset.
     """
-    from pavetwin.datasets.importing import import_source
-    from pavetwin.datasets.normalise import ImageSize
-    from pavetwin.datasets.recipe import backgrounds_in
-    from pavetwin.datasets.sources import source_of
+    from pavetwin.training.datasets.importing import import_source
+    from pavetwin.training.datasets.normalise import ImageSize
+    from pavetwin.training.datasets.recipe import backgrounds_in
+    from pavetwin.training.datasets.sources import source_of
 
     if output is None:
         raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/pdd.")
@@ -119,7 +119,7 @@ def merge(
 
     Pictures are compared by what they show. Those of one place become one scene, which a split keeps together.
     """
-    from pavetwin.datasets.merging import merge as merged
+    from pavetwin.training.datasets.merging import merge as merged
 
     if output is None:
         raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/all.")
@@ -152,8 +152,8 @@ def balance(
 
     Copies stay in the scene of their image. Needs Albumentations: pip install 'pavetwin\\[augment]'.
     """
-    from pavetwin.datasets.balancing import BalanceSettings
-    from pavetwin.datasets.balancing import balance as balanced
+    from pavetwin.training.datasets.balancing import BalanceSettings
+    from pavetwin.training.datasets.balancing import balance as balanced
 
     if output is None:
         raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/balanced.")
@@ -200,7 +200,7 @@ def composite(
     Ground resolutions must fit. Give them with --gsd at the import where you know them; else those of objects follow
     from their usual size, and those of roads from the width of lane lines.
     """
-    from pavetwin.datasets.compositing import CompositeSettings, compose
+    from pavetwin.training.datasets.compositing import CompositeSettings, compose
 
     if output is None:
         raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/mixed.")
@@ -239,7 +239,7 @@ def split(
     pavetwin data split datasets/all
     pavetwin data split datasets/all --shares 80/10/10 --seed 3
     """
-    from pavetwin.datasets.splitting import LISTS, split_dataset
+    from pavetwin.training.datasets.splitting import LISTS, split_dataset
 
     with progress("Splitting"):
         found = split_dataset(dataset, split_shares(shares, option="--shares"), seed)
@@ -258,7 +258,7 @@ def export(
     \b
     pavetwin data export datasets/all -o datasets/all-yolo --formats yolo
     """
-    from pavetwin.datasets.exporting import export as exported
+    from pavetwin.training.datasets.exporting import export as exported
 
     if output is None:
         raise PaveTwinError("Say where the files go with -o, for example -o datasets/all-yolo.")
@@ -288,8 +288,8 @@ def pack(
     pavetwin data pack datasets/all-coco -o small.pack --max-mb 20 --longest 512
     """
     from pavetwin.labels import SPLITS
-    from pavetwin.perception.examples.opening import read_examples
-    from pavetwin.perception.examples.pack import PackOptions, write_pack
+    from pavetwin.training.examples.opening import read_examples
+    from pavetwin.training.examples.pack import PackOptions, write_pack
 
     if output is None:
         raise PaveTwinError("Say where the file goes with -o, for example -o all.pack.")
@@ -312,8 +312,8 @@ def stats(
     \b
     pavetwin data stats datasets/pdd datasets/china
     """
-    from pavetwin.datasets.common_form import read_description, read_images
-    from pavetwin.datasets.statistics import count_images
+    from pavetwin.training.datasets.common_form import read_description, read_images
+    from pavetwin.training.datasets.statistics import count_images
 
     for folder in datasets:
         description = read_description(folder)
@@ -336,7 +336,7 @@ def show(
     pavetwin data show datasets/pdd
     pavetwin data show datasets/pdd --count 12 -o pdd.jpg
     """
-    from pavetwin.datasets.contact_sheet import save_contact_sheet
+    from pavetwin.training.datasets.contact_sheet import save_contact_sheet
 
     path = output or dataset / "contact-sheet.png"
     with progress("Drawing"):

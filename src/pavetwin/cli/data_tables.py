@@ -8,10 +8,10 @@ from pavetwin.cli.console import err
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from pavetwin.datasets.allocation import CopyPlan
-    from pavetwin.datasets.report import Report
-    from pavetwin.datasets.splitting import SplitShares
-    from pavetwin.datasets.statistics import DatasetCounts
+    from pavetwin.training.datasets.allocation import CopyPlan
+    from pavetwin.training.datasets.report import Report
+    from pavetwin.training.datasets.splitting import SplitShares
+    from pavetwin.training.datasets.statistics import DatasetCounts
 
 REFUSED_CODE = 1
 """Exit code where files of a source were refused; the others are in the dataset."""
@@ -25,7 +25,7 @@ NOTES_SHOWN = 3
 
 def tell_report(report: "Report", folder: Path) -> None:
     """The report's first lines, refusals first, on the error stream; and where all of it is."""
-    from pavetwin.datasets.report import FILE, UNLABELLED, Finding
+    from pavetwin.training.datasets.report import FILE, UNLABELLED, Finding
 
     order = list(Finding)
     lines = sorted(report, key=lambda problem: order.index(problem.finding))
@@ -63,7 +63,7 @@ def balance_table(plan: "CopyPlan") -> "Table":
     """A row a class that the dataset shows: its instances before and after."""
     from rich.table import Table
 
-    from pavetwin.datasets.annotated import class_names
+    from pavetwin.training.datasets.annotated import class_names
 
     table = Table(box=None, pad_edge=False, header_style="bold")
     table.add_column("instances of", no_wrap=True)
@@ -79,7 +79,7 @@ def counts_table(title: str, counts: "DatasetCounts") -> "Table":
     """A row a source, and the sums."""
     from rich.table import Table
 
-    from pavetwin.datasets.annotated import class_names
+    from pavetwin.training.datasets.annotated import class_names
 
     several = len(counts.sources) > 1
     table = Table(title=title, title_justify="left", box=None, pad_edge=False, header_style="bold", show_footer=several)

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from pavetwin.perception.evaluation.detections import FoundBox
-    from pavetwin.perception.evaluation.evaluate import DetectorEvaluation, PairedComparison
-    from pavetwin.perception.evaluation.labelled import LabelledSplit
-    from pavetwin.perception.training.weights_detector import WeightsDetector
+    from pavetwin.training.evaluation.detections import FoundBox
+    from pavetwin.training.evaluation.evaluate import DetectorEvaluation, PairedComparison
+    from pavetwin.training.evaluation.labelled import LabelledSplit
+    from pavetwin.training.trainer.weights_detector import WeightsDetector
 
 WEIGHTS = ".pt"
 """Suffix of a file of weights, which PyTorch runs."""
@@ -79,13 +79,13 @@ def evaluate(
     Needs pycocotools: pip install 'pavetwin\\[evaluate]'; a model needs onnxruntime too, and no PyTorch but for
     --true-regions. Weights need PyTorch, and are asked for the subtypes of true regions too.
     """
-    from pavetwin.experiments.detector_report.write import write_detector_report
     from pavetwin.labels import SPLITS
-    from pavetwin.perception.evaluation.detections import read_subtypes
-    from pavetwin.perception.evaluation.evaluate import check_evaluation, compare_in_pairs
-    from pavetwin.perception.evaluation.evaluate import evaluate as evaluated
-    from pavetwin.perception.evaluation.labelled import read_split
     from pavetwin.perception.shipped import model_path
+    from pavetwin.training.evaluation.detections import read_subtypes
+    from pavetwin.training.evaluation.evaluate import check_evaluation, compare_in_pairs
+    from pavetwin.training.evaluation.evaluate import evaluate as evaluated
+    from pavetwin.training.evaluation.labelled import read_split
+    from pavetwin.training.report.write import write_detector_report
 
     if output is None:
         raise PaveTwinError("Say where the report goes with -o, for example -o evaluation.")
@@ -117,7 +117,7 @@ def evaluate(
             with about("regions"):
                 told = read_subtypes(regions, chosen)
         elif true_regions or detections.suffix.lower() == WEIGHTS:
-            from pavetwin.perception.evaluation.running import subtypes_by
+            from pavetwin.training.evaluation.running import subtypes_by
 
             weights = detections if detections.suffix.lower() == WEIGHTS else model_path(detections)
             told = subtypes_by(_of_weights(weights), chosen)
@@ -150,8 +150,8 @@ def _found(
         models_in: number of the splits, the first ones, that a model has to look at; None: those it is measured by.
         overview: whether a model looks in tiles and as a whole.
     """
-    from pavetwin.perception.evaluation.detections import read_detections
     from pavetwin.perception.shipped import model_path
+    from pavetwin.training.evaluation.detections import read_detections
 
     if not path.exists() and path.suffix.lower() not in (".json", WEIGHTS):
         path = model_path(path)
@@ -160,8 +160,8 @@ def _found(
         if overview:
             raise PaveTwinError(f"`overview`: '{path}' holds detections, which say what was found already.")
         return read_detections(path, tuple(each for each in splits if not each.is_renumbered))
-    from pavetwin.perception.evaluation.running import LEAST_CONFIDENCE, found_by
     from pavetwin.perception.inference import Detector
+    from pavetwin.training.evaluation.running import LEAST_CONFIDENCE, found_by
 
     looked_at = [splits[0], *(each for each in splits[1:models_in] if each.name == VALIDATION)]
     if kind == WEIGHTS:
@@ -171,17 +171,17 @@ def _found(
 
 def _of_weights(path: Path, *, overview: bool = False) -> "WeightsDetector":
     from pavetwin.cli.train import check_torch
-    from pavetwin.perception.evaluation.running import LEAST_CONFIDENCE
+    from pavetwin.training.evaluation.running import LEAST_CONFIDENCE
 
     check_torch("Evaluating weights")
-    from pavetwin.perception.training.weights_detector import WeightsDetector
+    from pavetwin.training.trainer.weights_detector import WeightsDetector
 
     return WeightsDetector(path, confidence=LEAST_CONFIDENCE, overview=overview)
 
 
 def _others(dataset: Path, chosen: "LabelledSplit") -> "list[LabelledSplit]":
     """The splits of which a file of detections may hold some too, if the dataset has them, numbered apart."""
-    from pavetwin.perception.evaluation.labelled import numbered_after, read_split
+    from pavetwin.training.evaluation.labelled import numbered_after, read_split
 
     names = [name for name in (VALIDATION, "test") if name != chosen.name]
     there = [name for name in names if (dataset / "annotations" / f"instances_{name}.json").is_file()]
@@ -207,9 +207,9 @@ def _interval(low: float, high: float) -> str:
 
 def _tell(result: "DetectorEvaluation") -> None:
     """A row a class, then the metrics of all with their intervals."""
-    from pavetwin.experiments.detector_report.sections import METRICS
     from pavetwin.experiments.words import counted
-    from pavetwin.perception.evaluation.matching import HALF
+    from pavetwin.training.evaluation.matching import HALF
+    from pavetwin.training.report.sections import METRICS
 
     table = _table("per cent", "objects", "AP@0.5", "AP@0.5:0.95", "precision", "recall", "F1")
     for matched, scores in zip(result.five.classes, result.at_stated.classes, strict=True):
@@ -242,7 +242,7 @@ def _tell(result: "DetectorEvaluation") -> None:
 
 
 def _tell_differences(found: "PairedComparison") -> None:
-    from pavetwin.experiments.detector_report.sections import METRICS
+    from pavetwin.training.report.sections import METRICS
 
     table = _table("less the others, points", "these", "others", "difference", "95 % interval", "p")
     for name, words in METRICS.items():

@@ -56,13 +56,13 @@ def export(
         raise PaveTwinError(f"`int8`: there is no folder of pictures '{int8}'.")
     runs = [_existing(run) for run in runs]
     _check_installed()
-    from pavetwin.perception.training.export import export as exported
+    from pavetwin.training.trainer.export import export as exported
 
     with progress("Exporting"):
         if int8 is None:
             facts = exported(runs, output, licence=licence, half=half)
         else:
-            from pavetwin.perception.training.quantise import pictures_in, store_in_int8
+            from pavetwin.training.trainer.quantise import pictures_in, store_in_int8
 
             pictures = pictures_in(int8)
             with writing(output) as temporary:

@@ -12,7 +12,7 @@ from pavetwin.cli.console import err, out
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
-    from pavetwin.perception.training.trainer import Watcher
+    from pavetwin.training.trainer.trainer import Watcher
 
 
 def train(
@@ -73,10 +73,10 @@ def train(
     """
     if output is None:
         raise PaveTwinError("Say where the run goes with -o, for example -o runs/first.")
-    from pavetwin.perception.examples.opening import read_examples
-    from pavetwin.perception.examples.unlabelled import read_unlabelled
     from pavetwin.perception.shipped import start_path
-    from pavetwin.perception.training.options import TrainingMachine, TrainingOptions
+    from pavetwin.training.examples.opening import read_examples
+    from pavetwin.training.examples.unlabelled import read_unlabelled
+    from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
 
     given: dict[str, Any] = {"size": size, "image_px": image, "order": order, "epochs": epochs, "batch": batch}
     given |= {"seed": seed, "without": without, "native": native or None}
@@ -86,7 +86,7 @@ def train(
     begun = start_path(start) if start is not None else None
     unlabelled = read_unlabelled(photographs) if photographs is not None else None
     check_torch("Training")
-    from pavetwin.perception.training.trainer import Trainer
+    from pavetwin.training.trainer.trainer import Trainer
 
     with _watched() as watcher:
         trainer = Trainer(read_examples(datasets), output, options, machine, watcher, begun, unlabelled)
@@ -112,7 +112,7 @@ def check_torch(what: str) -> None:
 def _watched() -> Iterator["Watcher"]:
     """Live curves on a terminal, plain lines elsewhere."""
     if not err.rich.is_terminal:
-        from pavetwin.perception.training.watchers import PlainLines
+        from pavetwin.training.trainer.watchers import PlainLines
 
         yield PlainLines()
         return

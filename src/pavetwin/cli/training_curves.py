@@ -10,8 +10,8 @@ from rich.table import Table
 if TYPE_CHECKING:
     from rich.live import Live
 
-    from pavetwin.perception.training.run_folder import Curves
-    from pavetwin.perception.training.schedule import Phase
+    from pavetwin.training.trainer.run_folder import Curves
+    from pavetwin.training.trainer.schedule import Phase
 
 SHOWN: Final = (
     ("total", "loss"),

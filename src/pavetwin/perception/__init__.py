@@ -1,4 +1,4 @@
-"""The detector: its classes and labelled examples here, its network and training in `pavetwin.perception.training`.
+"""The detector: its classes and labelled examples here, its network and training in `pavetwin.training.trainer`.
 
 Nothing here but `training` needs PyTorch, and only that package imports it.
 """

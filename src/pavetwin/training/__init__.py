@@ -1,0 +1,1 @@
+"""Detector training: labelled datasets, the network and its trainer, evaluation and reports."""

@@ -1,0 +1,180 @@
+"""The common form on disk: Pascal VOC, with what VOC has no place for in elements `pavetwin` that its readers skip.
+
+`Annotations/NAME.xml` and `JPEGImages/NAME.jpg`; an image is in the dataset when its XML file is there, which is
+written last. Boxes count pixels from 1 and include their last. Ignored annotations are `difficult`, which VOC's own
+evaluation leaves out; a region of no class has the name `ignored`.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final
+from xml.etree import ElementTree
+
+import yaml
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import writing
+from pavetwin.training.datasets.annotated import AnnotatedImage, Annotation, Polygon, class_names
+from pavetwin.training.datasets.safe_xml import Element, XmlError, parse_xml
+
+DESCRIPTION: Final = "dataset.yaml"
+ANNOTATIONS: Final = "Annotations"
+PICTURES: Final = "JPEGImages"
+FORMAT: Final = 1
+"""Of these files; a dataset of another format is not read."""
+
+NO_CLASS: Final = "ignored"
+
+_FORBIDDEN: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""What XML 1.0 cannot hold."""
+
+
+def annotation_path(folder: Path, name: str) -> Path:
+    return folder / ANNOTATIONS / f"{name}.xml"
+
+
+def as_xml(image: AnnotatedImage) -> bytes:
+    """The content of an image's file."""
+    root = ElementTree.Element("annotation")
+    _texts(root, folder=PICTURES, filename=image.picture)
+    _texts(ElementTree.SubElement(root, "source"), database=image.source, image=image.original)
+    width, height = image.size_px
+    _texts(ElementTree.SubElement(root, "size"), width=width, height=height, depth=3)
+    _texts(root, segmented=0)
+    for each in image.annotations:
+        _add(root, each)
+    extra = ElementTree.SubElement(root, "pavetwin")
+    _texts(extra, group=image.group, gsd_mm=image.gsd_mm, background=1 if image.is_background else None)
+    _attributes(extra, image.attributes)
+    ElementTree.indent(root)
+    return (ElementTree.tostring(root, encoding="unicode") + "\n").encode()
+
+
+def _add(root: ElementTree.Element, annotation: Annotation) -> None:
+    node = ElementTree.SubElement(root, "object")
+    name, is_ignored = annotation.category or NO_CLASS, annotation.ignored is not None
+    _texts(node, name=name, pose="Unspecified", truncated=0, difficult=int(is_ignored))
+    left, top, right, bottom = annotation.box
+    _texts(ElementTree.SubElement(node, "bndbox"), xmin=left + 1, ymin=top + 1, xmax=right, ymax=bottom)
+    extra = ElementTree.SubElement(node, "pavetwin")
+    outline = None
+    if annotation.outline is not None:
+        outline = " ".join(f"{x:.2f},{y:.2f}" for x, y in annotation.outline)
+    _texts(extra, original=annotation.original, ignored=annotation.ignored, outline=outline)
+    _attributes(extra, annotation.attributes)
+
+
+def _texts(node: ElementTree.Element, **values: object) -> None:
+    for tag, value in values.items():
+        if value is not None and value != "":
+            ElementTree.SubElement(node, tag).text = _FORBIDDEN.sub("\N{REPLACEMENT CHARACTER}", str(value))
+
+
+def _attributes(node: ElementTree.Element, attributes: Mapping[str, str]) -> None:
+    for key, value in sorted(attributes.items()):
+        held = ElementTree.SubElement(node, "attribute")
+        _texts(held, name=key, value=value)
+
+
+def read_image(path: Path) -> AnnotatedImage:
+    """An image's file read back.
+
+    Raises:
+        PaveTwinError: it is damaged.
+    """
+    try:
+        return _image(parse_xml(path), path.stem)
+    except (XmlError, ValueError, TypeError, AttributeError) as error:
+        raise PaveTwinError(f"'{path}' is damaged ({error}); make the dataset again.") from error
+
+
+def _image(root: Element, name: str) -> AnnotatedImage:
+    size, source, extra = (_child(root, tag) for tag in ("size", "source", "pavetwin"))
+    gsd_mm = extra.value("gsd_mm")
+    return AnnotatedImage(
+        name=name,
+        suffix=Path(_text(root, "filename")).suffix,
+        size_px=(int(_text(size, "width")), int(_text(size, "height"))),
+        source=_text(source, "database"),
+        original=_text(source, "image"),
+        group=_text(extra, "group"),
+        gsd_mm=float(gsd_mm) if gsd_mm is not None else None,
+        is_background=extra.value("background") == "1",
+        annotations=tuple(_annotation(each) for each in root.all("object")),
+        attributes=_attributes_of(extra),
+    )
+
+
+def _annotation(node: Element) -> Annotation:
+    corners, extra, name = _child(node, "bndbox"), _child(node, "pavetwin"), _text(node, "name")
+    left, top, right, bottom = (int(_text(corners, tag)) for tag in ("xmin", "ymin", "xmax", "ymax"))
+    outline = extra.value("outline")
+    return Annotation(
+        category=None if name == NO_CLASS else name,
+        box=(left - 1, top - 1, right, bottom),
+        ignored=extra.value("ignored"),
+        outline=_corners(outline) if outline is not None else None,
+        original=extra.value("original") or "",
+        attributes=_attributes_of(extra),
+    )
+
+
+def _corners(text: str) -> Polygon:
+    pairs = (pair.split(",") for pair in text.split())
+    return tuple((float(x), float(y)) for x, y in pairs)
+
+
+def _attributes_of(node: Element) -> dict[str, str]:
+    return {_text(each, "name"): each.value("value") or "" for each in node.all("attribute")}
+
+
+def _child(node: Element, tag: str) -> Element:
+    child = node.find(tag)
+    if child is None:
+        raise ValueError(f"{node.tag} has no {tag}")
+    return child
+
+
+def _text(node: Element, tag: str) -> str:
+    value = node.value(tag)
+    if value is None:
+        raise ValueError(f"{node.tag} has no {tag}")
+    return value
+
+
+def image_names(folder: Path) -> list[str]:
+    """The names of a dataset's images, sorted."""
+    return sorted(path.stem for path in (folder / ANNOTATIONS).glob("*.xml"))
+
+
+def read_images(folder: Path) -> Iterator[AnnotatedImage]:
+    """The images of a dataset by name, one in memory at a time."""
+    for name in image_names(folder):
+        yield read_image(annotation_path(folder, name))
+
+
+def write_description(folder: Path, content: Mapping[str, Any], name: str = DESCRIPTION) -> None:
+    """Write `dataset.yaml`, or a file of another name: what made the dataset, its classes, whether it is complete."""
+    whole = {"format": FORMAT, "classes": list(class_names()), **content}
+    with writing(folder / name) as temporary:
+        temporary.write_text(yaml.safe_dump(whole, sort_keys=False, allow_unicode=True), encoding="utf-8")
+
+
+def read_description(folder: Path, name: str = DESCRIPTION) -> dict[str, Any]:
+    """What `dataset.yaml` holds, or such a file of another name.
+
+    Raises:
+        PaveTwinError: there is none, it is damaged, or of another version's format.
+    """
+    path = folder / name
+    if not path.is_file():
+        raise PaveTwinError(f"'{folder}' holds no dataset; make one with `pavetwin data import SOURCE FOLDER`.")
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        number = content["format"]
+    except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError) as error:
+        raise PaveTwinError(f"'{path}' is damaged; make the dataset again.") from error
+    if number != FORMAT:
+        raise PaveTwinError(f"'{folder}' is of format {number}, this version's is {FORMAT}; make the dataset again.")
+    return dict(content)

@@ -1,0 +1,287 @@
+"""Objects cut out of images: by their outline where there is one, else by segmentation of their box; and judged.
+
+Without an outline GrabCut (Rother, Kolmogorov and Blake 2004) separates the object from what surrounds its box. It
+often fails, so a cut-out must pass all of `QUALITY`; why others did not is counted.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from math import hypot, sqrt
+from statistics import median
+from typing import Final
+
+import cv2
+import numpy as np
+from scipy import ndimage
+
+from pavetwin.arrays import BoolArray, Float64Array, UInt8Array
+from pavetwin.labels.boxes import PixelBox, area, of_mask, within
+from pavetwin.labels.classes import CAR, PERSON
+from pavetwin.training.datasets.annotated import AnnotatedImage
+from pavetwin.training.datasets.covering import filled
+
+SIZES_M: Final = {CAR.name: (4.5, 1.8), PERSON.name: (0.5, 0.35)}
+"""Length and width seen from above, of a usual car and of an upright person (shoulders and depth): our assumption, for
+images whose ground resolution is not known."""
+
+PLAUSIBLE_M: Final = {CAR.name: ((3.0, 20.0), (1.3, 3.6)), PERSON.name: ((0.3, 1.4), (0.2, 1.0))}
+"""Least and greatest length and width; an arm, a bag and a lean towards the border make people longer."""
+
+IMPLAUSIBLE: Final = "it has not the size of its class on the ground"
+
+LEAST_PX: Final = {CAR.name: 12, PERSON.name: 8}
+"""Of a cut-out's width."""
+
+LEAST_VISIBLE: Final = 0.97
+"""Of an object whose source says how much of it is visible, as captures do."""
+
+MARGIN: Final = 0.4
+"""Of a box's longer side: what GrabCut sees around it."""
+
+_WORKING_PX: Final = (96, 160)
+"""Boxes are enlarged or shrunk to between these for GrabCut: its colour models need pixels, and many take long."""
+
+MOST_OF_IMAGE: Final = 12
+"""Cut-outs of one image: more objects of one place and light add little."""
+
+_RING_PX: Final = 2
+
+OfBox = Callable[["_Mask"], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class CutOut:
+    """One object, cut out."""
+
+    name: str
+    """Of its image, and its number there."""
+    category: str
+    pixels: UInt8Array
+    """(height, width, 4) red, green, blue and opacity, in the pixels of its image."""
+    length_px: float
+    """Of the smallest rectangle around it, turned as it may be."""
+    width_px: float
+    angle_deg: float
+    """Of its length to the image's columns, clockwise, −90 … 90."""
+    surroundings: tuple[float, float, float]
+    """Mean red, green and blue around it."""
+    gsd_mm: float | None
+    """Of its image, where that is known."""
+
+    @property
+    def estimated_gsd_mm(self) -> float:
+        return usual_gsd_mm(self.category, self.length_px, self.width_px)
+
+
+@dataclass(frozen=True, slots=True)
+class _Mask:
+    """What quality is judged by."""
+
+    category: str
+    is_exact: bool
+    """Whether it is an outline of the source."""
+    box_share: float
+    """Of the box that the mask fills."""
+    extent: float
+    """Of the mask's box to the label's, the shorter side."""
+    solidity: float
+    """Of the convex hull that it fills."""
+    fullness: float
+    """Of its smallest rectangle that it fills."""
+    main_part: float
+    """Of the largest part to all parts."""
+    difference: float
+    """In CIE L*a*b* between both sides of its border."""
+    length_px: float
+    width_px: float
+
+
+QUALITY: Final[tuple[tuple[str, OfBox], ...]] = (
+    ("it is too small", lambda mask: mask.width_px >= LEAST_PX[mask.category]),
+    ("it is in several parts", lambda mask: mask.main_part >= 0.9),
+    ("it does not reach the sides of its box", lambda mask: mask.extent >= 0.82),
+    ("it fills its box too little or wholly", lambda mask: mask.is_exact or 0.3 <= mask.box_share <= 0.97),
+    (
+        "its border is ragged",
+        lambda mask: mask.is_exact or mask.solidity >= (0.9 if mask.category == CAR.name else 0.8),
+    ),
+    ("it has not the shape of a vehicle", lambda mask: mask.category != CAR.name or _is_like_a_car(mask)),
+    ("it differs too little from what surrounds it", lambda mask: mask.difference >= 8.0),
+)
+"""What a cut-out must be, and what is told where it is not; the limits are our choice, by looking at cut-outs."""
+
+
+def _is_like_a_car(mask: _Mask) -> bool:
+    return mask.fullness >= 0.78 and 1.5 <= mask.length_px / mask.width_px <= 4.5
+
+
+def cut_outs(
+    image: AnnotatedImage, picture: UInt8Array, on_rejected: Callable[[str], None] = lambda _reason: None
+) -> Iterator[CutOut]:
+    """The good cut-outs of an image's people and vehicles, up to `MOST_OF_IMAGE`.
+
+    Args:
+        picture: (height, width, 3)
+        on_rejected: told why an object is not cut out.
+    """
+    wanted = [at for at, each in enumerate(image.annotations) if each.ignored is None and each.category in SIZES_M]
+    order = np.random.default_rng(len(wanted)).permutation(len(wanted))
+    good = 0
+    for number in (wanted[at] for at in order.tolist()):
+        if good == MOST_OF_IMAGE:
+            return
+        found = _cut_out(image, number, picture)
+        if isinstance(found, CutOut):
+            good += 1
+            yield found
+        else:
+            on_rejected(found)
+
+
+def _cut_out(image: AnnotatedImage, number: int, picture: UInt8Array) -> CutOut | str:
+    """A cut-out, or why there is none."""
+    each = image.annotations[number]
+    assert each.category is not None
+    left, top, right, bottom = each.box
+    width, height = image.size_px
+    if left < 2 or top < 2 or right > width - 2 or bottom > height - 2:
+        return "it touches the border of its image"
+    if min(right - left, bottom - top) < LEAST_PX[each.category]:
+        return "it is too small"
+    others = (other.box for other in image.annotations if other is not each)
+    if any(_common(each.box, other) > 0.02 * area(each.box) for other in others):
+        return "another object is before or behind it"
+    if float(each.attributes.get("visible_fraction", 1.0)) < LEAST_VISIBLE:
+        return "a part of it is hidden"
+    margin = round(MARGIN * max(right - left, bottom - top)) + 4
+    window = (max(left - margin, 0), max(top - margin, 0), min(right + margin, width), min(bottom + margin, height))
+    part = picture[window[1] : window[3], window[0] : window[2]]
+    box = (left - window[0], top - window[1], right - window[0], bottom - window[1])
+    if each.outline is not None:
+        mask = filled(each, image.size_px)[window[1] : window[3], window[0] : window[2]].copy()
+    else:
+        mask = segmented(part, box)
+    judged, angle_deg = _judged(each.category, part, mask, box, is_exact=each.outline is not None)
+    for reason, is_good in QUALITY:
+        if not is_good(judged):
+            return reason
+    if image.gsd_mm is not None and not is_plausible(each.category, judged.length_px, judged.width_px, image.gsd_mm):
+        return IMPLAUSIBLE
+    held = of_mask(mask)
+    assert held is not None, "it was judged good"
+    place = np.s_[max(held[1] - 2, 0) : held[3] + 2, max(held[0] - 2, 0) : held[2] + 2]
+    around = ndimage.binary_dilation(mask, iterations=8) & ~ndimage.binary_dilation(mask, iterations=3)
+    red, green, blue = part[around].mean(axis=0).tolist()
+    return CutOut(
+        name=f"{image.name}-{number:03d}",
+        category=each.category,
+        pixels=np.dstack([part[place], mask[place].astype(np.uint8) * 255]),
+        length_px=judged.length_px,
+        width_px=judged.width_px,
+        angle_deg=angle_deg,
+        surroundings=(red, green, blue),
+        gsd_mm=image.gsd_mm,
+    )
+
+
+def usual_gsd_mm(category: str, length_px: float, width_px: float) -> float:
+    """Millimetres a pixel covers where an object has the usual size of its class."""
+    length_m, width_m = SIZES_M[category]
+    return 1000 * sqrt(length_m * width_m / (length_px * width_px))
+
+
+def is_plausible(category: str, length_px: float, width_px: float, gsd_mm: float) -> bool:
+    """Whether an object has a size of its class on the ground."""
+    sides_m = (length_px * gsd_mm / 1000, width_px * gsd_mm / 1000)
+    return all(low <= side <= high for side, (low, high) in zip(sides_m, PLAUSIBLE_M[category], strict=True))
+
+
+def _common(box: PixelBox, other: PixelBox) -> float:
+    inside = within(box, other)
+    return area(inside) if inside is not None else 0.0
+
+
+def segmented(part: UInt8Array, box: PixelBox) -> BoolArray:
+    """The mask of what stands in a box of a picture (height, width, 3), by GrabCut; the same for the same input."""
+    left, top, right, bottom = box
+    longer = max(right - left, bottom - top)
+    factor = float(np.clip(longer, *_WORKING_PX)) / longer
+    size = (round(part.shape[1] * factor), round(part.shape[0] * factor))
+    seen = cv2.resize(part, size, interpolation=cv2.INTER_CUBIC if factor > 1 else cv2.INTER_AREA)
+    x, y = np.meshgrid(np.arange(size[0]) / factor, np.arange(size[1]) / factor)
+    across = (x - (left + right) / 2) / ((right - left) / 2)
+    down = (y - (top + bottom) / 2) / ((bottom - top) / 2)
+    labels = np.full(seen.shape[:2], cv2.GC_BGD, dtype=np.uint8)
+    labels[(np.abs(across) <= 1) & (np.abs(down) <= 1)] = cv2.GC_PR_BGD
+    labels[across**2 + down**2 <= 1.0] = cv2.GC_PR_FGD
+    labels[across**2 + down**2 <= 0.05] = cv2.GC_FGD
+    cv2.setRNGSeed(0)
+    models = np.zeros((1, 65)), np.zeros((1, 65))
+    # The rectangle is not read where a mask is given.
+    cv2.grabCut(np.ascontiguousarray(seen), labels, (0, 0, 1, 1), *models, 6, cv2.GC_INIT_WITH_MASK)
+    mask = np.isin(labels, (cv2.GC_FGD, cv2.GC_PR_FGD))
+    mask = ndimage.binary_fill_holes(ndimage.binary_opening(mask, iterations=max(1, round(factor))))
+    how = cv2.INTER_AREA if factor > 1 else cv2.INTER_LINEAR
+    shrunk = cv2.resize(mask.astype(np.float32), part.shape[1::-1], interpolation=how)
+    return np.array(shrunk > 0.5)
+
+
+def _judged(category: str, part: UInt8Array, mask: BoolArray, box: PixelBox, *, is_exact: bool) -> tuple[_Mask, float]:
+    """What a mask is judged by, and the angle of its length. Only its largest part is left in the mask."""
+    parts, count = ndimage.label(mask, structure=np.ones((3, 3)))
+    sizes = np.bincount(parts.ravel(), minlength=count + 1)[1:]
+    if not count or sizes.max() < 20:
+        return _Mask(category, is_exact, 0, 0, 0, 0, 0, 0, 0, 0), 0.0
+    whole = float(mask.sum())
+    mask &= parts == int(sizes.argmax()) + 1
+    points = np.argwhere(mask)[:, ::-1]
+    corners = np.concatenate([points + np.array(to) for to in ((0, 0), (1, 0), (0, 1), (1, 1))]).astype(np.float32)
+    hull = cv2.convexHull(corners)
+    _, sides, _ = rectangle = cv2.minAreaRect(corners)
+    first, second, third = cv2.boxPoints(rectangle)[:3]
+    along = max((second - first, third - second), key=lambda side: hypot(*side))
+    pixels = float(mask.sum())
+    (left, top), (right, bottom) = corners.min(axis=0), corners.max(axis=0)
+    judged = _Mask(
+        category=category,
+        is_exact=is_exact,
+        box_share=pixels / area(box),
+        extent=float(min((right - left) / (box[2] - box[0]), (bottom - top) / (box[3] - box[1]))),
+        solidity=pixels / float(cv2.contourArea(hull)),
+        fullness=pixels / (sides[0] * sides[1]),
+        main_part=pixels / whole,
+        difference=_difference(part, mask),
+        length_px=float(max(sides)),
+        width_px=float(min(sides)),
+    )
+    angle = float(np.degrees(np.arctan2(along[1], along[0])))
+    return judged, (angle + 90) % 180 - 90
+
+
+def _difference(part: UInt8Array, mask: BoolArray) -> float:
+    """Mean distance in L*a*b* of the pixels inside the border to the mean of those next to them outside."""
+    lab: Float64Array = cv2.cvtColor(part.astype(np.float32) / 255, cv2.COLOR_RGB2LAB).astype(np.float64)
+    inside = mask & ~ndimage.binary_erosion(mask, iterations=_RING_PX)
+    outside = ndimage.binary_dilation(mask, iterations=_RING_PX + 1) & ~ndimage.binary_dilation(mask)
+    if not inside.any() or not outside.any():
+        return 0.0
+    near = np.stack([_blurred(lab[..., at] * outside, outside) for at in range(3)], axis=-1)
+    return float(np.linalg.norm(lab[inside] - near[inside], axis=1).mean())
+
+
+def _blurred(values: Float64Array, where: BoolArray) -> Float64Array:
+    """The mean of values where they count, near each pixel."""
+    weights = ndimage.gaussian_filter(where.astype(np.float64), 2 * _RING_PX)
+    means: Float64Array = ndimage.gaussian_filter(values, 2 * _RING_PX) / np.maximum(weights, 1e-9)
+    return means
+
+
+def ground_resolution(image: AnnotatedImage, found: list[CutOut]) -> float | None:
+    """Millimetres a pixel covers: as stated, else by the vehicles that are cut out of it, else by its people."""
+    if image.gsd_mm is not None:
+        return image.gsd_mm
+    for category in (CAR.name, PERSON.name):
+        estimates = [each.estimated_gsd_mm for each in found if each.category == category]
+        if estimates:
+            return float(median(estimates))
+    return None

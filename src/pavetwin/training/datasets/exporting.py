@@ -1,0 +1,170 @@
+"""A split dataset for the tools that train on it: YOLO (boxes and polygons) and COCO. Pictures are linked, not copied.
+
+- `yolo`: `images/SPLIT`, `labels/SPLIT`, `data.yaml`. Ignored regions cannot be told and are left out.
+- `yolo-seg`: the same below `yolo-seg`, one polygon a line; only images whose labels all have an outline.
+- `coco`: `annotations/instances_SPLIT.json`. Ignored regions have `iscrowd` 1 and run lengths of their box; one
+  of no class is there once for each class, since COCO matches class by class. A label without outline has an empty
+  `segmentation`: its mask is not known, and a rectangle would teach a wrong one.
+"""
+
+import json
+from collections.abc import Iterator
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import shapely
+
+from pavetwin.errors import PaveTwinError, no_such
+from pavetwin.files import json_bytes, json_rows, link_or_copy, staging_folder, working_in, write_pieces
+from pavetwin.labels.boxes import area
+from pavetwin.labels.classes import categories
+from pavetwin.labels.rle import encode
+from pavetwin.labels.yolo import box_line, data_yaml, polygon_line
+from pavetwin.training.datasets.annotated import AnnotatedImage, Annotation, class_names
+from pavetwin.training.datasets.common_form import PICTURES, annotation_path, read_image, write_description
+from pavetwin.training.datasets.importing import check_same, move_in
+from pavetwin.training.datasets.merging import described
+from pavetwin.training.datasets.splitting import split_names
+
+FORMATS_OF_EXPORT: Final = ("yolo", "yolo-seg", "coco")
+
+SEGMENTATION: Final = "yolo-seg"
+
+DESCRIPTION: Final = "export.yaml"
+"""Says of which dataset and split the files are: those of two splits in one folder would mix train and test."""
+
+
+def export(folder: Path, output: Path, formats: tuple[str, ...]) -> dict[str, int]:
+    """Write a dataset's splits in formats; what is there already is written again.
+
+    Returns:
+        The number of images by format.
+
+    Raises:
+        PaveTwinError: a format is not known, the dataset is not split, the output holds another dataset or split, or
+            it cannot be written.
+    """
+    for name in formats:
+        if name not in FORMATS_OF_EXPORT:
+            raise PaveTwinError(no_such("format", name, FORMATS_OF_EXPORT, key="`formats`"))
+    names = split_names(folder)
+    if output.resolve() == folder.resolve():
+        raise PaveTwinError("The exported dataset needs a folder of its own.")
+    splits = tuple(split for split, held in names.items() if held)
+    counts = dict.fromkeys(formats, 0)
+    held_by = sha256(json.dumps(names).encode()).hexdigest()
+    made_by = {"made_by": "export", "dataset": described(folder), "split": held_by}
+    with working_in(output):
+        check_same(output, made_by, DESCRIPTION)
+        write_description(output, made_by, DESCRIPTION)
+        with staging_folder(output / "staging") as staging:
+            for split in splits:
+                for name in names[split]:
+                    image = read_image(annotation_path(folder, name))
+                    for each in formats:
+                        counts[each] += _write_image(folder, output, staging, split, image, each)
+        for split in splits if "coco" in formats else ():
+            write_pieces(output / "annotations" / f"instances_{split}.json", _coco(folder, names, split))
+        for each, inner in (("yolo", output), (SEGMENTATION, output / SEGMENTATION)):
+            if each in formats:
+                write_pieces(inner / "data.yaml", iter([data_yaml(splits)]))
+    return counts
+
+
+def _write_image(folder: Path, output: Path, staging: Path, split: str, image: AnnotatedImage, name: str) -> bool:
+    """Whether the image is in the format."""
+    numbers = {category: at for at, category in enumerate(class_names())}
+    lines: list[str] = []
+    if name == SEGMENTATION:
+        if any(each.outline is None for each in image.labelled):
+            return False
+        output = output / SEGMENTATION
+        for each in image.labelled:
+            assert each.category is not None
+            assert each.outline is not None
+            lines.append(polygon_line(numbers[each.category], each.outline, image.size_px))
+    elif name == "yolo":
+        labelled = ((each.category, each.box) for each in image.labelled if each.category is not None)
+        lines = [box_line(numbers[category], box, image.size_px) for category, box in labelled]
+    picture = output / "images" / split / image.picture
+    if not picture.is_file():
+        link_or_copy(folder / PICTURES / image.picture, picture)
+    if name != "coco":
+        labels = output / "labels" / split / f"{image.name}.txt"
+        labels.parent.mkdir(parents=True, exist_ok=True)
+        move_in(staging, labels, "".join(lines).encode())
+    return True
+
+
+def _coco(folder: Path, names: dict[str, list[str]], split: str) -> Iterator[bytes]:
+    """The file in pieces: the images are read twice, so that memory holds one at a time."""
+    first = 1 + sum(len(names[other]) for other in list(names)[: list(names).index(split)])
+    kinds = [{"id": each.number + 1, "name": each.name, "supercategory": each.supercategory} for each in categories()]
+    yield b'{"info": ' + json_bytes({"description": folder.absolute().name, "version": "1"})
+    yield b',\n"licenses": [],\n"categories": ' + json_bytes(kinds) + b',\n"images": [\n'
+    yield from json_rows(_image(number, image) for number, image in _numbered(folder, names[split], first))
+    yield b'\n],\n"annotations": [\n'
+    yield from json_rows(
+        {"id": number * 10_000 + place, **row}
+        for number, image in _numbered(folder, names[split], first)
+        for place, row in enumerate(_rows(number, image))
+    )
+    yield b"\n]}\n"
+
+
+def _numbered(folder: Path, names: list[str], first: int) -> Iterator[tuple[int, AnnotatedImage]]:
+    return ((number, read_image(annotation_path(folder, name))) for number, name in enumerate(names, first))
+
+
+def _image(number: int, image: AnnotatedImage) -> dict[str, Any]:
+    return {
+        "id": number,
+        "file_name": image.picture,
+        "width": image.size_px[0],
+        "height": image.size_px[1],
+        "gsd_mm": image.gsd_mm,
+        "source": image.source,
+        "group": image.group,
+        "is_background": image.is_background,
+        "attributes": dict(image.attributes),
+    }
+
+
+def _rows(number: int, image: AnnotatedImage) -> Iterator[dict[str, Any]]:
+    """The annotations of an image, without their ids."""
+    ids = {name: at for at, name in enumerate(class_names(), start=1)}
+    for each in image.annotations:
+        left, top, right, bottom = each.box
+        row = {
+            "image_id": number,
+            "bbox": [left, top, right - left, bottom - top],
+            "area": _area_px(each),
+            "segmentation": _segmentation(each, image.size_px),
+            "iscrowd": int(each.ignored is not None),
+            "ignored": each.ignored,
+            "original": each.original,
+            "attributes": dict(each.attributes),
+        }
+        for category in class_names() if each.category is None else (each.category,):
+            yield {"category_id": ids[category], **row}
+
+
+def _area_px(annotation: Annotation) -> float:
+    """Of what `_segmentation` says: the outline, by the even-odd rule; without one that has an area, the box."""
+    if annotation.ignored is None and annotation.outline is not None:
+        shown = float(shapely.area(shapely.make_valid(shapely.Polygon(annotation.outline))))
+        if shown > 0:
+            return round(shown, 2)
+    return area(annotation.box)
+
+
+def _segmentation(annotation: Annotation, size_px: tuple[int, int]) -> Any:
+    if annotation.ignored is None:
+        return [] if annotation.outline is None else [[value for corner in annotation.outline for value in corner]]
+    width, height = size_px
+    left, top, right, bottom = annotation.box
+    mask = np.zeros((height, width), dtype=np.bool_)
+    mask[top:bottom, left:right] = True
+    return {"size": [height, width], "counts": encode(mask)}

@@ -1,0 +1,15 @@
+"""How label files say what is in a picture: one file a layout. All give the same raw images, unread pictures beside."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from pavetwin.training.datasets.layouts.coco import CocoLayout
+from pavetwin.training.datasets.layouts.masks import MaskLayout
+from pavetwin.training.datasets.layouts.voc import VocLayout
+from pavetwin.training.datasets.layouts.yolo import YoloLayout
+
+AnyLayout = Annotated[VocLayout | YoloLayout | CocoLayout | MaskLayout, Field(discriminator="format")]
+"""One of them, chosen by `format`."""
+
+__all__ = ["AnyLayout", "CocoLayout", "MaskLayout", "VocLayout", "YoloLayout"]

@@ -1,0 +1,248 @@
+"""COCO: one JSON file for many images, read entry by entry. Masks without a box get the box around them."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import lru_cache, partial
+from math import isfinite
+from pathlib import Path, PurePosixPath
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from pavetwin.arrays import BoolArray
+from pavetwin.labels.boxes import FloatBox, of_mask
+from pavetwin.labels.outlines import boundary
+from pavetwin.labels.rle import decode
+from pavetwin.training.datasets.annotated import Polygon
+from pavetwin.training.datasets.layouts.base import LabelLayout, RawImage, RawObject, unlabelled
+from pavetwin.training.datasets.layouts.coco_file import LISTS, CocoEntry, CocoFile, CocoFileError, as_id, coco_file
+from pavetwin.training.datasets.layouts.yolo import box_around
+from pavetwin.training.datasets.pictures import PictureError, PictureIndex, files_in, inside, is_file, picture_size
+from pavetwin.training.datasets.report import Finding, Report
+
+_PLACES: Final = ("", "images", "train", "val", "valid", "test", "train2017", "val2017")
+"""Folders beside or above the JSON file in which `file_name`s are looked for."""
+
+LARGEST_GSD_MM: Final = 1000.0
+"""Ground resolution of an image, at most, as of a source (`DatasetSource.gsd_mm`)."""
+
+
+class CocoEntryError(ValueError):
+    """An entry is not as COCO has it; the message says why."""
+
+
+class CocoLayout(LabelLayout):
+    """`iscrowd` objects are ignored, as COCO's own evaluation does."""
+
+    format: Literal["coco"] = "coco"
+
+    def images(self, folder: Path, report: Report) -> Iterator[RawImage]:
+        pictures = PictureIndex(folder)
+        for labels in files_in(folder, frozenset({".json"})):
+            try:
+                with coco_file(folder / labels) as content:
+                    if content is not None and _is_whole(content, labels, report):
+                        yield from self._images_of(content, folder, labels, pictures, report)
+            except CocoFileError as error:
+                report.add(Finding.REFUSED, labels, f"is not JSON ({error})", error.line)
+            except (OSError, UnicodeDecodeError, RecursionError) as error:
+                report.add(Finding.REFUSED, labels, f"cannot be read ({type(error).__name__})")
+        for name in [name for name in pictures.unused if not self.is_picture(name)]:
+            del pictures.unused[name]
+        yield from unlabelled(folder, pictures)
+
+    def is_picture(self, name: str) -> bool:
+        """Whether a file is a picture of the dataset, not a copy for another format."""
+        del name
+        return True
+
+    def is_background(self, objects: Sequence[RawObject]) -> bool:
+        """Whether an image with these objects is known to show nothing of any class."""
+        del objects
+        return False
+
+    def _images_of(
+        self, content: CocoFile, folder: Path, labels: str, pictures: PictureIndex, report: Report
+    ) -> Iterator[RawImage]:
+        names = {as_id(each.get("id")): str(each.get("name")) for each in content.categories}
+        repeated = content.repeated_ids()
+        for image, annotations in content.images():
+            path = self._picture(folder, labels, image, report)
+            if path is None:
+                continue
+            original = path.relative_to(folder.resolve()).as_posix()
+            pictures.unused.pop(original, None)
+            if (number := as_id(image.content.get("id"))) in repeated:
+                words = "has no id" if number is None else f"has the id {number!r} of another image"
+                report.add(Finding.REFUSED, labels, f"image '{original}' {words}; the image is left out", image.line)
+                continue
+            line, objects, size = image.line, [], lru_cache(maxsize=1)(partial(picture_size, path))
+            try:
+                for each in annotations:
+                    line = each.line
+                    objects.append(self._object(each, names, size))
+                line = image.line
+                known = {"is_background": self.is_background(objects), **self.details(labels, image.content)}
+            except (ValueError, TypeError, LookupError, ArithmeticError, AttributeError) as error:
+                is_told = isinstance(error, CocoEntryError | PictureError)
+                words = str(error) if is_told else "an entry is not as COCO has it"
+                report.add(Finding.REFUSED, labels, f"image '{original}': {words}; the image is left out", line)
+                continue
+            if not _is_resolution(known.get("gsd_mm")):
+                words = f"image '{original}': gsd_mm is not above 0 and at most {LARGEST_GSD_MM:g}; taken as not known"
+                report.add(Finding.NOTE, labels, words, line, alike=f"gsd_mm in {labels}")
+                known["gsd_mm"] = None
+            yield RawImage(path, original, labels, tuple(objects), size_px=_size(image.content), line=line, **known)
+
+    def details(self, labels: str, image: Mapping[str, Any]) -> dict[str, Any]:
+        """What else is known of an image: `gsd_mm`, which is checked later, `group`, `attributes` of its RawImage.
+
+        Raises:
+            CocoEntryError: something of it cannot be understood.
+        """
+        del labels
+        group = image.get("group")
+        return {"gsd_mm": image.get("gsd_mm"), "group": group if isinstance(group, str) else None}
+
+    def picture_places(self, labels: str) -> tuple[str, ...]:
+        """Folders, from the one of the dataset, in which the pictures of a JSON file may lie."""
+        path = PurePosixPath(labels)
+        split = path.stem.removeprefix("instances_")
+        places = (f"images/{split}", split, *_PLACES)
+        return tuple((above / place).as_posix() for above in path.parents for place in places)
+
+    def _picture(self, folder: Path, labels: str, image: CocoEntry, report: Report) -> Path | None:
+        """An image's picture; None, and a line in the report, where it is not there or leads out of the folder."""
+        name = str(image.content.get("file_name"))
+        if inside(folder, name) is None:
+            words = f"file_name '{name}' leads out of the folder; the image is left out"
+            report.add(Finding.REFUSED, labels, words, image.line)
+            return None
+        for place in self.picture_places(labels):
+            path = inside(folder, f"{place}/{name}")
+            if path is not None and is_file(path):
+                return path
+        words = f"there is no picture '{name}'; left out"
+        report.add(Finding.NOTE, labels, words, image.line, alike=f"missing in {labels}")
+        return None
+
+    def _object(self, entry: CocoEntry, names: Mapping[object, str], size: Callable[[], tuple[int, int]]) -> RawObject:
+        """Args:
+            size: of the picture, width and height.
+
+        Raises:
+            CocoEntryError: it has no class or no place; other exceptions where it is not as COCO has it.
+        """
+        content = entry.content
+        which = f"annotation {content.get('id')}"
+        category = as_id(content.get("category_id"))
+        label = names.get(category)
+        if category is None or label is None:
+            raise CocoEntryError(f"{which} has category {content.get('category_id')}, which is not listed")
+        shape = _shape(content.get("segmentation"), which, size)
+        given = content.get("bbox")
+        if given is not None:
+            box = _box(given, which)
+        elif shape is not None:
+            box = shape[0]
+        else:
+            raise CocoEntryError(f"{which} has neither bbox nor segmentation")
+        return RawObject(
+            label,
+            box,
+            entry.line,
+            outline=shape[1] if shape is not None else None,
+            ignored=self.ignored(content),
+            attributes=self.object_details(content),
+        )
+
+    def ignored(self, content: Mapping[str, Any]) -> str | None:
+        """Why an annotation counts neither as an object nor as background."""
+        return "crowd" if content.get("iscrowd") else None
+
+    def object_details(self, content: Mapping[str, Any]) -> dict[str, str]:
+        """What else is known of an object."""
+        del content
+        return {}
+
+
+def _size(image: Mapping[str, Any]) -> tuple[int, int] | None:
+    width, height = image.get("width"), image.get("height")
+    return (width, height) if isinstance(width, int) and isinstance(height, int) else None
+
+
+def _is_whole(content: CocoFile, labels: str, report: Report) -> bool:
+    """Whether a file has all lists of COCO; the report is told of one that it lacks, and of entries that are no use."""
+    if missing := [f"`{key}`" for key in LISTS if key not in content.lists]:
+        report.add(Finding.NOTE, labels, f"has no list {' and no list '.join(missing)}, as COCO has; left out")
+        return False
+    for line in content.others:
+        report.add(Finding.REFUSED, labels, "an entry is no object; left out", line, alike=f"entry of {labels}")
+    for line in content.stray_lines():
+        words = "an annotation is of an image that is not listed; left out"
+        report.add(Finding.NOTE, labels, words, line, alike=f"stray in {labels}")
+    return True
+
+
+def _is_resolution(gsd_mm: object) -> bool:
+    """Whether it is a ground resolution, or none is given."""
+    if isinstance(gsd_mm, bool):
+        return False
+    return gsd_mm is None or (isinstance(gsd_mm, int | float) and 0 < gsd_mm <= LARGEST_GSD_MM)
+
+
+def _numbers(values: Any) -> list[float]:
+    """Finite numbers; empty where they are not a list of such."""
+    try:
+        numbers = [float(value) for value in values] if isinstance(values, list) else []
+    except (ValueError, TypeError, OverflowError):
+        return []
+    return numbers if all(map(isfinite, numbers)) else []
+
+
+def _box(given: Any, which: str) -> FloatBox:
+    """The edges of a `bbox`, which has left, top, width and height."""
+    numbers = _numbers(given)
+    if len(numbers) != 4:
+        raise CocoEntryError(f"the bbox of {which} is not four finite numbers")
+    left, top, width, height = numbers
+    box = (left, top, left + width, top + height)
+    if not all(map(isfinite, box)):
+        raise CocoEntryError(f"the bbox of {which} is not four finite numbers")
+    return box
+
+
+def _shape(
+    segmentation: Any, which: str, size: Callable[[], tuple[int, int]]
+) -> tuple[FloatBox, Polygon | None] | None:
+    """The box around a segmentation, and its outline where that is one polygon; None where there is none."""
+    if isinstance(segmentation, dict):
+        mask = _mask(segmentation, which, size)
+        if (box := of_mask(mask)) is None:
+            return None
+        return box, tuple((x, y) for x, y in boundary(mask).tolist())
+    if segmentation is None or segmentation == []:
+        return None
+    parts = [_numbers(part) for part in segmentation] if isinstance(segmentation, list) else []
+    if not parts or not all(parts) or any(len(part) % 2 for part in parts):
+        raise CocoEntryError(f"the segmentation of {which} is no list of polygons, each x, y, x, y … in finite numbers")
+    polygons = [tuple(zip(part[::2], part[1::2], strict=True)) for part in parts]
+    around = box_around(tuple(corner for polygon in polygons for corner in polygon))
+    return around, polygons[0] if len(polygons) == 1 and len(polygons[0]) > 2 else None
+
+
+def _mask(runs: Mapping[str, Any], which: str, size: Callable[[], tuple[int, int]]) -> BoolArray:
+    """The mask (height, width) of run lengths, which must have the picture's size before anything is decoded."""
+    width, height = size()
+    if _numbers(runs.get("size")) != [height, width]:
+        raise CocoEntryError(f"the mask of {which} has not the picture's size, {width} × {height} pixels")
+    counts: Any = runs.get("counts")
+    if isinstance(counts, str):
+        try:
+            return decode(counts, (height, width))
+        except ValueError as error:
+            raise CocoEntryError(f"the mask of {which}: {error}") from error
+    # Integers of any size: their sum in 64 bits could come round to the right one.
+    lengths = [count for count in counts if isinstance(count, int)] if isinstance(counts, list) else []
+    if not lengths or len(lengths) != len(counts) or min(lengths) < 0 or sum(lengths) != height * width:
+        raise CocoEntryError(f"the run lengths of the mask of {which} do not fill its size")
+    return np.repeat(np.arange(len(lengths)) % 2 == 1, lengths).reshape((height, width), order="F")

@@ -1,0 +1,114 @@
+"""What a source of images is, where sources are registered, and the mapping file that describes one's own."""
+
+import re
+from pathlib import Path
+from typing import Final
+
+from pydantic import Field, field_validator
+from yaml import YAMLError
+
+from pavetwin.config.base import Settings
+from pavetwin.config.text import parse_yaml
+from pavetwin.errors import PaveTwinError
+from pavetwin.registry import Registry
+from pavetwin.training.datasets.layouts import AnyLayout
+from pavetwin.training.datasets.layouts.base import LabelLayout
+from pavetwin.training.datasets.rules import OUTCOMES, ClassRules
+
+
+class DatasetSource(Settings):
+    """A dataset: who publishes it under which licence, how its labels are laid out, and what becomes of its classes.
+
+    A mapping file holds the same keys, `labels` with its `format` among them.
+    """
+
+    title: str = Field(default="", description="Its name, and who published it.")
+    home: str | None = Field(
+        default=None, description="Its page, from which it is downloaded; null where none was verified."
+    )
+    licence: str = Field(default="", description="As stated there.")
+    labels: LabelLayout = Field(description="Layout of the label files.")
+    classes: ClassRules = Field(
+        min_length=1, description="Class of the source → class here, or drop, ignore, discard image."
+    )
+    group: str | None = Field(
+        default=None,
+        description="A pattern (Python's `re`) that finds the scene in a picture's path: its first group, or all.",
+    )
+    gsd_mm: float | None = Field(
+        default=None, gt=0, le=1000, description="Millimetres a pixel covers, where all images have one."
+    )
+
+    @field_validator("group")
+    @classmethod
+    def _is_pattern(cls, pattern: str | None) -> str | None:
+        try:
+            re.compile(pattern or "")
+        except re.error as error:
+            raise ValueError(f"is no pattern that can be read ({error})") from error
+        return pattern
+
+    def group_of(self, original: str) -> str:
+        """The scene that a picture's path names; the path itself where no pattern finds one."""
+        found = re.search(self.group, original) if self.group is not None else None
+        if found is None:
+            return original
+        return found[1] if found.re.groups else found[0]
+
+
+class MappingFile(DatasetSource):
+    """A source as a mapping file describes it."""
+
+    labels: AnyLayout = Field(description="Layout of the label files.")
+
+
+def _broken_rules(source: DatasetSource) -> list[str]:
+    broken = []
+    if not source.title or not source.licence:
+        broken.append("a source needs a title and a licence.")
+    if source.home is not None and not source.home.startswith("https://"):
+        broken.append(f"its home '{source.home}' must begin with https://.")
+    if set(source.classes.values()) <= set(OUTCOMES):
+        broken.append("none of its classes becomes a class of the common form.")
+    return broken
+
+
+SOURCES: Final[Registry[DatasetSource]] = Registry(
+    "dataset source",
+    key="source",
+    group="pavetwin.sources",
+    home="pavetwin.training.datasets.sources",
+    rules=_broken_rules,
+)
+
+
+def is_mapping_file(name: str) -> bool:
+    """Whether a source is named by a mapping file."""
+    return name.lower().endswith((".yaml", ".yml"))
+
+
+def source_name(name: str) -> str:
+    """The name that images get of a known source, or of one in a mapping file (`mine.yaml`)."""
+    return re.sub(r"[^A-Za-z0-9]+", "-", Path(name).stem).strip("-") or "own" if is_mapping_file(name) else name
+
+
+def source_of(name: str) -> tuple[str, DatasetSource]:
+    """A source by its name, or from a mapping file (`mine.yaml`); and the name that its images get.
+
+    Raises:
+        PaveTwinError: there is no such source; the message names the nearest. Or the mapping file cannot be read.
+    """
+    if not is_mapping_file(name):
+        return name, SOURCES.get(name, instead=", or a mapping file (mine.yaml)")
+    path = Path(name)
+    try:
+        text = path.read_text(encoding="utf-8")
+        content = parse_yaml(text, where=f"the mapping file '{name}'")
+    except (OSError, UnicodeDecodeError) as error:
+        raise PaveTwinError(f"`source`: the mapping file '{name}' cannot be read.") from error
+    except (YAMLError, ValueError) as error:
+        words = " ".join(str(error).split())
+        raise PaveTwinError(f"`source`: the mapping file '{name}' is not valid YAML: {words}.") from error
+    if not isinstance(content, dict):
+        raise PaveTwinError(f"`source`: the mapping file '{name}' must hold keys such as labels and classes.")
+    return source_name(name), MappingFile.parse(content, where=f"'{name}'", text=text)

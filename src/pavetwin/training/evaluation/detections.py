@@ -1,0 +1,187 @@
+"""A file of detections: COCO's form of results, a list with an entry for each box.
+
+    [{"image_id": 7, "category_id": 3, "bbox": [left, top, width, height],
+      "score": 0.81, "attributes": {"det_conf": 0.9, "cls_conf": 0.9}}, …]
+
+`image_id` and `category_id` are those of the dataset's own files. The final confidence is detection × subtype
+confidence for defects, and the detection confidence for persons and cars. `score` alone is taken as the final one.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import isfinite
+from pathlib import Path
+from typing import Any, Final
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.labels.boxes import FloatBox
+from pavetwin.perception.classes import NO_SUBTYPE, ROAD_DEFECT, SIZES, class_of
+from pavetwin.perception.results.measuring import NOT_RESOLVABLE
+from pavetwin.perception.results.visible_severity import possible_ranks
+from pavetwin.training.evaluation.labelled import LabelledSplit
+
+_ROUNDING: Final = 2e-3
+"""By how much `score` may differ from the product of its parts, which are often rounded to three digits."""
+
+
+@dataclass(frozen=True, slots=True)
+class FoundBox:
+    """One detection."""
+
+    image: int
+    """As the dataset numbers its images."""
+    coarse: int
+    """In `COARSE`."""
+    number_of_class: int
+    """In `CLASSES`."""
+    box: FloatBox
+    """In pixels of the image."""
+    detection: float
+    """Confidence in the coarse class, 0 … 1; the final one where the file does not tell them apart."""
+    confidence: float
+    """The final one, 0 … 1."""
+    sizes: Mapping[str, float] = field(default_factory=dict)
+    """Those of `SIZES` that were said."""
+    severity: str = ""
+    """What was said of it, see `visible_severity`; empty where nothing was."""
+
+
+def read_detections(path: Path, splits: tuple[LabelledSplit, ...]) -> tuple[FoundBox, ...]:
+    """The detections of a file.
+
+    Args:
+        splits: of the dataset; an image that is in none of them is refused.
+
+    Raises:
+        PaveTwinError: the file is not as described; the message names the entry.
+    """
+    rows = _list(path)
+    images = {image.number for split in splits for image in split.images}
+    categories = {number: kind for split in splits for number, kind in split.categories.items()}
+    found = []
+    for at, row in enumerate(rows, start=1):
+        where = f"'{path}': entry {at}"
+        image = _number(row, "image_id", where)
+        if image not in images:
+            there = " and ".join(split.name for split in splits)
+            raise PaveTwinError(f"{where} is of image {image:g}, which is not in {there} of the dataset.")
+        found.append(_found(row, int(image), where, categories))
+    return tuple(found)
+
+
+def read_subtypes(path: Path, split: LabelledSplit) -> dict[int, int]:
+    """What a subtype head says at true regions: number of the annotation → number in `SUBTYPES`.
+
+    The file is a list of `{"annotation_id": 70001, "category_id": 3}`. Each defect of the split that counts is in it.
+
+    Raises:
+        PaveTwinError: the file is not as described, or a defect of the split is missing.
+    """
+    asked = {region.number for image in split.images for region in image.regions if region.has_subtype}
+    every = {region.number for image in split.images for region in image.regions}
+    told: dict[int, int] = {}
+    for at, row in enumerate(_list(path), start=1):
+        where = f"'{path}': entry {at}"
+        number = _number(row, "annotation_id", where)
+        if number not in every:
+            raise PaveTwinError(f"{where} is about annotation {number:g}, which the split {split.name} does not have.")
+        coarse, subtype = _kind(row, where, split.categories)
+        if coarse != ROAD_DEFECT:
+            raise PaveTwinError(f"{where} has a category that is no subtype of defects.")
+        told[int(number)] = subtype
+    if missing := sorted(asked - told.keys()):
+        raise PaveTwinError(f"'{path}' says nothing of {len(missing)} of {len(asked)} defects, such as {missing[0]}.")
+    return {number: told[number] for number in asked}
+
+
+def _list(path: Path) -> list[Any]:
+    try:
+        content = json.loads(path.read_bytes())
+    except OSError as error:
+        raise PaveTwinError(f"'{path}' cannot be read ({error.strerror}).") from error
+    except ValueError as error:
+        raise PaveTwinError(f"'{path}' cannot be read as JSON ({error}).") from error
+    if not isinstance(content, list):
+        raise PaveTwinError(f"'{path}' is not a list of detections in COCO's form of results.")
+    return content
+
+
+def _found(row: Any, image: int, where: str, categories: Mapping[int, tuple[int, int]]) -> FoundBox:
+    coarse, subtype = _kind(row, where, categories)
+    number = class_of(coarse, subtype)
+    assert number is not None
+    detection, confidence = _confidences(row, coarse, where)
+    said = row.get("attributes") or {}
+    sizes = {name: _positive(said, name, where) for name in SIZES if said.get(name) not in (None, NOT_RESOLVABLE)}
+    severity = said.get("severity") or ""
+    if severity and (not isinstance(severity, str) or possible_ranks(severity) is None):
+        raise PaveTwinError(
+            f"{where} has a severity '{severity}'; it is low, medium, high, low to medium or medium to high."
+        )
+    return FoundBox(image, coarse, number, _box(row, where), detection, confidence, sizes, severity)
+
+
+def _kind(row: Any, where: str, categories: Mapping[int, tuple[int, int]]) -> tuple[int, int]:
+    number = _number(row, "category_id", where)
+    if number not in categories:
+        raise PaveTwinError(f"{where} has category {number:g}, which the dataset does not have.")
+    coarse, subtype = categories[int(number)]
+    if coarse == ROAD_DEFECT and subtype == NO_SUBTYPE:
+        raise PaveTwinError(f"{where} has category {number:g}, which is none of the detector's five classes.")
+    return coarse, subtype
+
+
+def _confidences(row: Any, coarse: int, where: str) -> tuple[float, float]:
+    """Of the detection, and the final one."""
+    said = row.get("attributes") or {}
+    if not isinstance(said, dict):
+        raise PaveTwinError(f"{where} has `attributes` that are no mapping.")
+    score = _share(row, "score", where) if "score" in row else None
+    if "det_conf" not in said:
+        if score is None:
+            raise PaveTwinError(f"{where} has neither `score` nor the attribute `det_conf`.")
+        return score, score
+    detection = final = _share(said, "det_conf", where)
+    if coarse == ROAD_DEFECT:
+        if "cls_conf" not in said:
+            raise PaveTwinError(f"{where} is of a defect and has no attribute `cls_conf` beside `det_conf`.")
+        final = detection * _share(said, "cls_conf", where)
+    if score is not None and abs(score - final) > _ROUNDING:
+        raise PaveTwinError(f"{where} has the score {score:g}, and its parts make {final:.3g}.")
+    return detection, final
+
+
+def _box(row: Any, where: str) -> FloatBox:
+    values = row.get("bbox")
+    if not isinstance(values, list) or len(values) != 4:
+        raise PaveTwinError(f"{where} has no `bbox` of left, top, width and height.")
+    if not all(isinstance(value, int | float) and isfinite(value) for value in values):
+        raise PaveTwinError(f"{where} has a `bbox` that is not of finite numbers.")
+    left, top, width, height = map(float, values)
+    if width < 0 or height < 0:
+        raise PaveTwinError(f"{where} has a `bbox` of negative width or height.")
+    return left, top, left + width, top + height
+
+
+def _share(row: Mapping[str, Any], key: str, where: str) -> float:
+    value = _number(row, key, where)
+    if not 0.0 <= value <= 1.0:
+        raise PaveTwinError(f"{where} has `{key}` {value:g}, which is not within 0 and 1.")
+    return value
+
+
+def _positive(row: Mapping[str, Any], key: str, where: str) -> float:
+    value = _number(row, key, where)
+    if value <= 0.0:
+        raise PaveTwinError(f"{where} has `{key}` {value:g}, which is not above 0.")
+    return value
+
+
+def _number(row: Any, key: str, where: str) -> float:
+    if not isinstance(row, dict):
+        raise PaveTwinError(f"{where} is not a mapping.")
+    value = row.get(key)
+    if not isinstance(value, int | float) or isinstance(value, bool) or not isfinite(value):
+        raise PaveTwinError(f"{where} has no finite number as `{key}`.")
+    return float(value)

@@ -1,0 +1,185 @@
+"""Examples from COCO files, as `pavetwin capture` and `pavetwin data export` write them.
+
+`annotations/instances_SPLIT.json`, pictures in `images/SPLIT/`. What has `iscrowd` 1 is ignored.
+"""
+
+import json
+from hashlib import sha256
+from math import isfinite
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.labels import CUT_OUT
+from pavetwin.labels.boxes import FloatBox
+from pavetwin.labels.rle import encode
+from pavetwin.perception.classes import coarse_of, subtype_of
+from pavetwin.training.examples.example import Example, ExampleSet, Outline, RunLengths, Shape, TrueObject
+
+SYNTHETIC: Final = "PaveTwin synthetic images"
+"""How a capture describes itself in its files."""
+
+SYNTHETIC_SOURCE: Final = "pavetwin"
+"""The source of captures within a dataset of many sources."""
+
+ROAD_PLATFORMS: Final = ("car",)
+"""Platforms of captures that drive."""
+
+_OUTSIDE_PX: Final = 1.0
+"""Labels may reach this far out of an image, by rounding; what does is clipped."""
+
+
+def read_coco(folder: Path, splits: tuple[str, ...]) -> ExampleSet:
+    """The examples of a folder's splits.
+
+    Raises:
+        PaveTwinError: there are no such files, or a label is not as COCO has it; the message names file and annotation.
+    """
+    paths = {split: folder / "annotations" / f"instances_{split}.json" for split in splits}
+    found = {split: path for split, path in paths.items() if path.is_file()}
+    if not found:
+        raise PaveTwinError(
+            f"'{folder}' holds no annotations/instances_{splits[0]}.json; make one with "
+            "`pavetwin data export DATASET output=FOLDER formats=coco` or `pavetwin capture`."
+        )
+    digest, examples = sha256(), []
+    for split, path in found.items():
+        try:
+            text = path.read_bytes()
+            content = json.loads(text)
+        except (OSError, ValueError) as error:
+            raise PaveTwinError(f"'{path}' cannot be read as JSON ({error}).") from error
+        digest.update(text)
+        examples += _examples(content, path, split)
+    return ExampleSet(folder, digest.hexdigest(), tuple(examples))
+
+
+def _examples(content: Any, path: Path, split: str) -> list[Example]:
+    try:
+        description = str(content.get("info", {}).get("description", ""))
+        kinds = {each["id"]: _kind(each, path) for each in content["categories"]}
+        by_image: dict[int, list[dict[str, Any]]] = {_id(image, f"'{path}': image"): [] for image in content["images"]}
+        if len(by_image) < len(content["images"]):
+            raise PaveTwinError(f"'{path}' has two images of one id.")
+        for row in content["annotations"]:
+            number, where = _id(row, f"'{path}': annotation"), row["image_id"]
+            if where not in by_image:
+                raise PaveTwinError(f"'{path}': annotation {number} is of image {where!r}, which is not listed there.")
+            by_image[where].append(row)
+        return [_example(image, by_image[image["id"]], kinds, path, split, description) for image in content["images"]]
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise PaveTwinError(f"'{path}' is not as COCO has it ({type(error).__name__}: {error}).") from error
+
+
+def _id(row: dict[str, Any], where: str) -> int:
+    number = row.get("id")
+    if not isinstance(number, int) or isinstance(number, bool):
+        raise PaveTwinError(
+            f"{where} '{row.get('file_name', number)}' has the id {number!r}, which is no whole number."
+        )
+    return number
+
+
+Kind = tuple[str, int, int]
+
+
+def _kind(category: dict[str, Any], path: Path) -> Kind:
+    """Name, coarse class and subtype of a category."""
+    name = str(category["name"])
+    coarse = coarse_of(name, is_defect=category.get("supercategory") == "defect")
+    if coarse is None:
+        raise PaveTwinError(
+            f"'{path}' has a class '{name}', which the detector does not know; map it to one of its own."
+        )
+    return name, coarse, subtype_of(name)
+
+
+def _example(
+    image: dict[str, Any],
+    rows: list[dict[str, Any]],
+    kinds: dict[int, Kind],
+    path: Path,
+    split: str,
+    description: str,
+) -> Example:
+    size = (int(image["width"]), int(image["height"]))
+    source = str(image.get("source") or description)
+    objects = tuple(_object(row, kinds, size, path) for row in rows)
+    return Example(
+        name=str(image["file_name"]),
+        split=split,
+        size_px=size,
+        source=source,
+        is_synthetic=SYNTHETIC in (source, description) or source == SYNTHETIC_SOURCE,
+        place=f"images/{split}/{image['file_name']}",
+        gsd_mm=image.get("gsd_mm"),
+        objects=objects,
+        is_from_road=_platform(image) in ROAD_PLATFORMS,
+    )
+
+
+def _platform(image: dict[str, Any]) -> object:
+    """What took the image: captures tell it of their camera, merged datasets among the attributes."""
+    for section in (image.get("camera"), image.get("attributes")):
+        if isinstance(section, dict) and "platform" in section:
+            return section["platform"]
+    return None
+
+
+def _object(row: dict[str, Any], kinds: dict[int, Kind], size: tuple[int, int], path: Path) -> TrueObject:
+    where = f"'{path}': annotation {row.get('id')}"
+    if row["category_id"] not in kinds:
+        raise PaveTwinError(f"{where} has category {row['category_id']}, which is not listed there.")
+    try:
+        left, top, width, height = (float(value) for value in row["bbox"])
+    except (TypeError, ValueError) as error:
+        raise PaveTwinError(
+            f"{where} has the box {row['bbox']!r}, which is not left, top, width and height."
+        ) from error
+    box = (left, top, left + width, top + height)
+    name, coarse, subtype = kinds[row["category_id"]]
+    shape = _shape(row.get("segmentation"), where)
+    told = row.get("attributes")
+    is_pasted = isinstance(told, dict) and CUT_OUT in told
+    return TrueObject(name, coarse, subtype, _checked(box, size, where), bool(row.get("iscrowd")), shape, is_pasted)
+
+
+def _checked(box: FloatBox, size: tuple[int, int], where: str) -> FloatBox:
+    """The part of a box within its image.
+
+    Raises:
+        PaveTwinError: it is empty, not finite, or reaches out of the image.
+    """
+    width, height = size
+    told = " × ".join(f"{value:g}" for value in size)
+    if not all(map(isfinite, box)) or box[0] >= box[2] or box[1] >= box[3]:
+        raise PaveTwinError(f"{where} has a box without area: {_corners(box)}.")
+    beyond = max(-box[0], -box[1], box[2] - width, box[3] - height)
+    if beyond > _OUTSIDE_PX:
+        raise PaveTwinError(f"{where} has a box that reaches out of its image of {told}: {_corners(box)}.")
+    return max(box[0], 0.0), max(box[1], 0.0), min(box[2], float(width)), min(box[3], float(height))
+
+
+def _corners(box: FloatBox) -> str:
+    return "left {:g}, top {:g}, right {:g}, bottom {:g}".format(*box)
+
+
+def _shape(segmentation: Any, where: str) -> Shape | None:
+    if isinstance(segmentation, list):
+        rings = tuple(tuple(float(value) for value in ring) for ring in segmentation if len(ring) >= 6)
+        if any(len(ring) % 2 or not all(map(isfinite, ring)) for ring in rings):
+            raise PaveTwinError(f"{where} has a polygon that is not pairs of numbers, column and row.")
+        return Outline(rings) if rings else None
+    if isinstance(segmentation, dict):
+        height, width = (int(value) for value in segmentation["size"])
+        counts = segmentation["counts"]
+        if isinstance(counts, str):
+            return RunLengths(counts, (height, width))
+        lengths = np.asarray(counts, dtype=np.int64)
+        if lengths.min(initial=0) < 0 or lengths.sum() != height * width:
+            raise PaveTwinError(f"{where} has run lengths that do not fill its mask.")
+        flat = np.repeat(np.arange(len(lengths)) % 2 == 1, lengths)
+        return RunLengths(encode(flat.reshape((height, width), order="F")), (height, width))
+    return None

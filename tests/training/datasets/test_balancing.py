@@ -1,0 +1,193 @@
+"""A balanced dataset: what its copies are, and that it is the same again."""
+
+import re
+from collections import Counter
+from collections.abc import Callable
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from pavetwin.training.datasets import augmenting, balancing
+from pavetwin.training.datasets.balancing import BalanceSettings, balance, draw_change
+from pavetwin.training.datasets.common_form import read_images
+from pavetwin.training.datasets.importing import import_source
+from pavetwin.training.datasets.merging import merge
+from pavetwin.training.datasets.normalise import ImageSize
+from pavetwin.training.datasets.sources import source_of
+from pavetwin.training.datasets.splitting import split_dataset, split_names
+from scenes.command_line import pavetwin, plain_refusal
+from scenes.photographs import picture, voc
+
+SIZE = (96, 64)
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Eight pictures of cracks, two of potholes, two of nothing."""
+    folder = tmp_path_factory.mktemp("balance") / "photos"
+    for number in range(12):
+        picture(folder / f"{number:02d}.jpg", SIZE, number)
+        shown = "LC" if number < 8 else "PH"
+        voc(folder / f"{number:02d}.xml", [(shown, (31, 21, 60, 40))] * (number < 10), SIZE)
+    name, source = source_of("uapd")
+    backgrounds = frozenset({"10.jpg", "11.jpg"})
+    source = source.model_copy(update={"gsd_mm": 2.5})
+    import_source(name, source, folder, folder.parent / "all", size=ImageSize(), backgrounds=backgrounds)
+    return folder.parent / "all"
+
+
+@pytest.fixture(scope="module")
+def balanced(dataset: Path) -> Path:
+    return balance(dataset, dataset.parent / "balanced", BalanceSettings()).folder
+
+
+def content(folder: Path) -> dict[str, str]:
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def test_classes_become_equal_and_backgrounds_keep_their_share(dataset: Path, balanced: Path) -> None:
+    images = list(read_images(balanced))
+    counts = Counter(each.category for image in images for each in image.labelled)
+    assert counts["Single Crack"] == counts["Pothole"] == 8
+    backgrounds = [image for image in images if image.is_background]
+    assert len(backgrounds) / len(images) == pytest.approx(2 / 12, abs=0.05)
+    originals = {image.name: image for image in read_images(dataset)}
+    assert {image.name for image in images} >= originals.keys()
+
+
+def test_copies_are_of_their_images(dataset: Path, balanced: Path) -> None:
+    originals = {image.name: image for image in read_images(dataset)}
+    copies = [image for image in read_images(balanced) if image.name not in originals]
+    assert copies
+    for copy in copies:
+        image = originals[copy.attributes["copy_of"]]
+        assert (copy.group, copy.gsd_mm, copy.source) == (image.group, 2.5, "uapd")
+        with Image.open(balanced / "JPEGImages" / copy.picture) as shown:
+            assert shown.size == copy.size_px
+        changes = draw_change(image, int(copy.name[-2:]) - 1, BalanceSettings(), 0)
+        assert str(changes) == copy.attributes["changes"]
+        if image.is_background:
+            assert not changes.rotation_deg
+            assert not changes.noise
+            assert abs(changes.brightness) <= BalanceSettings().brightness / 2
+    assert any("rotated" in copy.attributes["changes"] for copy in copies)
+
+
+def test_a_split_never_parts_copies_from_their_image(balanced: Path, tmp_path: Path) -> None:
+    merged = merge([balanced], tmp_path / "merged").folder
+    split_dataset(merged, (0.5, 0.25, 0.25))
+    split_of = {name: split for split, names in split_names(merged).items() for name in names}
+    assert {split_of[name] == split_of[name.partition("-copy-")[0]] for name in split_of if "-copy-" in name} == {True}
+
+
+def test_again_or_resumed_it_is_the_same_bytes(dataset: Path, balanced: Path, tmp_path: Path) -> None:
+    for _ in range(2):
+        balance(dataset, tmp_path / "again", BalanceSettings())
+        assert content(tmp_path / "again") == content(balanced)
+        for path in sorted((tmp_path / "again" / "Annotations").glob("*-copy-*"))[:3]:
+            path.unlink()
+    balance(dataset, tmp_path / "other", BalanceSettings(), seed=1)
+    assert content(tmp_path / "other") != content(balanced)
+
+
+def test_what_a_copy_differs_in_depends_on_its_image_alone(dataset: Path) -> None:
+    first, second = list(read_images(dataset))[:2]
+    settings = BalanceSettings()
+    changes = [draw_change(image, number, settings, 0) for image in (first, second) for number in (0, 1)]
+    assert len(set(changes)) == 4
+    assert draw_change(first, 1, settings, 0) == changes[1]
+    drawn = [draw_change(first, number, settings, 0) for number in range(200)]
+    assert np.mean([change.is_flipped for change in drawn]) == pytest.approx(0.5, abs=0.15)
+    angles = [change.rotation_deg for change in drawn]
+    assert (min(angles) < -12, max(angles) > 12, max(map(abs, angles)) <= 15) == (True, True, True)
+
+
+def test_without_albumentations_one_line_says_how_to_get_it(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missing(name: str) -> None:
+        raise ImportError(name)
+
+    augmenting.albumentations.cache_clear()
+    monkeypatch.setattr(augmenting, "import_module", missing)
+    refused = plain_refusal(pavetwin("data", "balance", dataset, "-o", tmp_path / "out"))
+    augmenting.albumentations.cache_clear()
+    assert "not installed; get it with `pip install 'pavetwin[augment]'`" in refused
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_command_prints_instances_before_and_after(dataset: Path, balanced: Path, tmp_path: Path) -> None:
+    done = pavetwin("data", "balance", dataset, "-o", tmp_path / "out", "--copies", "3", "--target", "6", "--leave-out")
+    assert done.returncode == 0, done.stderr
+    rows = [line.split() for line in done.stdout.splitlines()]
+    assert ["Single", "Crack", "8", "6", "100.0"] in rows
+    assert ["Pothole", "2", "6", "100.0"] in rows
+    assert "note: Car: the dataset shows none, so it cannot be balanced" in done.stderr
+    assert "dropped: images: left out, so that no class has more than 6 instances (" in done.stderr
+    for arguments, words in (
+        ((dataset,), "Say where the dataset goes"),
+        ((dataset, "-o", tmp_path / "no", "--copies", "999"), "--copies: it must be less than or equal to 200"),
+        ((balanced, "-o", tmp_path / "no"), "holds copies already"),
+        ((dataset, "-o", dataset), "needs a folder of its own"),
+    ):
+        assert words in plain_refusal(pavetwin("data", "balance", *arguments))
+
+
+def test_a_damaged_picture_is_told_and_the_rest_goes_on(dataset: Path, tmp_path: Path) -> None:
+    copied = merge([dataset], tmp_path / "copied").folder
+    path = copied / "JPEGImages" / "uapd-08.jpg"
+    damaged = path.read_bytes()[:-600]
+    path.unlink()
+    path.write_bytes(damaged)
+    summary = balance(copied, tmp_path / "out", BalanceSettings())
+    (told,) = [str(each) for each in summary.report if "damaged" in each.text]
+    assert told.startswith("uapd-08: the picture is damaged; it is not copied")
+    assert summary.images == len(list(read_images(tmp_path / "out"))) > 12
+
+
+def test_a_recipe_balances_before_it_splits(dataset: Path, tmp_path: Path) -> None:
+    (tmp_path / "recipe.yaml").write_text(
+        f"sources: [{{source: uapd, folder: {dataset.parent / 'photos'}}}]\n"
+        "balance: {copies: 4}\nsplit: [50, 25, 25]\nexport: [yolo]\n"
+    )
+    done = pavetwin("data", "build", tmp_path / "recipe.yaml", "-o", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert ["Pothole", "2", "8", "100.0"] in [line.split() for line in done.stdout.splitlines()]
+    names = {image.name for image in read_images(tmp_path / "out" / "balanced")}
+    assert {path.stem for path in (tmp_path / "out" / "export" / "labels").rglob("*.txt")} == names
+    assert sum("-copy-" in name for name in names) == 6
+    assert "Next: pavetwin data show" in done.stdout.splitlines()[-1]
+
+
+@pytest.mark.slow
+def test_real_photographs_are_balanced_within_5_percent(
+    shared_file: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """More than 1,900 images of three sources; pictures are left out, since the labels alone are counted."""
+    monkeypatch.setattr(balancing, "_encoded", lambda *_, **__: b"")
+    china = shared_file("real/rdd2022_china_drone/China_Drone/train/images/China_Drone_000001.jpg").parents[2]
+    cars = shared_file("real/aerial_cars/DJI-00760-00003.jpg").parent
+    pdd = shared_file("real/uav_pdd2023_samples/LICENSE.md").parent
+    bare = [
+        f"train/images/{path.stem}.jpg"
+        for path in (china / "train" / "annotations" / "xmls").glob("*.xml")
+        if not re.search("<name>(D|Block)", path.read_text())
+    ]
+    folders = []
+    for known, folder, backgrounds in (
+        ("rdd2022-china-drone", china, bare),
+        ("uav-cars", cars, []),
+        ("uav-pdd2023", pdd, []),
+    ):
+        name, source = source_of(known)
+        import_source(name, source, folder, tmp_path / name, size=ImageSize(), backgrounds=frozenset(backgrounds))
+        folders.append(tmp_path / name)
+    summary = balance(merge(folders, tmp_path / "all").folder, tmp_path / "balanced", BalanceSettings())
+    counts = Counter(each.category for image in read_images(tmp_path / "balanced") for each in image.labelled)
+    assert set(counts) == {"Single Crack", "Crocodile Crack", "Pothole", "Car"}
+    assert min(counts.values()) >= 0.95 * max(counts.values())
+    assert len(summary.plan.copies) >= 1950
