@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.files import staging_folder, working_in, writing, writing_folder
+from pavetwin.files import FORMAT, check_format, staging_folder, working_in, writing, writing_folder
 
 KILLED_WHILE_WRITING = """
 import os, signal, sys
@@ -90,3 +90,10 @@ def test_a_file_elsewhere_that_is_gone_is_named(tmp_path: Path) -> None:
         Path("/gone/tile").read_bytes()
     with pytest.raises(PaveTwinError, match="nothing can be made there"), writing(Path("/proc/nothing/m")):
         pass
+
+
+@pytest.mark.parametrize("found", [None, 0, 2, "1", True, 1.0])
+def test_only_the_present_format_is_read(found: object) -> None:
+    check_format(FORMAT, "The table")
+    with pytest.raises(PaveTwinError, match="^The table .*reads only format 1"):
+        check_format(found, "The table")

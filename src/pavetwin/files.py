@@ -15,7 +15,7 @@ from pathlib import Path
 from platform import node
 from re import sub
 from types import ModuleType
-from typing import Any
+from typing import Any, Final
 
 from pavetwin.errors import PaveTwinError
 
@@ -25,8 +25,26 @@ PICTURE_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """A full disk, a used-up quota, and a file that may not grow."""
 
+FORMAT: Final = 1
+"""The format of every file and folder that PaveTwin writes and reads."""
+
 _LOOKED_AGAIN_S = 0.003
 """How often it is looked whether another process has ended with a file."""
+
+
+def check_format(found: object, what: str) -> None:
+    """Refuse a file or folder whose format is not `FORMAT`.
+
+    Args:
+        found: the format that it states; None if it states none.
+        what: subject of the message, such as "The recording 'day.parquet'".
+
+    Raises:
+        PaveTwinError: `found` is not the number 1.
+    """
+    if type(found) is not int or found != FORMAT:
+        stated = "has no format number" if found is None else f"has format {found}"
+        raise PaveTwinError(f"{what} {stated}; this version reads only format {FORMAT}. Create it again.")
 
 
 def file_sha256(path: Path) -> str:
