@@ -52,10 +52,8 @@ pictures: demo study  ## The pictures of the documentation, made again (MISSION=
 	@.venv/bin/python -m gallery.page
 	@$(if $(MISSION),.venv/bin/python -m gallery.flight_plan $(MISSION),:)
 
-gallery: setup  ## The pictures of docs/gallery, rendered again (PHOTOGRAPHS, MAPS=FOLDER: with these)
+gallery: setup  ## The images of docs/gallery, rendered again (MAPS=FOLDER: real streets too)
 	@.venv/bin/python -m gallery $(if $(MAPS),--maps $(MAPS))
-	@$(if $(PHOTOGRAPHS),.venv/bin/python -m gallery --photographs $(PHOTOGRAPHS) \
-		$(if $(SOURCE),--source $(SOURCE)) $(if $(GSD_MM),--gsd-mm $(GSD_MM)),:)
 
 docs: setup .venv-docs/.done  ## The documentation as a site that opens offline: out/site/index.html
 	@NO_MKDOCS_2_WARNING=1 .venv-docs/bin/python -m mkdocs build --strict --quiet --site-dir out/site

@@ -4,28 +4,18 @@ import argparse
 import sys
 import time
 from pathlib import Path
-from typing import Final
 
-from gallery.matched import metres
-from gallery.paired import beside_photographs
 from gallery.pictures import PICTURES
 from gallery.renderer import GalleryRenderer
 from gallery.sheet import save
 from pavetwin.cli.console import fail, out
 from pavetwin.errors import PaveTwinError, nearest_name
-from pavetwin.training.datasets.sources.base import source_of
-
-BESIDE: Final = "photographs"
-"""The sheet of frames beside photographs."""
 
 
 def main() -> int:
     """Render all pictures, or those that are named."""
     parser = argparse.ArgumentParser(prog="python -m gallery", description=__doc__)
     parser.add_argument("names", nargs="*", help=f"of {', '.join(PICTURES)}; all unless given")
-    parser.add_argument("--photographs", type=Path, help="folder of photographs: makes the sheet of frames beside them")
-    parser.add_argument("--source", help="how their labels are read: a source of `pavetwin data import`")
-    parser.add_argument("--gsd-mm", type=float, help="their ground resolution; told by painted lines unless given")
     parser.add_argument(
         "--maps", type=Path, help="folder of berlin_neukoelln.osm and seattle_roosevelt.osm: real streets too"
     )
@@ -38,13 +28,8 @@ def main() -> int:
                 raise PaveTwinError(
                     f"No picture '{name}'{nearest_name(name, PICTURES)}; there are {', '.join(PICTURES)}."
                 )
-        source = None if options.source is None else source_of(options.source)[1]
         renderer = GalleryRenderer(options.work, maps=options.maps)
-        pictures = {name: PICTURES[name] for name in options.names or ([] if options.photographs else PICTURES)}
-        if options.photographs:
-            pictures[BESIDE] = lambda renderer: beside_photographs(
-                renderer, options.photographs, source, metres(options.gsd_mm)
-            )
+        pictures = {name: PICTURES[name] for name in options.names or PICTURES}
         options.output.mkdir(parents=True, exist_ok=True)
         for name, take in pictures.items():
             begun = time.perf_counter()

@@ -1,20 +1,34 @@
 """Masks of defects are tight, and the same on every pavement and in every look of streets."""
 
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 import pytest
 import shapely
-from benchmarks.labels import Seen, looks, outline_px, rendered, whole_defects
+import yaml
 
+from pavetwin.arrays import BoolArray
 from pavetwin.defects import DefectOptions, place
+from pavetwin.errors import PaveTwinError
+from pavetwin.render.renderer import Renderer
 from pavetwin.scene.ground.looks import DEFAULT_LOOK, look_names
 from pavetwin.scene.ground.looks.pavement import pavement_names
-from pavetwin.scene.view import View
-from pavetwin.uav.cameras import find_camera
+from pavetwin.scene.light import Light
+from pavetwin.scene.model import defect_label
+from pavetwin.scene.scene import Scene
+from pavetwin.scene.view import View, nadir
+from pavetwin.uav.cameras import Camera, find_camera
 from pavetwin.world.model import Defect, World
 from scenes import tiny
+
+ALTITUDE_M: Final = 10.0
+LIGHT: Final = Light(45.0, 140.0)
+SEED: Final = 1
+BORDER_PX: Final = 1.0
 
 EACH = 1
 """Of every class."""
@@ -23,6 +37,67 @@ BESIDE_PX = 0.3
 """Other pixels have their middles this near to the outline: the texels of the masks of shapes."""
 
 pytestmark = pytest.mark.slow
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A whole defect in an image."""
+
+    defect: Defect
+    mask: BoolArray
+    outline: BoolArray
+    """(rows, columns) each: labelled pixels, and those whose centres lie in the projected outline."""
+
+    @property
+    def iou(self) -> float:
+        return float((self.mask & self.outline).sum() / (self.mask | self.outline).sum())
+
+
+def whole_defects(world: World, camera: Camera, most: int) -> list[tuple[Defect, View]]:
+    """Random defects that fit whole into an image from above, each with its view: off its middle and turned."""
+    rng = np.random.default_rng(SEED)
+    found: list[tuple[Defect, View]] = []
+    for number in rng.permutation(len(world.defects)).tolist():
+        defect = world.defects[number]
+        x, y = np.array([defect.centre.x, defect.centre.y]) + rng.uniform(-0.5, 0.5, 2)
+        view = nadir(camera, (x, y, ALTITUDE_M), yaw_rad=float(rng.uniform(0, 2 * np.pi)))
+        pixels = outline_px(view, defect)
+        if (pixels > BORDER_PX).all() and (pixels < np.array(view.size_px) - BORDER_PX).all():
+            found.append((defect, view))
+        if len(found) == most:
+            break
+    return found
+
+
+def outline_px(view: View, defect: Defect) -> np.ndarray:
+    """(n, 2) of its outline on the road."""
+    ring = shapely.get_coordinates(defect.polygon.exterior)
+    return np.asarray(view.project(np.column_stack([ring, np.zeros(len(ring))])))
+
+
+def rendered(world: World, look: str, views: Sequence[tuple[Defect, View]]) -> Iterator[Seen]:
+    """Each defect in its image."""
+    renderer = Renderer(Scene(world, seed=SEED, look=look))
+    for defect, view in views:
+        labels = renderer.light(view, light=LIGHT).labels
+        if labels is None:
+            raise PaveTwinError("The renderer gave no labels.")
+        columns, rows = np.meshgrid(np.arange(view.size_px[0]) + 0.5, np.arange(view.size_px[1]) + 0.5)
+        outline = shapely.Polygon(outline_px(view, defect))
+        shapely.prepare(outline)
+        inside = shapely.contains_xy(outline, columns, rows)
+        yield Seen(defect, np.asarray(labels == defect_label(defect.id)), np.asarray(inside))
+
+
+def looks(folder: Path) -> Mapping[str, str]:
+    """The looks besides the default one by name, and one of each pavement alone."""
+    found = {f"look {name}": name for name in look_names() if name != DEFAULT_LOOK}
+    for name in pavement_names():
+        only = {"title": name, "main": {name: 1}, "other": {name: 1}}
+        path = folder / f"{name}.yaml"
+        path.write_text(yaml.safe_dump(only | {"stretches": {"pavements": {name: 1}}}), encoding="utf-8")
+        found[f"pavement {name}"] = str(path)
+    return found
 
 
 @cache

@@ -1,1 +1,0 @@
-"""Whether the damage that a population places is what its sources found."""
