@@ -88,19 +88,19 @@ class CrackContext(Settings):
     """Shares of a class's defects that start at something; the others have their `positions`."""
 
     cover: Share = 0.0
-    """At the frame of a manhole cover, away from it."""
+    """Share that starts at the frame of a manhole cover."""
     patch: Share = 0.0
-    """At the corner of a patch, where stresses concentrate, obliquely."""
+    """Share that starts obliquely at the corner of a patch."""
     trench: Share = 0.0
-    """Along the edge of a trench, where old and new pavement meet."""
+    """Share along the edge of a trench."""
     slab_joint: Share = 0.0
-    """On streets of slabs: along a joint between two of them."""
+    """Share along a joint between two slabs, on streets of slabs."""
     slab_corner: Share = 0.0
-    """On streets of slabs: across a corner of one, from joint to joint (a corner break)."""
+    """Share across the corner of a slab (corner break), on streets of slabs."""
     lane_joint: Share = 0.0
-    """On streets whose lanes were paved apart: along the joint between two of them."""
+    """Share along the joint between two lanes, on streets whose lanes were paved separately."""
     overgrown: Share = 0.0
-    """With grass and moss in a part of their length: the class's parameter of this name."""
+    """Share with grass and moss in part of the length: the class parameter of this name."""
 
     @model_validator(mode="after")
     def _whole(self) -> Self:

@@ -51,13 +51,13 @@ class DefectDensity(Settings):
     """How many defects there are: either `per_segment`, or `per_100_m2` and how it varies."""
 
     per_segment: Annotated[float, Field(ge=0, le=1000), NUMBER] | None = None
-    """On every segment the same number, rounded."""
+    """Defects on every segment, rounded."""
     per_100_m2: Annotated[float, Field(ge=0, le=100), NUMBER] | None = None
-    """Mean over all streets."""
+    """Mean number of defects per 100 m² over all streets."""
     street_sigma: Spread = 0.0
     """Standard deviation of the natural logarithm of the density between streets."""
     segment_sigma: Spread = 0.0
-    """Between the segments of one street."""
+    """The same between the segments of one street."""
 
     @property
     def varies(self) -> bool:
@@ -84,17 +84,17 @@ class Size(Settings):
     """A lognormal size of defects, cut off at both ends."""
 
     median: Positive
-    """Between `least` and `most`; with `times`, its product with their medians is."""
+    """Median, between `least` and `most`; with `times`, the product of the medians lies there."""
     sigma: Spread = 0.0
-    """Standard deviation of its natural logarithm."""
+    """Standard deviation of the natural logarithm."""
     least: Positive
-    """Smaller ones become so large."""
+    """Lower limit: smaller draws are raised to it."""
     most: Positive
-    """Larger ones become so small."""
+    """Upper limit: larger draws are lowered to it."""
     growth: Annotated[float, Field(ge=0, le=1), NUMBER] = 0.0
-    """By which power of the density it grows from segment to segment."""
+    """Exponent by which the median grows with the density of the segment."""
     times: tuple[str, ...] = ()
-    """Sizes named before this one; it is multiplied by them, and `least` and `most` hold for the product."""
+    """Sizes named earlier that multiply this one; `least` and `most` then bound the product."""
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -134,34 +134,32 @@ class Beside(Settings):
     """How defects lie near others on the same segment; normally distributed around their middle."""
 
     share: Share
-    """Of the defects of the class."""
+    """Share of the defects of the class."""
     along_m: Annotated[float, Field(gt=0, le=100), NUMBER]
     """Standard deviation of the distance along the street."""
     across_m: Annotated[float, Field(gt=0, le=50), NUMBER] | None = None
-    """Across it, and as close as they find room; unless given, they lie across where their `positions` say."""
+    """Standard deviation of the distance across it, in the nearest free place; without it, `positions` decides."""
 
 
 class ClassPopulation(Settings):
     """The defects of one class."""
 
     weight: Weight
-    """Its share of all defects, relative to the weights of the other classes."""
+    """Share of all defects, relative to the weights of the other classes."""
     growth: Annotated[float, Field(ge=0, le=2), NUMBER] = 0.0
-    """By which power of the density its own share grows from segment to segment."""
+    """Exponent by which the share of the class grows with the density of the segment."""
     sizes: Mapping[str, Size] = Field(default_factory=dict)
-    """Parameters of the class that are drawn from the population instead of the class's own ranges."""
+    """Parameters drawn from the population instead of the class's own ranges."""
     positions: Mapping[Position, Share] = Field(default_factory=dict)
-    """Weights of the positions on the road; empty for what the class itself says."""
+    """Weights of the positions on the road; the class's own without it."""
     near: Mapping[str, Beside] = Field(default_factory=dict)
-    """Which share of them is tried near defects of which class: this one, or one listed before it."""
+    """Shares placed near defects of this class or of one listed earlier."""
     within: Mapping[str, Share] = Field(default_factory=dict)
-    """Which share of them is tried within a defect of which class, one listed before it: that loses the part where they
-    lie."""
+    """Shares placed inside defects of a class listed earlier, which lose the overlapping part."""
     on_slabs: str | None = None
-    """The class that is placed instead on streets of slabs of concrete; this one unless given."""
+    """Class placed instead on streets of concrete slabs; it must itself be placed on slabs."""
     context: CrackContext | None = None
-    """Which shares start at manhole covers and patches, run along trenches and joints, or are overgrown; none unless
-    given."""
+    """Shares that start at manhole covers and patches, run along trenches and joints, or are overgrown."""
 
     def parameters(self, rng: np.random.Generator, worn: float = 1.0) -> ShapeParameters:
         """The sizes of one defect, by name; `worn` as `Population.worn` has it."""
@@ -225,10 +223,11 @@ class Population(Settings):
     """A damage population."""
 
     title: Title
-    """In words."""
+    """Name in messages and records."""
     density: DefectDensity
+    """Number of defects: `per_segment`, or `per_100_m2` and its variation."""
     classes: Mapping[str, ClassPopulation] = Field(default_factory=dict)
-    """In the order in which they are placed; empty for all classes with their own weights and sizes."""
+    """Classes in the order of placement; without it, all classes with their own weights and sizes."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -21,17 +21,17 @@ class RepairMaterials(Settings):
     """What repairs are made of: pavements by name, or by a file beside the look, with their relative frequencies."""
 
     patches: Weights = Field(default_factory=lambda: {OWN: 1.0})
-    """Rectangles that were cut out; `own` is the street's pavement, newer and darker or older and paler."""
+    """Pavements of cut-out rectangles; `own` is the street's own pavement, newer and darker or older and paler."""
     trenches: Weights = Field(default_factory=lambda: {OWN: 1.0})
-    """Strips over pipes and cables, along and across."""
+    """Pavements of strips over pipes and cables, along and across."""
     connections: Share = 0.0
-    """Of trenches along a street that have others to the kerb, where houses are connected."""
+    """Share of the trenches along a street with branches to the kerb, where houses are connected."""
     renewed: Share = 0.0
-    """Of patches with a later one that covers a part of them."""
+    """Share of the patches partly covered by a later patch."""
     cold_patches: Weights = Field(default_factory=lambda: {OWN: 1.0})
-    """Patches that were thrown into holes without cutting, with irregular outlines."""
+    """Pavements of uncut patches with irregular outlines."""
     cold_patches_per_100_m: Per100M = 0.0
-    """On a street of age 1; fewer on newer ones."""
+    """Number on a street of age 1; fewer on newer streets."""
 
     @property
     def tables(self) -> Mapping[str, Mapping[str, float]]:
@@ -56,16 +56,18 @@ class FormerMarkings(Settings):
     """Markings of an earlier layout that still show."""
 
     share: Share = 0.0
-    """Of marked streets, and of crossings, that have some."""
+    """Share of the marked streets and crossings that have them."""
     kinds: Annotated[Mapping[FormerKind, Weight], Field(min_length=1), SOME] = Field(
         default_factory=lambda: dict.fromkeys(FormerKind, 1.0)
     )
+    """Treatment: left to wear, repainted alongside, ground off, or covered with dark paint."""
     wear: Annotated[ValueRange, Within(0.0, 0.98)] = ValueRange(least=0.7, most=0.93)
-    """Of paint that was left."""
+    """Wear of paint that was left: 0 new, 1 gone."""
     beside_m: Annotated[ValueRange, Within(0.0, 0.3)] = ValueRange(least=0.03, most=0.12)
-    """From lines to those that were painted over them."""
+    """Distance of repainted lines from the old ones."""
     moved_m: Annotated[ValueRange, Within(0.0, 3.0)] = ValueRange(least=0.25, most=0.8)
-    """From lines to those of today's layout otherwise."""
+    """Distance of all other old lines from today's."""
     removed_tone: Annotated[ValueRange, Within(0.3, 1.8)] = ValueRange(least=0.84, most=1.16)
+    """Factor on the pavement's reflectance where markings were ground off."""
     masked_tone: Annotated[ValueRange, Within(0.3, 1.8)] = ValueRange(least=0.5, most=0.72)
-    """Factors on the reflectance of the pavement."""
+    """Factor on the pavement's reflectance where markings were covered."""

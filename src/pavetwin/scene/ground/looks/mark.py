@@ -40,20 +40,23 @@ class Mark(Settings):
     """A painted mark."""
 
     title: Title
-    """In words."""
+    """Name in messages."""
     colours: Annotated[Mapping[PaintName, Weight], Field(min_length=1), SOME]
-    """With their relative frequencies."""
+    """Weights of the colours."""
     strokes: Annotated[tuple[Stroke, ...], Field(min_length=1)]
+    """Lines of at least two points, with no point repeated in a row: metres along the street and to its left."""
     width_m: Annotated[float, Field(ge=0.03, le=1.0), NUMBER]
-    """Of its strokes."""
+    """Width of the strokes."""
     position: MarkPosition
+    """Place of the origin: anywhere, mid-lane, at the kerb, or in the middle of a bicycle lane."""
     streets: Literal["all", "main", "other"] = "all"
+    """Streets that may have it."""
     turned: bool = False
-    """Whether it lies at any angle, not along the street."""
+    """Arbitrary rotation instead of alignment with the street."""
     scale: Annotated[ValueRange, Within(0.1, 10.0)] = ValueRange(least=1.0, most=1.0)
-    """Factor on its lengths; strokes keep their width."""
+    """Factor on lengths; the stroke width is unaffected."""
     wear: Annotated[ValueRange, Within(0.0, WORN)]
-    """Of its paint, 0 … 1."""
+    """Wear of the paint: 0 new, 1 gone."""
 
     @field_validator("strokes")
     @classmethod

@@ -43,16 +43,17 @@ class Hatching(Settings):
     """Areas to keep off: bars between border lines."""
 
     colour: PaintName = "white"
+    """Colour of bars and borders."""
     border_m: WidthM = 0.12
-    """Width of the line around an area."""
+    """Width of the border line."""
     stripe_m: Dash = (0.5, 0.5)
-    """Painted and free, across the bars."""
+    """Painted and free length, across the bars."""
     angle_deg: Annotated[float, Field(ge=15, le=75), NUMBER] = 45.0
-    """Of the bars to the street."""
+    """Angle between the bars and the street."""
     corner_share: Share = 0.0
-    """Of ends of parking lanes that are kept free before junctions and crossings."""
+    """Share of the parking-lane ends kept clear before junctions and crossings."""
     junction_share: Share = 0.0
-    """Of junctions of main streets: where no way leads across."""
+    """Share of the junctions of main streets, hatched where no path crosses."""
 
     @model_validator(mode="after")
     def _somewhere(self) -> Self:
@@ -65,11 +66,13 @@ class BoxJunction(Settings):
     """Crossed lines over the middle of a junction that is to be kept clear."""
 
     colour: PaintName = "yellow"
+    """Colour of the lines."""
     line_m: WidthM = 0.15
+    """Width of the lines, below `every_m`."""
     every_m: LengthM
-    """Between its lines."""
+    """Distance between the lines."""
     share: Share
-    """Of signalled junctions."""
+    """Share of the signalled junctions."""
 
     @model_validator(mode="after")
     def _apart(self) -> Self:
@@ -84,17 +87,21 @@ class RumbleStrips(Settings):
     kind: Literal["painted", "milled"]
     """Raised bars of paint, or grooves."""
     colour: PaintName = "white"
+    """Colour of painted bars."""
     bar_m: Dash
-    """Length along the lane and gap."""
+    """Length of bar and gap along the lane."""
     bars: Annotated[int, Field(ge=1, le=30), NUMBER]
-    """In a group."""
+    """Bars per group."""
     groups: Annotated[int, Field(ge=1, le=10), NUMBER] = 1
+    """Number of groups in a row."""
     groups_every_m: LengthM = 10.0
+    """Distance between groups, at least their length."""
     before_m: LengthM = 8.0
-    """From the nearest one to where vehicles wait."""
+    """Distance from the last group to the waiting position."""
     main_share: Share = 0.0
+    """Share of the approaches on main streets."""
     other_share: Share = 0.0
-    """Of approaches on main and on other streets."""
+    """Share of the approaches on other streets."""
 
     @model_validator(mode="after")
     def _apart(self) -> Self:
@@ -112,53 +119,64 @@ class MarkingStandard(Settings):
     """The road markings of a country. Widths and lengths in metres."""
 
     title: Title
-    """The country, in words."""
+    """Name of the country in messages."""
     areas: tuple[Outline, ...] = ()
-    """Where it holds, in degrees: rough outlines of the country. The first standard by name wins."""
+    """Rough outlines of the country in degrees, longitude and latitude; the first standard by name wins. Without it,
+    only looks select it."""
     line_m: WidthM
     """Width of lane lines."""
     centre_m: WidthM
     """Width of the line between directions."""
     broad_m: WidthM
-    """Width of lines beside bicycle lanes."""
+    """Width of lines next to bicycle lanes."""
     lane_dash_m: Dash
+    """Lane lines: painted and free length."""
     centre_dash_m: Dash
+    """Lines between directions: painted and free length."""
     centre_colour: PaintName = "white"
+    """Colour of lines between directions."""
     solid_centre_share: Share
-    """Of main streets with one lane each way."""
+    """Share of the main streets with one lane each way that have a solid centre line."""
     double_solid: bool
-    """Whether solid centre lines of such streets are double; those of wider streets always are."""
+    """Double solid centre lines on such streets; wider streets always have them."""
     double_gap_m: WidthM
-    """Between the two lines of a double centre line."""
+    """Gap between the lines of a double centre line."""
     edge_share: Share = 0.3
-    """Of main streets with a line along the kerb."""
+    """Share of the main streets with a line along the kerb."""
     edge_colour: PaintName = "white"
+    """Colour of lines along kerbs."""
     left_edge_colour: PaintName | None = None
-    """Of the left edge of one-way main streets; None where it has no line."""
+    """Colour of the left edge of one-way main streets; no line without it."""
     kerb_colour: PaintName | None = None
-    """Of lines along kerbs where stopping is forbidden; None where there are none."""
+    """Colour of no-stopping lines along kerbs; needs `kerb_share`."""
     kerb_share: Share = 0.0
-    """Of other streets that have them."""
+    """Share of the other streets with no-stopping lines."""
     stop_m: WidthM
     """Width of a stop line."""
     give_way: Literal["dashes", "triangles"]
+    """Dashed line, or row of triangles."""
     give_way_dash_m: Dash
-    """Of a give-way line as wide as a stop line; of triangles their width and the gap between them."""
+    """Give-way lines: painted and free length; triangles: width and gap."""
     give_way_m: WidthM
-    """Its width across; the height of triangles."""
+    """Width of a give-way line; height of triangles."""
     stripe_m: Dash
-    """Of crossings with stripes: painted and free."""
+    """Striped crossings: painted and free length."""
     crossing_colour: PaintName = "white"
+    """Colour of crossings."""
     signalled: Crossings
-    """Of crossings with signals."""
+    """Weights of crossings with signals: bars along the carriageway, two lines across it, both, or nothing."""
     unsignalled: Crossings
-    """Of all others."""
+    """Weights of all other crossings."""
     crossing_line_m: WidthM
+    """Width of the lines across the carriageway at crossings."""
     crossing_dash_m: Dash | None = None
-    """Of the two lines of a crossing; None for solid ones."""
+    """Painted and free length of these lines; solid without it."""
     hatching: Hatching | None = None
+    """Areas to keep off: bars between border lines. Needs one of its shares."""
     box: BoxJunction | None = None
+    """Crossed lines over the middle of a junction that must be kept clear."""
     rumble: RumbleStrips | None = None
+    """Groups of bars across a lane before a give-way line or an unsignalled crossing. Needs one of its shares."""
 
     @field_validator("areas")
     @classmethod

@@ -13,14 +13,14 @@ class Overhead(Settings):
     """What hangs over streets and throws thin shadows on them."""
 
     wired: Share = 0.0
-    """Of streets with poles that have wires between them."""
+    """Share of the streets with poles that have wires between them."""
     wires: Annotated[ValueRange, Within(1, 6), AfterValidator(whole)] = ValueRange(least=1, most=4)
-    """On the poles of one street, a whole number."""
+    """Number of wires on the poles of one street."""
     diameter_m: Annotated[ValueRange, Within(0.005, 0.08)] = ValueRange(least=0.012, most=0.03)
-    """Of a wire; bundles of insulated ones are the thickest."""
+    """Diameter of a wire; bundles of insulated wires are the thickest."""
     sag: Annotated[ValueRange, Within(0.0, 0.06)] = ValueRange(least=0.01, most=0.03)
-    """Of a wire's middle below its ends, × their distance."""
+    """Sag at mid-span, relative to the span."""
     connections: Share = 0.0
-    """Of poles with a wire to a house, mostly over the street."""
+    """Share of the poles with a wire to a house, mostly across the street."""
     bare_trees: Share = 0.0
-    """Of trees that have no leaves."""
+    """Share of the trees without leaves."""

@@ -42,9 +42,11 @@ class SurfaceReflectance(Settings):
     """Mean reflectance over visible light: ρ(a) = new + (aged − new) · a^0.6 at the age a, 0 … 1."""
 
     new: Reflectance
+    """Reflectance at age 0."""
     aged: Reflectance
+    """Reflectance at age 1."""
     spread: Annotated[float, Field(ge=0, le=0.5), NUMBER] = 0.08
-    """Streets of one age differ by up to this share of it."""
+    """Relative difference between streets of one age, at most."""
 
     def at(self, age: float, chance: float) -> float:
         """At an age, with a random number 0 … 1 for the difference between streets."""
@@ -55,9 +57,11 @@ class Tint(Settings):
     """Colour of the aggregate and the binder, as factors on a neutral grey of the same brightness."""
 
     red: ColourFactor = 1.0
+    """Factor on red."""
     blue: ColourFactor = 1.0
+    """Factor on blue."""
     spread: Annotated[float, Field(ge=0, le=0.2), NUMBER] = 0.03
-    """Streets differ by up to this: red by more, blue by less, or the other way round."""
+    """Difference between streets, at most: redder and less blue, or the reverse."""
 
     def at(self, chance: float) -> tuple[float, float]:
         """Factors on red and blue for a random number 0 … 1."""
@@ -69,23 +73,26 @@ class RepairRates(Settings):
     """How often it is repaired, × the rates of dense asphalt of the same age (`distractors.repairs`)."""
 
     patches: Factor = 1.0
+    """Cut-out rectangles."""
     trenches: Factor = 1.0
+    """Strips over pipes and cables."""
     sealed_cracks: Factor = 1.0
+    """Lines of bitumen."""
     joint_share: Share = 0.35
-    """Of streets whose paver's joint is sealed."""
+    """Share of the streets whose paver joint is sealed."""
 
 
 class Slabs(Settings):
     """Joints between slabs, filled with a dark sealant."""
 
     every_m: Annotated[float, Field(ge=1, le=30), NUMBER]
-    """Between joints across the carriageway."""
+    """Distance between joints across the carriageway."""
     half_width_m: Annotated[float, Field(ge=0.012, le=0.03), NUMBER] = 0.015
-    """Half the width of the sealant and its overband; finer lines than the maps resolve would alias."""
+    """Half the width of the sealant and its overband; finer lines alias on the maps."""
     lost: Share = 0.03
-    """Share of the sealant that has gone."""
+    """Share of the sealant that is missing."""
     expansion_every: Annotated[int, Field(ge=2, le=100), NUMBER] | None = None
-    """One of so many joints across is an expansion joint; None where there are none."""
+    """Number of joints across per expansion joint; no expansion joints without it."""
     expansion_half_width_m: Annotated[float, Field(ge=0.012, le=0.06), NUMBER] = 0.028
     """Half the width of an expansion joint."""
 
@@ -100,25 +107,29 @@ class Pavement(Settings):
     """A pavement."""
 
     title: Title
-    """In words."""
+    """Name in messages."""
     material: Material
+    """Detail texture."""
     reflectance: SurfaceReflectance
+    """Mean reflectance of visible light at age a (0 … 1): new + (aged − new) · a^0.6."""
     tint: Tint = Tint()
+    """Colour of aggregate and binder, as factors on a neutral grey of the same brightness."""
     age: Annotated[ValueRange, Within(0.0, 1.0)] = ValueRange(least=0.0, most=1.0)
-    """Of streets that have it: 0 newly paved, 1 due for renewal."""
+    """Age of its streets: 0 newly paved, 1 due for renewal."""
     grain: Annotated[ValueRange, Within(0.0, 1.9)] = ValueRange(least=0.5, most=1.0)
-    """Contrast of its stones, × that of clean new ones: dust and wear level them."""
+    """Contrast of the stones relative to clean new ones."""
     wheel_paths: Annotated[ValueRange, Within(-0.5, 0.5)] = ValueRange(least=-0.065, most=0.075)
-    """Change of the reflectance where wheels pass, as a share: polished stones are paler, bleeding binder darker."""
+    """Relative change of the reflectance in wheel paths: polished stones are paler, bleeding binder is darker."""
     streaks: Factor = 1.0
-    """Contrast of the streaks along the street that paver, rollers and tyres leave."""
+    """Contrast of the streaks along the street left by paver, rollers and tyres."""
     blotches: Factor = 1.0
-    """Contrast of the slow changes of its tone over metres."""
+    """Contrast of the slow changes of tone over metres."""
     oil: Factor = 1.0
-    """Strength of the band of oil in the middle of lanes."""
+    """Strength of the oil band in the middle of lanes."""
     repairs: RepairRates = RepairRates()
+    """Repair rates relative to dense asphalt of the same age."""
     slabs: Slabs | None = None
-    """Joints between its slabs; None for one without."""
+    """Sealed joints between concrete slabs; a surface without joints otherwise."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

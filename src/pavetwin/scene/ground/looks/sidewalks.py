@@ -54,11 +54,11 @@ class SidewalkLook(Settings):
     """What sidewalks are paved with, street by street."""
 
     pavings: Annotated[Mapping[SidewalkPaving, Weight], Field(min_length=1), SOME] = {SidewalkPaving.SLABS: 1}
-    """Pavings, with their relative frequencies."""
+    """Concrete slabs (400 mm), poured concrete, blocks in herringbone bond, grooved tiles (250 mm), granite setts."""
     red: Share = 0.0
-    """Of streets with blocks or tiles: those of red ones."""
+    """Share of the streets with blocks or tiles whose paving is red."""
     tone: Annotated[ValueRange, Within(0.4, 1.6)] = ValueRange(least=1.0, most=1.0)
-    """Reflectance, × the paving's mean: paler where new, darker where dirty."""
+    """Reflectance relative to the mean of the paving."""
 
     def surface(self, *, paving: float, colour: float, tone: float) -> tuple[GroundKind, Finish]:
         """What a street's sidewalks are made of, for three random numbers 0 … 1."""

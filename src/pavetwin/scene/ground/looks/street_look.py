@@ -32,53 +32,63 @@ class Stretches(Settings):
     """Parts of streets that were resurfaced later than the rest."""
 
     share: Share = 0.3
-    """Of segments of 45 m and more that have one."""
+    """Share of the segments of at least 45 m that have such a stretch."""
     pavements: Weights
+    """Pavements of the stretches."""
 
 
 class Dirt(Settings):
     """What lies on carriageways, × what the twin assumes of a street (`distractors`)."""
 
     sand: Factor = 1.0
-    """Along kerbs."""
+    """Sand along kerbs."""
     water: Factor = 1.0
-    """Damp at kerbs and grates, and the tide marks of puddles."""
+    """Damp at kerbs and grates, and tide marks of puddles."""
     tyre_marks: Factor = 1.0
+    """Tyre marks from braking and turning."""
     oil: Factor = 1.0
+    """Oil in the middle of lanes and where vehicles wait."""
     leaves: Factor = 1.0
+    """Leaves on carriageways and along kerbs."""
     plants: Factor = 1.0
-    """Grass and moss at the kerbs of worn streets and in joints between worn slabs."""
+    """Grass and moss at the kerbs of worn streets and in the joints of worn slabs."""
 
 
 class StreetLook(Settings):
     """The look of a town's streets."""
 
     title: Title
-    """In words."""
+    """Name in messages."""
     main: Weights
-    """Pavements of main streets, by name, with their relative frequencies."""
+    """Pavements of main streets, by name or by file."""
     other: Weights
-    """Of all others."""
+    """Pavements of all other streets."""
     stretches: Stretches
+    """Parts of streets resurfaced later than the rest."""
     repairs: RepairMaterials = RepairMaterials()
+    """Materials of repairs."""
     sidewalks: SidewalkLook = SidewalkLook()
+    """Paving of sidewalks, per street."""
     former_markings: FormerMarkings = FormerMarkings()
+    """Visible markings of an earlier layout."""
     overhead: Overhead = Overhead()
+    """Objects above streets that cast thin shadows."""
     dirt: Dirt = Dirt()
+    """Dirt on carriageways, relative to the usual amount for the street's age."""
     paint_wear: Factor = 1.0
-    """Wear of markings, × what the age of a street says."""
+    """Wear of markings, relative to the usual wear for the street's age."""
     covers: Annotated[Mapping[CoverName, Weight], Field(min_length=1), SOME] = {"cover_iron": 1, "cover_filled": 1}
-    """Kinds of manhole covers; most of a town's are of one kind."""
+    """Kinds of manhole covers; most covers of a town share one kind."""
     grates: Annotated[Mapping[GrateName, Weight], Field(min_length=1), SOME] = {"grate": 1}
-    """Kinds of gully grates, of which a town has one."""
+    """Kinds of gully grates; a town has one kind."""
     bridge_joints: Annotated[Mapping[JointName, Weight], Field(min_length=1), SOME] = {"joint_strip": 1, "plug": 1}
-    """Kinds of joints at both ends of bridges: steel fingers, a rubber profile between steel edges, or a plug of
-    asphalt and binder."""
+    """Joints at the ends of bridges: steel fingers, a rubber profile between steel edges, or an asphalt plug."""
     litter_per_100_m: Annotated[float, Field(ge=0, le=100), NUMBER] = 0.0
+    """Mean number of pieces of paper, cans, bags and sticks per 100 m."""
     marks: Mapping[str, Annotated[float, Field(ge=0, le=50), NUMBER]] = Field(default_factory=dict)
-    """Painted marks by name, or by a file beside this one: mean number on 100 m of a street that may have them."""
+    """Painted marks, by name or by file: mean number per 100 m of a street that may have them."""
     markings: str | None = None
-    """A marking standard by name, or by a file beside this one; the one of the place unless given."""
+    """Marking standard, by name or by file; the standard of the place without it."""
 
     def pavement(self, *, main: bool, chance: float, slabs: bool = True) -> Pavement:
         """The pavement of a street for a random number 0 … 1; pavements of slabs have the lowest.
