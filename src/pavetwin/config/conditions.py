@@ -46,22 +46,21 @@ class Conditions(Settings):
     """The outer conditions of a mission or an image. Flight, energy, frames and datasets read the same value."""
 
     date: Annotated[dt.date, BeforeValidator(_read_date)] = dt.date(2025, 3, 20)
-    """By default an equinox: day and night are equally long everywhere."""
+    """Date, 1950 to 2050."""
     time: Annotated[dt.time, BeforeValidator(_read_time)] = dt.time(10)
-    """Mean solar time at the world's base when the mission begins or the image is taken: UTC plus one hour for every
-    15° of longitude to the east."""
+    """Mean solar time at the world's base at take-off: UTC plus 1 h per 15° of longitude east."""
     clouds: Annotated[float, Field(ge=0, le=1)] = 0.1
-    """Cloud cover: 0 clear, 0.5 partly cloudy, 1 overcast."""
+    """Cloud cover: 0 clear, 1 overcast."""
     turbidity: Annotated[float, Field(ge=1.7, le=10)] = 3.0
-    """Of the air, after Preetham: 2 very clear, 3 clear, 6 hazy."""
+    """Turbidity after Preetham: 2 very clear, 6 hazy."""
     wind_mps: Annotated[float, Field(ge=0)] = 0.0
-    """Mean speed of the wind at the altitude of flight."""
+    """Mean wind speed at flight altitude."""
     wind_from_deg: Annotated[float, Field(ge=0, lt=360)] = 270.0
-    """Direction that the wind comes from, clockwise from north."""
+    """Direction the wind comes from, clockwise from north."""
     gust_factor: Annotated[float, Field(ge=1, le=3)] = 1.0
-    """Speed of gusts over the wind's mean speed: 1 for none; 1.5 is usual above built-up ground."""
+    """Gust speed over mean wind speed: 1 without gusts, 1.5 is usual above built-up ground."""
     temperature_c: Annotated[float, Field(ge=-30, le=50)] = 20.0
-    """Of the batteries when they are put in: the air's, unless they were kept warm."""
+    """Temperature of the batteries at take-off."""
 
     def utc(self, longitude_deg: float) -> dt.datetime:
         """The date and time in UTC at a longitude, east positive."""

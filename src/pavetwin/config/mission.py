@@ -22,36 +22,40 @@ class UavSettings(Settings):
     """The airframe's limits: Unity's NavMesh agent of the paper, and what it leaves open."""
 
     radius_m: Positive = 0.5
+    """Radius of the airframe; the NavMesh keeps this distance from obstacles."""
     inspect_speed_mps: Positive | None = None
-    """Null: 5 m/s, or slower where the camera takes too few pictures to see all that it passes. A speed that is given
-    is flown."""
+    """Inspection speed. Null: 5 m/s, or slower where the camera's interval would leave gaps; a number is flown as
+    given."""
     transit_speed_mps: Positive = 10.0
+    """Speed between segments, to revisits and home."""
     acceleration_mps2: Positive = 8.0
+    """Acceleration, braking and centripetal acceleration."""
     yaw_rate_deg_s: Positive = 45.0
+    """Angular speed about the vertical."""
     stopping_distance_m: NonNegative = 1.0
+    """Distance from a goal that counts as arrived."""
     climb_speed_mps: Positive = 3.0
-    """Between the ground and the altitude, as far as the aircraft climbs and descends so fast."""
+    """Vertical speed, up to the limits of the aircraft."""
     base: Literal["street", "roadside"] = "roadside"
-    """Where it takes off unless a mission says so: in the middle of the world's streets, or beside the carriageway
-    there."""
+    """Default take-off place: next to the carriageway, or in the middle of the streets."""
 
 
 class CameraSettings(Settings):
     """Which camera looks straight down, how often it captures, and its inspection window."""
 
     model: NameOrFile | None = None
-    """A name of the camera database, or a path to a YAML file of the same form; null for the aircraft's own."""
+    """Registered camera, or a YAML file of cameras; null: the aircraft's own."""
     capture_interval_s: Positive = 0.6
-    """Between captures, as far as the camera takes pictures so fast (its `shortest_interval_s`)."""
+    """Interval between captures, at least the camera's `shortest_interval_s`."""
     exposure_s: Positive = 0.001
-    """Shutter time of the captures that a mission judges without rendering them; never shorter than the camera's
-    shortest. The motion meanwhile blurs the image."""
+    """Exposure of captures judged without rendering, at least the camera's shortest; motion during it blurs the
+    image."""
     window_rows: Annotated[float, Field(gt=0, le=1)] = 0.5
     """Share of the image rows (along the track) in which a defect counts as centred."""
     window_columns: Annotated[float, Field(gt=0, le=1)] | None = 1.0
-    """Share of the image columns (across the track); null when `window_across_per_altitude` is given."""
+    """Share of the image columns (across the track); null with `window_across_per_altitude`."""
     window_across_per_altitude: Positive | None = None
-    """Width of the window across the track, in metres a metre of altitude (the paper: 0.6)."""
+    """Width of the window across the track per metre of altitude."""
 
     @model_validator(mode="after")
     def _one_width(self) -> Self:
@@ -62,31 +66,39 @@ class CameraSettings(Settings):
 
 class VisibilitySettings(Settings):
     threshold: Share = 0.7
-    """τ_o: below it a policy is asked."""
+    """τ_o: below it the policy decides."""
     interval_s: Positive = 0.3
+    """Interval between evaluations of the visibility."""
     cell_m: Annotated[float, Field(ge=0.05, le=2)] = 0.25
+    """Side of the cells of a segment's surface."""
     inspected_share: Annotated[float, Field(gt=0, le=1)] = 0.95
+    """Share of the visible cells that makes a segment inspected."""
 
 
 class PatternSettings(Settings):
     kind: str = "boustrophedon"
-    """A name of the registry in pavetwin.navigation.patterns: boustrophedon or out_and_back."""
+    """Inspection pattern: `boustrophedon` or `out_and_back`."""
     side_overlap: Annotated[float, Field(ge=0, lt=0.9)] = 0.2
-    """Share of the window's width that neighbouring passes of the boustrophedon share."""
+    """Share of the window's width that neighbouring passes of `boustrophedon` share."""
 
 
 class PolicySettings(Settings):
     """What the built-in policies read, and the options of a user's own."""
 
     wait_s: Positive = 2.0
+    """`hover`: wait between two evaluations."""
     max_wait_s: Positive = 300.0
+    """`hover`: longest wait in one occlusion episode."""
     max_displacement_m: Positive = 3.0
+    """`micro`: longest displacement."""
     note_spacing_m: NonNegative = 1.5
+    """`skip`: minimum distance between two notes."""
     note_interval_s: NonNegative = 2.0
+    """`skip`: minimum time between two notes."""
     revisit_stay_s: Positive = 5.0
+    """`skip`: stay at a revisited place."""
     options: Options = Field(default_factory=dict)
-    """Of a user's own policy, which says what options it has (`Policy.default_options`). A file that one names is
-    hashed into the mission."""
+    """Options of a custom policy (`Policy.default_options`); files named here are hashed into the mission."""
 
 
 LEAST_PX: Final[Mapping[str, float]] = {"single_crack": 2.0, "crocodile_crack": 16.0, "pothole": 8.0}
@@ -95,22 +107,23 @@ LEAST_PX: Final[Mapping[str, float]] = {"single_crack": 2.0, "crocodile_crack": 
 
 class SensingSettings(Settings):
     sensor: NameOrFile = "recall"
+    """`recall`, `ideal`, `calibrated`, `detector`, or a custom sensor."""
     recall: Share = 0.840
-    """Of the paper's YOLOv8n."""
+    """`recall`: probability of finding a large, sharp defect; 0.84 is the paper's YOLOv8n."""
     min_visible_fraction: Share = 0.35
+    """Share of a defect that must be visible in a capture."""
     attempts: Literal["every_capture", "first_capture"] = "every_capture"
-    """`first_capture`: a defect gets one attempt, and one more for each revisit."""
+    """`every_capture`: each capture is an attempt. `first_capture`: one attempt per defect and one per revisit."""
     look_correlation: Share = 0.8
-    """Of `recall`: correlation between looks at one defect. 0: every look is a new draw; 1: a defect that one look
-    missed is missed by all that show as much."""
+    """`recall`: correlation between attempts at one defect. 0: independent; 1: all or none."""
     least_px: Mapping[str, NonNegative] | None = Field(default_factory=lambda: dict(LEAST_PX), validate_default=True)
-    """Of `recall`, by class: what covers fewer pixels across is not seen: a crack across its width, any other defect
-    across its shorter side. Classes that are not named keep their defaults; null: size does not matter."""
+    """`recall`, by class: minimum size in pixels, across a crack or the shorter side of any other defect. Null: no
+    limit."""
     full_recall_ratio: Annotated[float, Field(gt=1, le=100)] = 3.0
-    """Of `recall`: at so many times `least_px` a defect is found with the probability `recall`; below, less often."""
+    """`recall`: multiple of `least_px` from which the full recall applies."""
     options: Options = Field(default_factory=dict)
-    """Of a user's own sensor, which says what options it has (`Sensor.default_options`). A file that one names, such as
-    a model, is hashed into the mission."""
+    """Options of `detector` or of a custom sensor (`Sensor.default_options`); files named here are hashed into the
+    mission."""
 
     @field_validator("least_px", mode="after")
     @classmethod
@@ -127,24 +140,23 @@ class EnergySettings(Settings):
     }
 
     model: str = "rotor"
-    """A name of the registry in pavetwin.uav.energy: rotor or linear."""
+    """Energy model: `rotor` or `linear`."""
     endurance_s: Positive = 1800.0
-    """Of the linear model, which reads none of the capacities below."""
+    """`linear`: time from full to empty; the capacities below are unused."""
     capacity_wh: Positive | None = None
-    """Nominal energy of the batteries flown with at once; null for the aircraft's own."""
+    """Nominal energy of the batteries flown with at once; null: the aircraft's own."""
     usable: Annotated[float, Field(gt=0, le=1)] = 0.8
-    """Share of the nominal energy that flights may use: below it the voltage sags and the maker's own warnings begin.
-    Everything that is said of a battery, the reserve too, is a share of this part."""
+    """Usable share of the nominal energy. All shares of a battery refer to this part."""
     health: Annotated[float, Field(gt=0, le=1)] = 1.0
-    """Share of its nominal energy that an aged battery still holds."""
+    """Share of the nominal energy that an aged battery still holds."""
     payload_kg: NonNegative = 0.0
-    """Carried on top of the aircraft and its own camera."""
+    """Payload on top of the aircraft and its own camera."""
     climb_efficiency: Annotated[float, Field(gt=0, le=1)] = 0.7
     """Share of the battery's power that a climb turns into potential energy."""
     reserve: Annotated[float, Field(ge=0, lt=0.9)] = 0.15
-    """Share of the usable energy that must be left after landing: for a landing that is put off, or wind that rises."""
+    """Share of the usable energy that must be left after landing."""
     swap_s: NonNegative = 120.0
-    """From landing with an empty battery to take-off with a full one."""
+    """Time from landing with an empty battery to take-off with a full one."""
 
 
 LEAST_AREA_M: Final = 100.0
@@ -155,10 +167,12 @@ class MissionSettings(Settings):
     """One mission, complete."""
 
     altitude_m: Altitude = 10.0
+    """Altitude above ground, 5 to 120 m."""
     time_step_s: Annotated[float, Field(gt=0, le=0.1)] = 0.05
+    """Time step, at most 0.1 s."""
     aircraft: NameOrFile | None = "mavic3e"
-    """A name of the aircraft profiles, or a path to a YAML file of the same form. It gives mass, power, batteries, top
-    speed, wind limit and camera; null for the paper's UAV, which has none of these and takes a camera by name."""
+    """Aircraft profile, or a YAML file of profiles: mass, power, batteries, top speed, rated wind, camera. Null: the
+    paper's UAV."""
     uav: UavSettings = UavSettings()
     camera: CameraSettings = CameraSettings()
     visibility: VisibilitySettings = VisibilitySettings()
@@ -169,9 +183,9 @@ class MissionSettings(Settings):
     conditions: Conditions = Conditions()
     parking: ParkingSettings = ParkingSettings()
     traffic_area_m: Annotated[float, Field(ge=LEAST_AREA_M)] | None = None
-    """Traffic is recorded on the streets within this distance of the targets; null: on those of the whole town."""
+    """Record traffic only within this distance of the targets (at least 100 m); null: in the whole town."""
     plugins: PluginFiles = ()
-    """Files of the user's own that register what a setting names; read when settings are made."""
+    """Python files that register what a setting names."""
 
     @model_validator(mode="after")
     def _with_plugins(self) -> Self:

@@ -11,7 +11,6 @@ class ParkingSettings(Settings):
     """Parked vehicles of a mission."""
 
     enabled: bool = True
-    """False: all places are empty."""
+    """Vehicles stand in the parking places."""
     occupancy: Annotated[float, Field(ge=0, le=1)] | None = None
-    """Share of the places that are taken; null: by the daily curve for the type of street, the day of the week and the
-    time (`pavetwin.traffic.occupancy`)."""
+    """Share of the places that are taken; null: the daily curve for type of street, day of the week and time."""
