@@ -27,7 +27,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"policies", "sensing"}),
     frozenset({"mission"}),
     frozenset({"draw"}),
-    frozenset({"inventory"}),
+    frozenset({"inventory", "reports"}),
     frozenset({"experiments", "capture", "flightplan"}),
     frozenset({"handover", "driving", "training"}),
     frozenset({"app"}),

@@ -28,7 +28,6 @@ from pavetwin.draw.mission_map import (
 from pavetwin.draw.strip import caption
 from pavetwin.draw.turned import MapTransform
 from pavetwin.errors import PaveTwinError
-from pavetwin.experiments.report.canvas import looks
 from pavetwin.mission.detections import DetectionLog
 from pavetwin.mission.environment import window_m
 from pavetwin.mission.fly import MissionResult
@@ -274,7 +273,7 @@ def test_a_policy_of_ones_own_has_one_colour_in_a_comparison_and_in_a_report() -
     with style.styled():
         figure = _comparison_figure([*results, calm], notable_segments(results)[0])
     (named,) = [text for text in figure.texts if text.get_text() == "calm"]
-    assert named.get_color() == looks(["baseline", "calm"])["calm"].colour
+    assert named.get_color() == style.policy_styles(["baseline", "calm"])["calm"].colour
 
 
 def test_one_revisit_is_not_several() -> None:

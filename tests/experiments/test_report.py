@@ -14,10 +14,9 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.metrics import metric_named
 from pavetwin.experiments.report import gather, write_report
 from pavetwin.experiments.report import page as pages
+from pavetwin.experiments.report.figures import options, overview
 from pavetwin.experiments.report.front import question
 from pavetwin.experiments.report.headline import headline_table
-from pavetwin.experiments.report.plots.overview import overview
-from pavetwin.experiments.report.plots.tradeoff import options
 from pavetwin.experiments.statistics import MissionLimits, Objective
 from scenes.outline import Outline, sections, small_study
 from scenes.report_studies import PAPER, SMALL, page_of, study_of, table_of, with_failures

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pavetwin.draw import style
-from pavetwin.experiments.report.canvas import looks, policy_legend, slim
-from pavetwin.experiments.report.plots.intervals import traffic_title
+from pavetwin.experiments.report.figures import policy_legend, traffic_title
+from pavetwin.reports.canvas import slim
 
 _GLYPH_SCALE = re.compile(r"scale\(([^)]*)\)")
 
@@ -30,7 +30,7 @@ def test_a_legend_stays_within_its_figure(width_in: float, lines: int) -> None:
     more = [Line2D([], [], label=f"{altitude_m} m") for altitude_m in (6, 10, 15, 30)]
     with style.styled():
         figure = style.new_figure(width_in, 2.0)
-        policy_legend(figure, looks(policies), more)
+        policy_legend(figure, style.policy_styles(policies), more)
         (legend,) = figure.legends
         figure.draw_without_rendering()
     assert legend.get_window_extent().width <= figure.bbox.width

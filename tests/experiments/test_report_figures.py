@@ -7,14 +7,11 @@ from xml.etree import ElementTree
 import polars as pl
 import pytest
 
-from pavetwin.draw.style import POLICY_COLOURS
+from pavetwin.draw.style import POLICY_COLOURS, policy_styles
 from pavetwin.experiments.metrics import metric_named
 from pavetwin.experiments.report import gather, write_report
-from pavetwin.experiments.report.canvas import looks
+from pavetwin.experiments.report.figures import by_altitude, options, spread, tradeoff
 from pavetwin.experiments.report.maps import colour_range, street_map, street_means
-from pavetwin.experiments.report.plots.intervals import by_altitude
-from pavetwin.experiments.report.plots.spread import spread
-from pavetwin.experiments.report.plots.tradeoff import options, tradeoff
 from pavetwin.experiments.statistics.summary import summarise
 from scenes import tiny
 from scenes.outline import sections, small_study
@@ -95,10 +92,10 @@ def test_whiskers_end_at_the_percentiles_of_the_tables() -> None:
 
 
 def test_fourteen_policies_can_be_told_apart() -> None:
-    chosen = looks([*POLICY_COLOURS, *(f"own {number}" for number in range(10))])
+    chosen = policy_styles([*POLICY_COLOURS, *(f"own {number}" for number in range(10))])
     assert len({look.colour for look in chosen.values()}) == len({look.marker for look in chosen.values()}) == 14
     assert len({look.dash for look in chosen.values()}) == 3
-    assert chosen["hover"] == looks(["own", "hover"])["hover"]
+    assert chosen["hover"] == policy_styles(["own", "hover"])["hover"]
 
 
 def test_streets_are_means_over_their_missions() -> None:

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pavetwin.experiments.report.plots.tradeoff import dominates, on_front
+from pavetwin.experiments.report.figures import dominates, on_front
 
 POINTS = st.lists(st.tuples(st.integers(0, 6).map(float), st.integers(0, 6).map(float)), max_size=30)
 

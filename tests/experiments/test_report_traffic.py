@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from pavetwin.experiments.report.parts import Table
 from pavetwin.experiments.report.traffic import traffic_section
+from pavetwin.reports.blocks import Table
 from pavetwin.traffic.flow import flow_of
 from pavetwin.traffic.record import record
 from pavetwin.traffic.recording import Recording

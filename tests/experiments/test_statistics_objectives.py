@@ -10,7 +10,7 @@ from benchmarks.calibration import OBJECTIVES, outcomes
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.statistics import MissionLimits, Objective, recommend
 from pavetwin.experiments.statistics.flips import sign_flip_p
-from pavetwin.experiments.words import percent
+from pavetwin.reports.words import percent
 from scenes.studies import PAPER, study
 
 LEVELS = {**PAPER, "traffic": ("low",), "altitude_m": (6.0, 15.0, 30.0), "policy": ("baseline", "hover")}

@@ -20,7 +20,8 @@ from pavetwin.experiments.statistics import (
     recommend,
     summarise,
 )
-from pavetwin.experiments.words import amount, nonzero, setting
+from pavetwin.experiments.words import amount, setting
+from pavetwin.reports.words import nonzero
 from scenes.studies import PAPER, SMALL, study, without
 
 BY = ("traffic", "altitude_m", "policy")

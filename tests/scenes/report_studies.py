@@ -9,10 +9,11 @@ import numpy as np
 import polars as pl
 
 from pavetwin.experiments.metrics import FAILED, FLOWN, METRICS
-from pavetwin.experiments.report import Study, canvas
+from pavetwin.experiments.report import Study
 from pavetwin.experiments.report.page import page, sections_of
-from pavetwin.experiments.report.parts import ReportFigure
 from pavetwin.experiments.statistics import Comparison
+from pavetwin.reports import canvas
+from pavetwin.reports.blocks import ReportFigure
 from pavetwin.world.model import World
 
 Factors = Mapping[str, Sequence[Any]]
@@ -41,7 +42,7 @@ def page_of(study: Study, *, drawn: bool = False) -> str:
     """The page of a study's report. Drawing takes most of its time: its figures are blank unless they are `drawn`."""
     if drawn:
         return page(study, sections_of(study))
-    with patch.object(canvas, "_picture", _blank):
+    with patch.object(canvas, "_embedded", _blank):
         return page(study, sections_of(study))
 
 

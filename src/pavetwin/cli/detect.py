@@ -99,8 +99,8 @@ def detect(
 def _tell(outcome: "DetectOutcome", output: Path, *, pictures: bool) -> None:
     from collections import Counter
 
-    from pavetwin.experiments.words import counted
     from pavetwin.perception.classes import CLASSES
+    from pavetwin.reports.words import counted
 
     found = Counter(thing.name for image in outcome.images for thing in image.things)
     parts = ", ".join(f"{name} {found[name]}" for name in CLASSES if found[name])

@@ -207,7 +207,7 @@ def _interval(low: float, high: float) -> str:
 
 def _tell(result: "DetectorEvaluation") -> None:
     """A row a class, then the metrics of all with their intervals."""
-    from pavetwin.experiments.words import counted
+    from pavetwin.reports.words import counted
     from pavetwin.training.evaluation.matching import HALF
     from pavetwin.training.report.sections import METRICS
 

@@ -173,8 +173,8 @@ def _tell(reading: "Reading", observations: int, listed: "Sequence[Entry]") -> N
 
     from pavetwin.cli import app
     from pavetwin.cli.flags import with_flags
-    from pavetwin.experiments.words import counted
     from pavetwin.inventory.condition import LIKELY
+    from pavetwin.reports.words import counted
 
     kinds = [entry.kind for entry in listed]
     found = Counter(kinds)

@@ -15,7 +15,8 @@ from pavetwin.experiments.statistics import MissionLimits, Objective, Recommenda
 from pavetwin.experiments.statistics.cells import levels_of
 from pavetwin.experiments.statistics.recommend import UNMEASURED
 from pavetwin.experiments.tours import by_mission
-from pavetwin.experiments.words import opened, setting
+from pavetwin.experiments.words import setting
+from pavetwin.reports.words import opened
 
 ASSUMED = ("sensor", "preset")
 """Factors that are assumptions of a study, not options to choose from."""

@@ -9,8 +9,8 @@ from pavetwin.config import MissionSettings, load_settings
 from pavetwin.config.base import ALIASES
 from pavetwin.config.mission import LEAST_PX
 from pavetwin.defects.registry import DEFECT_CLASSES
-from pavetwin.experiments.words import listed
 from pavetwin.mission.environment import inspect_speed_mps, shutter_s
+from pavetwin.reports.words import listed
 from pavetwin.sensing import sensor_class
 from pavetwin.sensing.resolution import is_thin, least_px_of
 from pavetwin.uav import camera_of

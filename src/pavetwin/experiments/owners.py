@@ -8,8 +8,8 @@ from pavetwin.config.base import ALIASES
 from pavetwin.config.mission import PolicySettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
-from pavetwin.experiments.words import listed
 from pavetwin.policies import policy_class, policy_names
+from pavetwin.reports.words import listed
 from pavetwin.sensing import sensor_class
 
 Owners = Mapping[str, Sequence[str]]

@@ -14,7 +14,6 @@ from pavetwin.experiments.design import ALL, Design
 from pavetwin.experiments.metrics import EVERY_PAIR, REFERENCE
 from pavetwin.experiments.owners import owners_of
 from pavetwin.experiments.plan import IN_DESIGN_FILE, Cell, Plan, cells_of, content_of, take_offs, traffic_area_m
-from pavetwin.experiments.words import listed
 from pavetwin.files import file_sha256
 from pavetwin.mission.environment import Surroundings
 from pavetwin.mission.plan import check_distinct, check_names
@@ -22,6 +21,7 @@ from pavetwin.mission.spec import PolicyInput, files_of_settings
 from pavetwin.mission.targets import short_tour
 from pavetwin.mission.versions import packages_in_use
 from pavetwin.plugins import load_plugins, registered_in
+from pavetwin.reports.words import listed
 from pavetwin.sensing.registered import unnamed_models
 from pavetwin.traffic.demand import density_named
 from pavetwin.traffic.own_demand import own_demand

@@ -7,9 +7,9 @@ from functools import partial
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
 from pavetwin.experiments.plan import cells_of, traffic_area_m
-from pavetwin.experiments.words import listed
 from pavetwin.mission.inputs import OnProgress
 from pavetwin.plugins import load_plugins
+from pavetwin.reports.words import listed
 from pavetwin.traffic.demand import density_named
 from pavetwin.traffic.nearest_level import within_reach
 from pavetwin.world.model import World

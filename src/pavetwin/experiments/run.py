@@ -17,9 +17,9 @@ from pavetwin.experiments.plan import ImageSourceFactory, Plan, Unit
 from pavetwin.experiments.planning import load_worlds, plan
 from pavetwin.experiments.reach import with_levels_in_reach
 from pavetwin.experiments.store import FORMER, Store
-from pavetwin.experiments.words import counted, listed
 from pavetwin.files import working_in
 from pavetwin.mission.inputs import OnProgress
+from pavetwin.reports.words import counted, listed
 from pavetwin.traffic.demand import density_named
 from pavetwin.traffic.demand_search import found
 from pavetwin.traffic.inputs import Inputs

@@ -24,9 +24,9 @@ from pavetwin.experiments.fly_unit import part_of, schema
 from pavetwin.experiments.metrics import FACTORS, FAILED, FILES, RENDERER, STATUS
 from pavetwin.experiments.owners import EVERYONE, Owners
 from pavetwin.experiments.plan import SHOWN, Plan, Unit, units_of
-from pavetwin.experiments.words import listed
 from pavetwin.files import writing
 from pavetwin.mission.versions import renderer_of, software_versions, version_changes
+from pavetwin.reports.words import listed
 
 DESIGN, PARTS, FORMER, FORMAT = "design.yaml", "segments.parquet", "former", 2
 

@@ -6,8 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from pavetwin.draw import style
 from pavetwin.draw.extent import credit
 from pavetwin.draw.pci_map import COLOURS
@@ -22,6 +20,7 @@ from pavetwin.handover.spreadsheet import write_workbook
 from pavetwin.inventory.files import write_inventory
 from pavetwin.inventory.listing import entries_of
 from pavetwin.mission.condition import write_units
+from pavetwin.reports.page import render
 from pavetwin.world.layer_styles import LayerStyle, Symbol, write_styles
 from pavetwin.world.layers import columns_of, write_layer
 
@@ -120,19 +119,11 @@ def _write_geopackage(handover: Handover, path: Path) -> None:
 
 
 def _html(page: Page, picture: bytes, plans: Sequence[str], folders: Sequence[str]) -> str:
-    environment = Environment(
-        loader=PackageLoader("pavetwin.handover", "."),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-    )
-    return environment.get_template("page.html.jinja").render(
+    return render(
+        "pavetwin.handover",
+        "handover.html.jinja",
         page=page,
         picture=b64encode(picture).decode("ascii"),
         plans=plans,
         files=[*HANDOVER_FILES, *folders],
-        accent=style.BASE,
-        ink=style.INK,
-        soft=style.INK_SOFT,
     )

@@ -8,13 +8,13 @@ import polars as pl
 
 from pavetwin.defects.placement import PLACED
 from pavetwin.experiments.statistics.summary import FEW
-from pavetwin.experiments.words import MISSING, counted, listed, number, percent
 from pavetwin.handover.contents import Handover
 from pavetwin.mission.environment import capture_interval_s, inspect_speed_mps
 from pavetwin.mission.found_share import found_share
 from pavetwin.mission.inspected_defects import missed_words
 from pavetwin.pci import rating_of
 from pavetwin.policies import Pilot, policy_class, policy_names
+from pavetwin.reports.words import MISSING, counted, listed, number, percent
 from pavetwin.traffic.demand import density_named
 from pavetwin.uav import camera_of
 from pavetwin.uav.aircraft import aircraft_of, camera_name

@@ -16,7 +16,8 @@ from pavetwin.experiments.advice import Advice, advise
 from pavetwin.experiments.metrics import REPLICATE
 from pavetwin.experiments.statistics import MissionLimits, Objective, Recommendation, recommend
 from pavetwin.experiments.statistics.summary import FEW
-from pavetwin.experiments.words import level_text, listed, setting
+from pavetwin.experiments.words import level_text, setting
+from pavetwin.reports.words import listed
 
 CHOSEN: Final = ("world", "traffic", "sensor", "preset")
 """Columns of which a handover has one level each: where, when, and how missions are judged."""

@@ -6,13 +6,14 @@ from typing import Any
 from pavetwin.config import load_settings
 from pavetwin.config.base import ALIASES
 from pavetwin.experiments.metrics import metric_named
-from pavetwin.experiments.report.canvas import vector
+from pavetwin.experiments.report.figures import overview
 from pavetwin.experiments.report.headline import defects_under
-from pavetwin.experiments.report.parts import Section
-from pavetwin.experiments.report.plots import overview
 from pavetwin.experiments.report.study import METRIC, Group, Study
 from pavetwin.experiments.statistics import Objective
-from pavetwin.experiments.words import amount, factor_text, level_name, level_text, listed
+from pavetwin.experiments.words import amount, factor_text, level_name, level_text
+from pavetwin.reports.blocks import Section
+from pavetwin.reports.canvas import vector
+from pavetwin.reports.words import listed
 
 OVERVIEW = "overview"
 """Anchor of the section with that figure."""
@@ -80,7 +81,7 @@ def overview_section(study: Study) -> Section:
         return Section(OVERVIEW, "", [])
     of = f" ({group.title})" if group.title else ""
     picture = vector(
-        overview.overview(group, gain, cost, group.traffics[:_MOST_PANELS]),
+        overview(group, gain, cost, group.traffics[:_MOST_PANELS]),
         f"Mean coverage against mean time of a {_unit(study)}{of}, with 95 % intervals{_rests_on(group)}. The "
         "shape of a mark is the policy, its filling the altitude: the darker, the higher. Up and to the left is "
         "better.",

@@ -7,10 +7,11 @@ import numpy as np
 import polars as pl
 
 from pavetwin.experiments.metrics import BATTERIES, DETECTED_METRICS, ERROR_METRICS, Metric, metric_named
-from pavetwin.experiments.report.parts import Table, TableCell, text_cells
 from pavetwin.experiments.report.study import Group, Row
 from pavetwin.experiments.statistics.summary import FEW
-from pavetwin.experiments.words import MISSING, counted, factor_text, heading, level_text, shown
+from pavetwin.experiments.words import factor_text, heading, level_text, shown
+from pavetwin.reports.blocks import Table, TableCell, text_cells
+from pavetwin.reports.words import MISSING, counted
 
 HEADLINE: Final = (
     *("coverage", "swath_coverage", "recovery", "time_s", "energy", BATTERIES),

@@ -15,9 +15,9 @@ from pavetwin.draw import shapes, style
 from pavetwin.draw.extent import credit, world_bounds
 from pavetwin.draw.lettering import OccupiedSpace
 from pavetwin.draw.world_map import ABOVE_WORLD, EVERYTHING, MapLayer, draw_world
-from pavetwin.experiments.report.canvas import raster
-from pavetwin.experiments.report.parts import ReportFigure
-from pavetwin.experiments.words import counted
+from pavetwin.reports.blocks import ReportFigure
+from pavetwin.reports.canvas import raster
+from pavetwin.reports.words import counted
 from pavetwin.world.model import Segment, World
 
 COVERAGE: Final[Colormap] = LinearSegmentedColormap.from_list(

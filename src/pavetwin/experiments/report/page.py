@@ -1,23 +1,23 @@
 """The page: what the study was, what it found, its sections, how it was computed and how to repeat it."""
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 import yaml
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from pavetwin.defects import DefectOptions
-from pavetwin.draw import style
 from pavetwin.experiments.metrics import FACTORS, FAILED, STATUS
 from pavetwin.experiments.report import front, traffic, whole
-from pavetwin.experiments.report.parts import Block, ReportFigure, Section, Table
 from pavetwin.experiments.report.results import group_builders
 from pavetwin.experiments.report.study import AXES, Study, constants, missions_of, replicates
-from pavetwin.experiments.words import counted, factor_text, factors_text, level_text, listed, percent
+from pavetwin.experiments.words import factor_text, factors_text, level_text
+from pavetwin.reports.blocks import Section
+from pavetwin.reports.page import block_numbers, render
+from pavetwin.reports.words import counted, listed, percent
 
 MOST_WHOLE, MOST_GROUPS = 4, 16
 """Combinations of the other factors that have figures, and that have tables; all are in the files beside the page."""
@@ -25,15 +25,10 @@ MOST_WHOLE, MOST_GROUPS = 4, 16
 
 def page(study: Study, sections: Sequence[Section]) -> str:
     """The text of `report.html`. Needs no network, no script and no installed font."""
-    environment = Environment(
-        loader=PackageLoader("pavetwin.experiments", "."),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-    )
-    environment.filters["identity"] = id
-    return environment.get_template("report/page.html.jinja").render(
+    return render(
+        "pavetwin.experiments.report",
+        "study.html.jinja",
+        title=study.title,
         study=study,
         question=front.question(study),
         answers=[(each.assumption, each.sentences) for each in study.advice],
@@ -47,14 +42,11 @@ def page(study: Study, sections: Sequence[Section]) -> str:
         summary=design_words(study),
         facts=facts(study),
         sections=[section for section in sections if section.anchor != front.OVERVIEW],
-        numbers=_numbers(sections),
+        numbers=block_numbers(sections),
         design=design_text(study.design),
         metrics={metric.name for metric in study.metrics},
         compared=bool(study.comparisons),
         explained=bool(study.effects.height),
-        accent=style.BASE,
-        ink=style.INK,
-        soft=style.INK_SOFT,
     )
 
 
@@ -184,22 +176,6 @@ def sections_of(study: Study, on_progress: Callable[[float], None] = lambda _: N
         words = f"{rest} of the other factors: see table.csv, table.md and table.tex."
         sections.append(Section("more", "Further results", [words]))
     return sections + [section for build in builders for section in made(partial(build, study))]
-
-
-def figures(sections: Sequence[Section]) -> list[ReportFigure]:
-    return [block for block in _blocks(sections) if isinstance(block, ReportFigure)]
-
-
-def _numbers(sections: Sequence[Section]) -> dict[int, int]:
-    """The number of each figure and each table, by the identity of its block, in the order of the page."""
-    tables = [block for block in _blocks(sections) if isinstance(block, Table)]
-    return {id(block): at for blocks in (figures(sections), tables) for at, block in enumerate(blocks, start=1)}
-
-
-def _blocks(sections: Iterable[Section]) -> Iterable[Block]:
-    for section in sections:
-        yield from section.blocks
-        yield from _blocks(section.sections)
 
 
 def _levels(study: Study, name: str) -> str:

@@ -8,27 +8,16 @@ from typing import Any, Final
 import polars as pl
 
 from pavetwin.experiments.metrics import COMPARED, INDEX_ERROR, Metric, metric_named
-from pavetwin.experiments.report import headline
-from pavetwin.experiments.report.canvas import vector
+from pavetwin.experiments.report import figures, headline
 from pavetwin.experiments.report.headline import FEW_MARK
-from pavetwin.experiments.report.parts import Block, Section, Table, TableCell, text_cells
-from pavetwin.experiments.report.plots import forest, intervals, spread, tradeoff
 from pavetwin.experiments.report.study import AXES, METRIC, Group, replicates
 from pavetwin.experiments.statistics.paired import Comparison, is_significant
 from pavetwin.experiments.statistics.simultaneous import ALPHA
 from pavetwin.experiments.statistics.summary import FEW
-from pavetwin.experiments.words import (
-    MISSING,
-    counted,
-    factor_text,
-    factors_text,
-    heading,
-    level_text,
-    listed,
-    p_text,
-    shown,
-    subject,
-)
+from pavetwin.experiments.words import factor_text, factors_text, heading, level_text, shown, subject
+from pavetwin.reports.blocks import Block, Section, Table, TableCell, text_cells
+from pavetwin.reports.canvas import vector
+from pavetwin.reports.words import MISSING, counted, listed, p_text
 
 SEEN: Final = ("coverage", "swath_coverage", "recovery")
 SPENT: Final = ("time_s", "energy", "wait_s")
@@ -84,7 +73,7 @@ def _over(group: Group, factor: str) -> Iterator[Block]:
     for metric in _known(group, COMPARED):
         for traffics in _parts(group.traffics, _MOST_COLUMNS):
             yield vector(
-                intervals.across(usual, factor, metric, traffics),
+                figures.across(usual, factor, metric, traffics),
                 f"{metric.label} over {factor_text(factor)}{_of(usual)}: means with 95 % bootstrap intervals over "
                 "replicates, a row for each altitude and a column for each traffic density. "
                 f"{_side_by_side(factor)} {_without(group, factor)}".strip(),
@@ -110,7 +99,7 @@ def _intervals(group: Group) -> Iterator[Block]:
                 row for row in group.summary.iter_rows(named=True) if row[METRIC] == metrics[0].name
             )
             yield vector(
-                intervals.by_altitude(group, metrics, traffics),
+                figures.by_altitude(group, metrics, traffics),
                 f"{words.capitalize()} by traffic density and altitude{_of(group)} ({what}): means with 95 % "
                 f"bootstrap intervals over replicates. {_side_by_side('altitude_m')}"
                 + (f" Each {metrics[0].label.lower()} rests on {rests}." if rests else ""),
@@ -126,7 +115,7 @@ def _side_by_side(factor: str) -> str:
 
 def _without(group: Group, factor: str) -> str:
     named = group.lacking(factor)
-    return f"At “{intervals.WITHOUT}” stand policies that have no {factor_text(factor)}: {named}." if named else ""
+    return f"At “{figures.WITHOUT}” stand policies that have no {factor_text(factor)}: {named}." if named else ""
 
 
 def _differences(group: Group, factor: str) -> Iterator[Block]:
@@ -161,7 +150,7 @@ def _against(
     )
     for traffics in _fitting(group, rows):
         yield vector(
-            forest.forest(group, rows, metrics, forest.places(group, rows, traffics)),
+            figures.forest(group, rows, metrics, figures.places(group, rows, traffics)),
             f"Mean paired difference to {other}{_of(group)}: {listed([metric.label.lower() for metric in metrics])}, "
             f"with simultaneous 95 % intervals. {together}; such marks are filled.{_unbounded(rows)}",
             f"Forest plot of the differences to {other}, a row for each traffic density, altitude and policy.",
@@ -199,10 +188,10 @@ def _unbounded(rows: pl.DataFrame) -> str:
 
 
 def _difference_table(group: Group, rows: pl.DataFrame, other: str, metrics: Sequence[Metric], together: str) -> Table:
-    axes = forest.axes_of(group)
+    axes = figures.axes_of(group)
     found = {(row[METRIC], *(row[name] for name in axes)): row for row in rows.iter_rows(named=True)}
     body = []
-    for place in forest.places(group, rows, group.traffics):
+    for place in figures.places(group, rows, group.traffics):
         lead = text_cells(*map(level_text, axes, place))
         cells = [cell for m in metrics for cell in _difference_cells(m, found.get((m.name, *place)))]
         body.append((*lead, *cells))
@@ -237,7 +226,7 @@ def _tradeoffs(group: Group) -> Iterator[Block]:
         for traffics in _parts(group.traffics, _MOST_COLUMNS):
             label = cost.label.lower()
             yield vector(
-                tradeoff.tradeoff(group, gain, cost, traffics),
+                figures.tradeoff(group, gain, cost, traffics),
                 f"Mean coverage over mean {label}{_of(group)} with 95 % intervals. Colour and mark are the policy, "
                 "size is the altitude. Strong marks with a dark rim lie on the front, pale ones do not.",
                 f"Scatter of mean coverage over mean {label}, a panel for each traffic density "
@@ -268,7 +257,7 @@ def _kept_off(group: Group) -> str:
 def _front_table(group: Group, gain: Metric, cost: Metric) -> Table:
     rows = []
     for traffic in group.traffics:
-        best = [option for option in tradeoff.options(group, traffic, gain, cost) if option.on_front]
+        best = [option for option in figures.options(group, traffic, gain, cost) if option.on_front]
         for option in sorted(best, key=lambda option: float(option.cost["mean"])):
             lead = map(level_text, AXES, (traffic, option.altitude_m, option.policy))
             rows.append(text_cells(*lead, _mean_interval(gain, option.gain), _mean_interval(cost, option.cost)))
@@ -289,7 +278,7 @@ def _spread(group: Group) -> Iterator[Block]:
     for metric in _known(group, ("time_s", "energy", "coverage")):
         for traffics in _parts(group.traffics, _MOST_COLUMNS):
             yield vector(
-                spread.spread(group, metric, traffics),
+                figures.spread(group, metric, traffics),
                 f"{metric.label} of every mission{_of(group)}: a dot each, over them the median (thick), the middle "
                 "half (box) and the 5th to 95th percentile (whiskers).",
                 f"Box plots with dots of {metric.label.lower()} by traffic density, altitude and policy.",
@@ -309,7 +298,7 @@ def _fitting(group: Group, rows: pl.DataFrame) -> Iterator[list[Any]]:
     """Densities together as far as their comparisons fit a page."""
     part: list[Any] = []
     for traffic in group.traffics:
-        if part and len(forest.places(group, rows, [*part, traffic])) > _MOST_ROWS:
+        if part and len(figures.places(group, rows, [*part, traffic])) > _MOST_ROWS:
             yield part
             part = []
         part.append(traffic)

@@ -14,7 +14,8 @@ from pavetwin.experiments.metrics import EVERY_METRIC, FACTORS, FLOWN, REFERENCE
 from pavetwin.experiments.statistics import Comparison
 from pavetwin.experiments.statistics.cells import failed_alone, levels_of
 from pavetwin.experiments.tours import is_by_mission
-from pavetwin.experiments.words import factor_text, level_text, listed
+from pavetwin.experiments.words import factor_text, level_text
+from pavetwin.reports.words import listed
 from pavetwin.world.model import World
 
 AXES: Final = ("traffic", "altitude_m", "policy")

@@ -7,8 +7,8 @@ from typing import Final
 import polars as pl
 
 from pavetwin.experiments.report.headline import headline_tables
-from pavetwin.experiments.report.parts import Table, TableCell
 from pavetwin.experiments.report.study import Study
+from pavetwin.reports.blocks import Table, TableCell
 
 _LATEX: Final = {
     "\\": r"\textbackslash{}",

@@ -12,9 +12,10 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
 from pavetwin.experiments.plan import cells_of, traffic_area_m
 from pavetwin.experiments.reach import replaced_sentence
-from pavetwin.experiments.report.parts import Section, Table, TableCell, text_cells
 from pavetwin.experiments.report.study import Study
-from pavetwin.experiments.words import MISSING, level_text
+from pavetwin.experiments.words import level_text
+from pavetwin.reports.blocks import Section, Table, TableCell, text_cells
+from pavetwin.reports.words import MISSING
 from pavetwin.traffic.area import TrafficArea
 from pavetwin.traffic.flow import MOST_REMOVALS_PER_HOUR, Flow, flow_of
 from pavetwin.traffic.inputs import Inputs

@@ -7,13 +7,13 @@ from typing import Any, Final
 import polars as pl
 
 from pavetwin.experiments.metrics import COMPARED, FAILED, FLOWN, REASON, STATUS, metric_named
-from pavetwin.experiments.report import maps
-from pavetwin.experiments.report.canvas import vector
-from pavetwin.experiments.report.parts import Block, Section, Table, text_cells
-from pavetwin.experiments.report.plots import intervals, shares
+from pavetwin.experiments.report import figures, maps
 from pavetwin.experiments.report.study import AXES, METRIC, Group, Study
 from pavetwin.experiments.statistics.sentences import EFFECT_ALPHA
-from pavetwin.experiments.words import counted, factor_text, heading, level_text, listed, number, shown
+from pavetwin.experiments.words import factor_text, heading, level_text, shown
+from pavetwin.reports.blocks import Block, Section, Table, text_cells
+from pavetwin.reports.canvas import vector
+from pavetwin.reports.words import counted, listed, number
 
 _MOST_RESTS: Final = 3
 """Combinations of the rest that one factor is drawn for."""
@@ -42,7 +42,7 @@ def _across(study: Study, factor: str) -> Iterator[Block]:
             if metric not in study.metrics:
                 continue
             yield vector(
-                intervals.across(group, factor, metric, group.traffics),
+                figures.across(group, factor, metric, group.traffics),
                 f"{metric.label} over {factor_text(factor).lower()}{f' ({words})' if words else ''}: means with 95 % "
                 "bootstrap intervals, a row for each altitude and a column for each traffic density.",
                 f"Interval plots of {metric.label.lower()} over {factor_text(factor).lower()}, by altitude.",
@@ -63,7 +63,7 @@ def effects_section(study: Study) -> Section:
                 f"dark the findings name only what holds at {100 * EFFECT_ALPHA:g} % after Holm's correction for all."
             ),
             vector(
-                shares.effect_bars(study.effects, metrics),
+                figures.effect_bars(study.effects, metrics),
                 f"Share of the variation of {words} that each term explains (analysis of variance with replicates as "
                 f"blocks{_used(study.effects)}): η² of the whole as bars and numbers, "
                 "partial ω² as diamonds and in brackets.",

@@ -6,6 +6,7 @@ from pathlib import Path
 from pavetwin.experiments.report import tables
 from pavetwin.experiments.report.study import Study
 from pavetwin.files import writing
+from pavetwin.reports.page import figure_files
 
 
 def write_report(
@@ -37,8 +38,7 @@ def write_report(
     if study.comparisons:
         files["differences.csv"] = tables.differences_csv(study).encode()
     if figures:
-        drawn = enumerate(page.figures(sections), start=1)
-        files |= {f"figures/figure-{number}.{picture.suffix}": picture.content for number, picture in drawn}
+        files |= figure_files(sections)
     for name, content in files.items():
         with writing(folder / name) as temporary:
             temporary.write_bytes(content)

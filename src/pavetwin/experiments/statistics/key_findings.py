@@ -8,7 +8,8 @@ import polars as pl
 
 from pavetwin.experiments.metrics import Metric, metric_named
 from pavetwin.experiments.statistics.paired import Comparison, is_significant
-from pavetwin.experiments.words import among, factors_text, level_text, listed, nonzero, opened, setting
+from pavetwin.experiments.words import among, factors_text, level_text, setting
+from pavetwin.reports.words import listed, nonzero, opened
 
 MOST: Final = 3
 _FIRST: Final = (("altitude_m", "coverage"), ("policy", "coverage"), ("policy", "time_s"), ("altitude_m", "time_s"))

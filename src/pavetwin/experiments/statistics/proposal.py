@@ -21,17 +21,8 @@ from pavetwin.experiments.statistics.choice import (
 )
 from pavetwin.experiments.statistics.summary import FEW
 from pavetwin.experiments.tours import SEGMENTS, is_by_mission
-from pavetwin.experiments.words import (
-    amount,
-    counted,
-    factor_name,
-    level_name,
-    listed,
-    percent,
-    probability,
-    setting,
-    span,
-)
+from pavetwin.experiments.words import amount, factor_name, level_name, setting, span
+from pavetwin.reports.words import counted, listed, percent, probability
 
 _SHOWN: Final = 0.05
 """Below this p a difference counts as shown."""

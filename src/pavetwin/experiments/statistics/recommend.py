@@ -36,7 +36,7 @@ from pavetwin.experiments.statistics.flips import sign_flip_p
 from pavetwin.experiments.statistics.proposal import proposal, refusal
 from pavetwin.experiments.statistics.sensor_errors import sensor_errors, widened
 from pavetwin.experiments.statistics.summary import FEW, summarise
-from pavetwin.experiments.words import opened
+from pavetwin.reports.words import opened
 
 UNMEASURED: Final = (
     "no mission has a condition index by what was detected: their sensor measures no sizes, they failed, or they are "

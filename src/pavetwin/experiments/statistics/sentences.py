@@ -11,20 +11,8 @@ from pavetwin.experiments.statistics.cells import levels_of
 from pavetwin.experiments.statistics.effects import RESIDUAL, TIMES
 from pavetwin.experiments.statistics.paired import Comparison, holm, is_significant
 from pavetwin.experiments.statistics.summary import FEW
-from pavetwin.experiments.words import (
-    among,
-    amount,
-    difference,
-    factor_name,
-    listed,
-    nonzero,
-    opened,
-    percent,
-    probability,
-    setting,
-    span,
-    subject,
-)
+from pavetwin.experiments.words import among, amount, difference, factor_name, setting, span, subject
+from pavetwin.reports.words import listed, nonzero, opened, percent, probability
 
 EFFECT_ALPHA: Final = 0.01
 """Family-wise error of the factors that are named: small, since it adds to that of the differences."""

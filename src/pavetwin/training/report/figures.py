@@ -7,10 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import PercentFormatter
 
 from pavetwin.draw import style
-from pavetwin.experiments.report import canvas
-from pavetwin.experiments.report.parts import ReportFigure
 from pavetwin.labels.classes import colours
 from pavetwin.perception.classes import CLASSES
+from pavetwin.reports import canvas
+from pavetwin.reports.blocks import ReportFigure
 from pavetwin.training.evaluation.breakdowns import Breakdown
 from pavetwin.training.evaluation.evaluate import DetectorEvaluation
 from pavetwin.training.evaluation.matching import HALF, MatchedClass

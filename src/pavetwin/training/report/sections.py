@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Mapping
 
-from pavetwin.experiments.report.parts import Block, Section, Table, TableCell, text_cells
 from pavetwin.perception.classes import SUBTYPES
+from pavetwin.reports.blocks import Block, Section, Table, TableCell, text_cells
 from pavetwin.training.evaluation.confusion import SubtypeScores
 from pavetwin.training.evaluation.evaluate import DetectorEvaluation, PairedComparison
 from pavetwin.training.evaluation.matching import HALF

@@ -9,11 +9,11 @@ from PIL import Image, ImageDraw
 
 from pavetwin.draw.contact_sheet import CELL_PX, assembled, captioned, draw_box
 from pavetwin.errors import PaveTwinError
-from pavetwin.experiments.report import canvas
-from pavetwin.experiments.report.parts import ReportFigure
 from pavetwin.labels.boxes import FloatBox, area, within
 from pavetwin.labels.classes import colours
 from pavetwin.perception.classes import CLASSES
+from pavetwin.reports import canvas
+from pavetwin.reports.blocks import ReportFigure
 from pavetwin.training.evaluation.confusion import overlap
 from pavetwin.training.evaluation.detections import FoundBox
 from pavetwin.training.evaluation.evaluate import DetectorEvaluation

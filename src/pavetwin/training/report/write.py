@@ -1,16 +1,13 @@
 """Writes an evaluation's report: a page, its figures, and the numbers as JSON and CSV."""
 
 import json
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
-from pavetwin.draw import style
-from pavetwin.experiments.report.parts import Block, ReportFigure, Section, Table
-from pavetwin.experiments.words import counted
 from pavetwin.files import writing
+from pavetwin.reports.blocks import Section
+from pavetwin.reports.page import block_numbers, figure_files, render
+from pavetwin.reports.words import counted
 from pavetwin.training.evaluation.evaluate import DetectorEvaluation, PairedComparison
 from pavetwin.training.evaluation.matching import HALF
 from pavetwin.training.evaluation.tables import as_values, csv_files, intervals_as_values, runs_as_values
@@ -48,9 +45,7 @@ def write_detector_report(
         "metrics.json": (json.dumps(values, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode(),
     }
     files |= {name: content.encode() for name, content in csv_files(found).items()}
-    for number, drawn in enumerate(_of_kind(sections, ReportFigure), start=1):
-        suffix = "jpg" if drawn.suffix == "jpeg" else drawn.suffix
-        files[f"figures/figure-{number}.{suffix}"] = drawn.content
+    files |= figure_files(sections)
     for name, content in files.items():
         with writing(folder / name) as temporary:
             temporary.write_bytes(content)
@@ -58,31 +53,15 @@ def write_detector_report(
 
 
 def _page(found: DetectorEvaluation, sections: list[Section], title: str) -> str:
-    environment = Environment(
-        loader=PackageLoader("pavetwin.experiments", "."),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-    )
-    environment.filters["identity"] = id
-    figures, tables = _of_kind(sections, ReportFigure), _of_kind(sections, Table)
-    numbers = {id(block): at for blocks in (figures, tables) for at, block in enumerate(blocks, start=1)}
-    text = environment.get_template("detector_report/detector.html.jinja").render(
+    return render(
+        "pavetwin.training.report",
+        "detector.html.jinja",
         title=title,
         question=_question(found),
         facts=_facts(found),
         sections=sections,
-        numbers=numbers,
-        accent=style.BASE,
-        ink=style.INK,
-        soft=style.INK_SOFT,
+        numbers=block_numbers(sections),
     )
-    return text.lstrip()
-
-
-def _of_kind(sections: Iterable[Section], kind: type[Block]) -> list[Any]:
-    return [block for section in sections for block in section.blocks if isinstance(block, kind)]
 
 
 def _question(found: DetectorEvaluation) -> str:

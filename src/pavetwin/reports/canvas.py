@@ -1,26 +1,21 @@
 """Figures embedded in the page: vector drawings or small images inside data URIs."""
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Sequence
 from math import ceil, floor, log10
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, Locator, NullLocator
 
 from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
-from pavetwin.experiments.report.parts import ReportFigure
-from pavetwin.experiments.words import level_text
-
-Looks = Mapping[Any, style.PolicyStyle]
-"""Of each policy."""
+from pavetwin.reports.blocks import ReportFigure
 
 WIDTH_IN: Final = 7.0
 """The text width of a page of A4."""
@@ -30,15 +25,15 @@ _CSS_PX_PER_IN: Final = 96
 
 def vector(figure: Figure, caption: str, alt: str) -> ReportFigure:
     """The figure as SVG, its letters as outlines: it looks the same where DejaVu Sans is not installed."""
-    return _picture(figure, caption, alt, "svg")
+    return _embedded(figure, caption, alt, "svg")
 
 
 def raster(figure: Figure, caption: str, alt: str) -> ReportFigure:
     """The figure as PNG of few colours: for maps, which hold more shapes than a page should."""
-    return _picture(figure, caption, alt, "png")
+    return _embedded(figure, caption, alt, "png")
 
 
-def _picture(figure: Figure, caption: str, alt: str, suffix: Literal["svg", "png"]) -> ReportFigure:
+def _embedded(figure: Figure, caption: str, alt: str, suffix: Literal["svg", "png"]) -> ReportFigure:
     with TemporaryDirectory() as folder:
         path = Path(folder) / f"figure.{suffix}"
         style.save_figure(figure, path)
@@ -61,57 +56,11 @@ def slim(svg: str) -> str:
     )
 
 
-def looks(policies: Sequence[Any]) -> Looks:
-    """Styles of the built-in policies; the user's own policies take the spare ones in turn."""
-    return style.policy_styles(policies)
-
-
-def lattice(
-    rows: int, columns: int, row_in: float, share_y: Literal["row", "all"] = "row"
-) -> tuple[Figure, list[list[Axes]]]:
-    """A figure of the text width with axes in rows and columns, narrower when there is one column.
-
-    All panels share x, those of a row y, since a reader compares along it; all share y where they show one metric.
-    """
-    width = WIDTH_IN if columns > 1 else 0.62 * WIDTH_IN
-    figure = style.new_figure(width, 0.55 + row_in * rows)
-    figure.set_layout_engine("constrained", h_pad=0.05, w_pad=0.04)
-    axes = figure.subplots(rows, columns, squeeze=False, sharex="all", sharey=share_y)
-    return figure, [list(row) for row in axes]
-
-
-def beside_each_other(panels: int, height_in: float) -> tuple[Figure, Sequence[Axes]]:
+def side_by_side(panels: int, height_in: float) -> tuple[Figure, Sequence[Axes]]:
     """A figure of the text width with panels that share their rows."""
     figure = style.new_figure(WIDTH_IN, height_in)
     figure.set_layout_engine("constrained", w_pad=0.03)
     return figure, figure.subplots(1, panels, squeeze=False, sharey=True)[0]
-
-
-def policy_legend(
-    figure: Figure, chosen: Looks, more: Sequence[Line2D] = (), drawn: Collection[str] | None = None
-) -> None:
-    """Above the panels, in one line where the figure is wide enough. Nothing when there is nothing to tell apart.
-
-    Args:
-        drawn: those of the policies that are in the figure; all unless given.
-    """
-    marks = [
-        Line2D(
-            [], [], color=look.colour, marker=look.marker, linestyle=look.dash, markersize=4.5, linewidth=1.0,
-            label=level_text("policy", policy),
-        )
-        for policy, look in chosen.items()
-        if drawn is None or policy in drawn
-    ]  # fmt: skip
-    handles = [*(marks if len(chosen) > 1 else []), *more]
-    for columns in range(min(len(handles), 9), 0, -1):
-        legend = figure.legend(
-            handles=handles, loc="outside upper left", ncols=columns, borderaxespad=0.2, columnspacing=1.4,
-            handlelength=1.7,
-        )  # fmt: skip
-        if columns == 1 or legend.get_window_extent().width <= figure.bbox.width:
-            break
-        legend.remove()
 
 
 def panel_title(axes: Axes, words: str) -> None:

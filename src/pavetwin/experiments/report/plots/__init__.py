@@ -1,1 +1,0 @@
-"""The figures of a report. Each takes what was computed and draws it."""
