@@ -47,7 +47,6 @@ pictures: demo study  ## The pictures of the documentation, made again (MISSION=
 	@cp out/demo/missions/hover/map.png docs/images/mission.png
 	@cp out/study/figures/figure-1.svg docs/images/study.svg
 	@.venv/bin/python -m gallery.aircraft
-	@.venv/bin/python -m gallery.training
 	@scripts/setup.sh browser
 	@.venv/bin/python -m gallery.page
 	@$(if $(MISSION),.venv/bin/python -m gallery.flight_plan $(MISSION),:)

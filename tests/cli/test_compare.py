@@ -63,10 +63,10 @@ def test_a_cell_that_was_not_measured_is_empty(place: Path) -> None:
 
 
 def test_what_ships_is_compared_by_name(place: Path) -> None:
-    done = pavetwin("compare", "synthetic-1", "--frames", "1", "-o", "shipped.csv", cwd=place)
+    done = pavetwin("compare", "rendered", "--frames", "1", "-o", "shipped.csv", cwd=place)
     assert done.returncode == 0, done.stderr
     (row,) = rows_of(place / "shipped.csv")
-    assert (row["model"], row["size, MB"]) == ("synthetic-1", "6.3")
+    assert (row["model"], row["size, MB"]) == ("rendered", "6.3")
 
 
 @pytest.mark.parametrize(

@@ -70,15 +70,15 @@ def test_a_report_is_written(place: Path) -> None:
         (("found.json", "town"), "Error: Say where the report goes with -o"),
         (("best.pt", "town", "-o", "n"), "Error: Evaluating weights needs PyTorch, which is an extra; install it with"),
         (("nosuch.json", "town", "-o", "n"), "Error: 'nosuch.json' cannot be read (No such file or directory)."),
-        (("synthetic-99", "town", "-o", "n"), "Error: There is no model 'synthetic-99': name one that ships (mixed-3,"),
-        (("nosuch.onnx", "town", "-o", "n"), "Error: There is no model 'nosuch.onnx': name one that ships (mixed-3,"),
+        (("render", "town", "-o", "n"), "Error: There is no model 'render': name one that ships"),
+        (("nosuch.onnx", "town", "-o", "n"), "Error: There is no model 'nosuch.onnx': name one that ships"),
         (("wrong.json", "town", "-o", "n"), "Error: 'wrong.json': entry 1 is of image 77, which is not in test"),
         (("found.json", ".", "-o", "n"), "Error: '.' holds no annotations/instances_test.json; make one with"),
         (("found.json", "town", "-o", "n", "--split", "tset"), "Error: --split: no split 'tset' (did you mean"),
         (("found.json", "town", "-o", "n", "--confidence", "25"), "Error: --confidence 25: it is above 0 and below 1."),
-        (("synthetic-1", "bare", "-o", "n", "--confidence", "25"), "Error: --confidence 25: it is above 0 and below"),
-        (("synthetic-1", "bare", "-o", "n", "--seed", "-3"), "Error: --seed -3: it is 0 or more."),
-        (("synthetic-1", "bare", "-o", "found.json"), "Error: --output: 'found.json' is a file, so that nothing can"),
+        (("rendered", "bare", "-o", "n", "--confidence", "25"), "Error: --confidence 25: it is above 0 and below"),
+        (("rendered", "bare", "-o", "n", "--seed", "-3"), "Error: --seed -3: it is 0 or more."),
+        (("rendered", "bare", "-o", "found.json"), "Error: --output: 'found.json' is a file, so that nothing can"),
         (("found.json", "town", "-o", "n", "--overview"), "Error: --overview: 'found.json' holds detections"),
         (("found.json", "town", "-o", "n", "--against", "no.json"), "Error: --against: 'no.json' cannot be read"),
         (("found.json", "town", "-o", "n", "--run", "no.json"), "Error: --run: other runs take part in differences"),
@@ -87,7 +87,7 @@ def test_a_report_is_written(place: Path) -> None:
             "Error: --run: 'no.json' cannot be read",
         ),
         (("found.json", "town", "-o", "n", "--regions", "found.json"), "Error: --regions: 'found.json': entry 1"),
-        (("synthetic-1", "bare", "-o", "n", "--true-regions"), "Error: Asking at true regions needs PyTorch, which is"),
+        (("rendered", "bare", "-o", "n", "--true-regions"), "Error: Asking at true regions needs PyTorch, which is"),
         (("found.json", "town", "-o", "n", "--true-regions"), "Error: --true-regions: a file of detections cannot be"),
         (("a.onnx", "town", "-o", "n", "--true-regions", "--regions", "b.json"), "Error: --regions: the file says"),
         (("found.json", "bare", "-o", "n"), "Error: The picture of '001.png' in 'bare' cannot be"),
@@ -101,8 +101,8 @@ def test_bad_input_is_refused_in_one_line(place: Path, arguments: tuple[str, ...
 
 def test_what_ships_is_evaluated_by_name(tmp_path: Path) -> None:
     town = drawn_roads(tmp_path / "town", {"test": 1}, size=(64, 64))
-    words = ("-o", tmp_path / "report", "--against", "mixed-3", "--resamples", 0)
-    done = pavetwin("evaluate", "synthetic-1", town, *words)
+    words = ("-o", tmp_path / "report", "--against", "photographs", "--resamples", 0)
+    done = pavetwin("evaluate", "rendered", town, *words)
     assert done.returncode == 0, done.stderr
     told = json.loads((tmp_path / "report" / "metrics.json").read_text())
     assert len(told["runs"]["others"]) == len(told["runs"]["these"]) == 1

@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 import polars as pl
 import pytest
 
-from pavetwin.perception.shipped import DEFAULT
+from pavetwin.sensing.shipped import DEFAULT, sensor_path
 from pavetwin.world.store import save_world
 from scenes import built, damaged
 from scenes.command_line import command, pavetwin, plain_refusal
@@ -304,8 +304,9 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert done.returncode == 0, done.stderr
     text = (folder / "s" / "design.yaml").read_text()
     assert f"fitted: {DEFAULT}" in text
-    # As if another fitted sensor had been the default when it was flown.
-    (folder / "s" / "design.yaml").write_text(text.replace(f"fitted: {DEFAULT}", "fitted: synthetic-1"))
+    # The default at the time of the study was another fitted sensor.
+    shutil.copyfile(sensor_path(DEFAULT), folder / "other.json")
+    (folder / "s" / "design.yaml").write_text(text.replace(f"fitted: {DEFAULT}", f"fitted: {folder / 'other.json'}"))
     return folder / "s"
 
 
@@ -323,7 +324,9 @@ def test_a_study_hands_over_what_it_recommends(study: Path) -> None:
     assert set(streets["fly"]) == {f"{policy} at 10\u00a0m"}
     flown = pl.read_parquet(made / "mission" / "mission.parquet")
     assert set(flown["policy"]) == {policy}
-    assert "fitted: synthetic-1" in (made / "mission" / "mission.yaml").read_text(), "the study's, not today's default"
+    assert f"fitted: {study.parent / 'other.json'}" in (made / "mission" / "mission.yaml").read_text(), (
+        "the study's, not today's default"
+    )
     assert set(flown["segment"]) == set(" ".join(streets["segments"]).split())
     assert set(flown["segment"]) == set(pl.read_parquet(study / "segments.parquet")["segment"])
     reader = Words()

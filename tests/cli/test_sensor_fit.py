@@ -85,11 +85,11 @@ def test_a_file_that_is_not_there_is_told_before_flying(name: str) -> None:
 
 
 def test_the_fitted_sensor_that_ships_is_named_as_its_detector() -> None:
-    named = pavetwin("fly", "--sensor", "calibrated", "--model", "synthetic-1", "--settings")
+    named = pavetwin("fly", "--sensor", "calibrated", "--model", "rendered", "--settings")
     assert named.returncode == 0, named.stderr
-    assert "fitted: synthetic-1" in named.stdout
-    other = pavetwin("fly", "--sensor", "detector", "--model", "synthetic-1", "--settings")
-    assert "model: synthetic-1" in other.stdout
+    assert "fitted: rendered" in named.stdout
+    other = pavetwin("fly", "--sensor", "detector", "--model", "rendered", "--settings")
+    assert "model: rendered" in other.stdout
     assert "fitted" not in other.stdout
 
 

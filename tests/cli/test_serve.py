@@ -55,7 +55,10 @@ def ask_until_it_ends(address: str) -> int:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--model", "gone.onnx"), "--model: There is no model 'gone.onnx': name one that ships (mixed-3, synthetic-1"),
+        (
+            ("--model", "gone.onnx"),
+            "--model: There is no model 'gone.onnx': name one that ships",
+        ),
         (("--model", FILE, "--max-mb", "0"), "--max-mb 0: it is above 0"),
         (("--model", FILE, "--max-megapixels", "-1"), "--max-megapixels -1: it is above 0"),
         (("--model", FILE, "--host", "256.0.0.1"), "--host 256.0.0.1: no listening there"),

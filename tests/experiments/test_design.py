@@ -405,9 +405,9 @@ def test_a_study_goes_on_with_the_models_that_it_was_begun_with(
     named = {"detector": {"model": DEFAULT}, "calibrated": {"fitted": DEFAULT}}
     assert store.models() == yaml.safe_load((store.folder / "design.yaml").read_text())["models"] == named
     store.check_models(begun)
-    monkeypatch.setattr(DetectorSensor, "default_options", {**DetectorSensor.default_options, "model": "synthetic-1"})
+    monkeypatch.setattr(DetectorSensor, "default_options", {**DetectorSensor.default_options, "model": "photographs"})
     later = plan(made, load_worlds(made))
-    with pytest.raises(PaveTwinError, match=rf"begun with the model {DEFAULT} of the sensor 'detector' \(now synth"):
+    with pytest.raises(PaveTwinError, match=rf"begun with the model {DEFAULT} of the sensor 'detector' \(now photog"):
         store.check_models(later)
     store.begin(later)
     assert store.models() == named, "what was flown stays what it was"

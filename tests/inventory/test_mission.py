@@ -185,13 +185,13 @@ def test_a_mission_that_does_not_name_its_detector_is_judged_by_none_until_it_is
     reading = flown(copied)
     assert (reading.detector, reading.entry_model) == (None, None)
     assert f"'{copied}' does not say which detector looked at its images" in reading.remarks[-1]
-    told = flown(copied, model=model_path("synthetic-1"))
-    assert told.detector == file_sha256(model_path("synthetic-1"))
+    told = flown(copied, model=model_path("rendered"))
+    assert told.detector == file_sha256(model_path("rendered"))
     assert told.entry_model is not None
     assert told.remarks == (NO_CROPS,)
     with pytest.raises(PaveTwinError, match="does not say which detector looked at its images; name it with `model`"):
         read_looks(with_looks(copied, mission[0]))
-    assert read_looks(copied, model_path("synthetic-1")).detector.sha256 == told.detector
+    assert read_looks(copied, model_path("rendered")).detector.sha256 == told.detector
 
 
 def with_looks(folder: Path, other: Path) -> Path:

@@ -92,7 +92,7 @@ def test_a_spec_names_the_model_that_its_sensor_has_by_default(monkeypatch: pyte
         assert settings.sensing.options == {}
         spec = fly_over(scene.environment(settings), scene.traffic(), settings, [0], "baseline").spec
         assert spec.settings.sensing.options == options
-    other = {**DetectorSensor.default_options, "model": "synthetic-9"}
+    other = {**DetectorSensor.default_options, "model": "photographs"}
     monkeypatch.setattr(DetectorSensor, "default_options", other)
     read = MissionSpec.parse(result.spec.as_values(), where="it")
     assert read.with_models() == read == result.spec

@@ -42,7 +42,7 @@ def compare(
     \b
     pavetwin compare --sizes n,s,m,l
     pavetwin compare small.onnx real=runs/real.onnx --dataset datasets/streets -o models.csv
-    pavetwin compare synthetic-8 synthetic-11 --dataset datasets/streets
+    pavetwin compare photographs rendered --dataset datasets/streets
     pavetwin compare --sizes n,s --ultralytics yolov8n,yolo11n,yolo12n --weights eleven=runs/eleven/best.pt
 
     A cell that was not measured is empty. FPS: one image of 640 × 480, from pixels to detections, seen as `detect`

@@ -18,7 +18,7 @@ Model = Annotated[
     typer.Option(
         "--model",
         metavar="NAME|FILE.onnx",
-        help=f"A file of `pavetwin export`, or a detector that ships: {DEFAULT} unless given; mixed-3 for photographs.",
+        help=f"A file of `pavetwin export`, or a detector that ships: {DEFAULT} (default), or photographs.",
     ),
 ]
 
@@ -73,10 +73,10 @@ def detect(
     """Find defects, persons and cars in pictures: annotated pictures, and files for other programs.
 
     \b
-    pavetwin detect photographs -o found --model mixed-3
+    pavetwin detect pictures -o found --model photographs
     pavetwin detect flight.mp4 --model model.onnx -o found --every 0.5
     pavetwin detect street.jpg --model model.onnx -o found --tiled --gsd-mm 2.7
-    pavetwin detect photographs -o found --model mixed-3 --overview
+    pavetwin detect pictures -o found --model photographs --overview
 
     Needs onnxruntime (`pip install pavetwin\\[detect]`), and no PyTorch.
     """

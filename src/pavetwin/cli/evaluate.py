@@ -68,8 +68,8 @@ def evaluate(
     \b
     pavetwin evaluate model.onnx datasets/streets -o evaluation
     pavetwin evaluate detections.json datasets/streets -o evaluation
-    pavetwin evaluate mine.onnx datasets/mine -o evaluation --against mixed-3
-    pavetwin evaluate synthetic-11 datasets/streets -o evaluation --overview --against synthetic-11
+    pavetwin evaluate mine.onnx datasets/mine -o evaluation --against rendered
+    pavetwin evaluate rendered datasets/streets -o evaluation --overview --against rendered
     pavetwin evaluate mixed.json datasets/china-coco -o evaluation --against real-only.json
     pavetwin evaluate m0.onnx china-coco -o report --run m1.onnx --run m2.onnx --against r0.onnx --against r1.onnx
 

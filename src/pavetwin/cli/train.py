@@ -65,7 +65,7 @@ def train(
     \b
     pavetwin train datasets/china datasets/town -o runs/first
     pavetwin train datasets/china -o runs/real --size s --without Person,Car
-    pavetwin train datasets/mine -o runs/mine --start mixed-3 --image 512 --native --without Person,Car
+    pavetwin train datasets/mine -o runs/mine --start photographs --image 512 --native --without Person,Car
     pavetwin train datasets/town -o runs/adapted --photographs photos --set fourier=0.01
     pavetwin train datasets.pack -o runs/small --image 320 --native --set width=0.125 --stop-after 9
 

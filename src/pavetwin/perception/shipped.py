@@ -1,6 +1,6 @@
-"""The detectors that ship, by name: `Detector("synthetic-11")`. The model card tells what they can do.
+"""Detectors that ship, by name: `Detector("rendered")`. The model card states what each finds.
 
-Other weights get another number, so that a name always means the same detector.
+`rendered` is for rendered images and missions, `photographs` for photographs.
 """
 
 from pathlib import Path
@@ -10,17 +10,17 @@ from pavetwin.errors import PaveTwinError
 
 FOLDER: Final = Path(__file__).parent / "weights"
 
-DEFAULT: Final = "synthetic-11"
-"""Where no model is named."""
+DEFAULT: Final = "rendered"
+"""Detector used where none is named."""
 
 
 def shipped_models() -> list[str]:
-    """Their names."""
+    """Names of the detectors that ship."""
     return sorted(file.stem for file in FOLDER.glob("*.onnx"))
 
 
 def model_path(model: str | Path) -> Path:
-    """The file of a model: an ONNX file, or one that ships, by name. A file comes first.
+    """File of a model: an ONNX file, or a detector that ships, by name. A file takes precedence.
 
     Raises:
         PaveTwinError: there is neither.
@@ -37,7 +37,7 @@ def model_path(model: str | Path) -> Path:
 
 
 def start_path(start: str | Path) -> Path:
-    """What a training begins with: weights of a run, an exported model, or one that ships, by name.
+    """File of initial weights: `best.pt` of a run, an exported model, or a detector that ships, by name.
 
     Raises:
         PaveTwinError: there is none of them.

@@ -163,7 +163,7 @@ def test_vehicles_park_unless_that_is_turned_off(
 def test_the_detector_needs_a_model_that_is_there(world: Path, tmp_path: Path) -> None:
     eyes = ("fly", world, *SHORT, "-o", tmp_path / "m", "--sensor", "detector")
     assert plain_refusal(pavetwin(*eyes, "--model", "none.onnx")).startswith(
-        "Error: --model: There is no model 'none.onnx': name one that ships (mixed-3, synthetic-1"
+        "Error: --model: There is no model 'none.onnx': name one that ships (photographs, rendered"
     )
     other = pavetwin("fly", world, *SHORT, "-o", tmp_path / "m", "--model", drawn_detector.FILE)
     assert plain_refusal(other) == "Error: --model: the sensor 'recall' takes none; add --sensor detector."
