@@ -1,9 +1,10 @@
-"""Hooks of MkDocs: the reference page of the command line is generated from the program; decisions are listed."""
+"""Hooks of MkDocs: the command line, settings and keys of data files come from the code; decisions are listed."""
 
 import os
 import re
 import subprocess
 from pathlib import Path
+from typing import Any
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.exceptions import PluginError
@@ -11,7 +12,10 @@ from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).resolve().parent.parent
 PYTHON = os.environ.get("PAVETWIN_PYTHON", str(ROOT / ".venv" / "bin" / "python"))
-"""The interpreter that has PaveTwin: the site is built in an environment that does not."""
+"""The interpreter with PaveTwin; the site's own environment does not have it."""
+
+KEYS = re.compile(r"^<!-- keys: (\S+) -->$", re.MULTILINE)
+"""Place of the table of a configuration class in a page."""
 
 DESCRIBE = """
 from functools import partialmethod
@@ -28,9 +32,9 @@ with command.make_context("pavetwin", [], resilient_parsing=True) as context:
 """
 
 INTRODUCTION = """
-Generated from the program: `pavetwin COMMAND --help` says the same. Exit codes: 0 done, 1 an error in PaveTwin, a
-finding of `doctor`, failed missions of a study, refused files of a dataset, or other results of a mission that was
-flown again, 2 something the user can fix (one line says what), 130 interrupted, 143 terminated.
+Generated from the program; `pavetwin COMMAND --help` prints the same text. Exit codes: 0 success; 1 an error in
+PaveTwin, a finding of `doctor`, failed missions of a study, refused files of a dataset, or a repeated mission with
+other results; 2 an error that the user can fix, described in one line; 130 interrupted; 143 terminated.
 """
 
 
@@ -47,17 +51,27 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     return files
 
 
-def cli_page() -> str:
-    """The Markdown page of all commands.
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Insert the tables of configuration classes."""
+    return KEYS.sub(lambda found: _printed("docs/keys.py", found[1]), markdown)
 
-    Raises:
-        PluginError: PaveTwin does not run here.
-    """
-    environment = {**os.environ, "TERM": "dumb", "COLUMNS": "120"}
-    told = subprocess.run([PYTHON, "-c", DESCRIBE], capture_output=True, text=True, check=False, env=environment)
-    if told.returncode != 0:
-        raise PluginError(f"{PYTHON} cannot describe the command line:\n{told.stderr}")
-    title, _, rest = told.stdout.replace("\b", "").partition("\n")
+
+def cli_page() -> str:
+    """Markdown page of all commands."""
+    title, _, rest = _printed("-c", DESCRIBE).replace("\b", "").partition("\n")
     # The lines of an example stand together, one command a line; Markdown would run them into one paragraph.
     fenced = re.sub(r"\n\n((?:pavetwin .*\n)+)", r"\n\n```bash\n\1```\n", re.sub(r"\n{3,}", "\n\n", rest))
     return f"{title}\n{INTRODUCTION}{fenced}"
+
+
+def _printed(*arguments: str) -> str:
+    """Output of a Python run of PaveTwin's interpreter.
+
+    Raises:
+        PluginError: it fails.
+    """
+    environment = {**os.environ, "TERM": "dumb", "COLUMNS": "120"}
+    done = subprocess.run([PYTHON, *arguments], cwd=ROOT, capture_output=True, text=True, check=False, env=environment)
+    if done.returncode != 0:
+        raise PluginError(f"{PYTHON} {arguments[0]} failed:\n{done.stderr}")
+    return done.stdout

@@ -1,43 +1,40 @@
-"""The documentation: its links lead somewhere, its terms are explained, and the built site opens offline."""
+"""The documentation: its links resolve, its tables are complete, and the built site opens offline."""
 
-import json
 import re
 import shutil
 import subprocess
+import sys
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any
 
 import pytest
-
-from pavetwin.config import load_settings
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 PAGES = sorted([*ROOT.glob("*.md"), *DOCS.rglob("*.md")])
 GENERATED = {DOCS / "reference" / "cli.md"}
-"""Made by `docs/hooks.py` while the site is built."""
+"""Pages that `docs/hooks.py` generates."""
 
 LONGEST = 120
 CODE = re.compile(r"```.*?```|`[^`\n]*`", re.DOTALL)
 
 
 def slug(heading: str) -> str:
-    """The anchor that MkDocs gives a heading."""
+    """MkDocs' anchor of a heading."""
     plain = re.sub(r"[`*]|\[([^]]*)\]\([^)]*\)", r"\1", heading).lower()
     return re.sub(r"[-\s]+", "-", re.sub(r"[^\w\s-]", "", plain).strip())
 
 
 def anchors(page: Path) -> set[str]:
-    """The anchors of a page's headings."""
+    """Anchors of a page's headings."""
     text = CODE.sub(lambda code: code.group().strip("`") if "\n" not in code.group() else "", page.read_text("utf-8"))
     return {slug(heading) for heading in re.findall(r"^#+ +(.+)$", text, flags=re.MULTILINE)}
 
 
 def broken_links(page: Path) -> Iterator[str]:
-    """The links of a Markdown file to files or headings that are not there."""
+    """Links of a Markdown file to missing files or headings."""
     for target in re.findall(r"\]\(([^)\s]+)\)", CODE.sub("", page.read_text(encoding="utf-8"))):
         if re.match(r"https?://|mailto:", target):
             continue
@@ -50,7 +47,7 @@ def broken_links(page: Path) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_links_lead_somewhere(page: Path) -> None:
+def test_links_resolve(page: Path) -> None:
     assert list(broken_links(page)) == []
 
 
@@ -63,12 +60,11 @@ def test_a_dead_link_and_a_dead_anchor_are_found(tmp_path: Path, monkeypatch: py
 
 
 def test_lines_are_short() -> None:
-    """Rows of tables cannot be broken."""
     long = [
         f"{page.relative_to(ROOT)}:{number}"
         for page in PAGES
         for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1)
-        if len(line) > LONGEST and not line.startswith("|")
+        if len(line) > LONGEST and not line.startswith("|")  # rows of tables cannot be broken
     ]
     assert long == []
 
@@ -80,13 +76,30 @@ def test_every_page_is_in_the_navigation() -> None:
     assert named == pages
 
 
+def test_tables_of_keys_have_a_meaning_in_every_row() -> None:
+    classes = [
+        name
+        for page in DOCS.rglob("*.md")
+        for name in re.findall(r"^<!-- keys: (\S+) -->$", page.read_text("utf-8"), re.M)
+    ]
+    printed = subprocess.run(
+        [sys.executable, DOCS / "keys.py", *classes], capture_output=True, text=True, check=True
+    ).stdout.strip()
+    assert len(printed.split("\n\n")) == len(classes) > 0
+    assert [row for row in printed.splitlines() if row.endswith("|  |")] == []
+
+
 def test_every_snippet_has_its_file() -> None:
     for page in DOCS.rglob("*.md"):
         for name in re.findall(r'^--8<-- "(.+)"$', page.read_text(encoding="utf-8"), flags=re.MULTILINE):
             assert (ROOT / name).is_file(), f"{page}: {name}"
 
 
-def test_decisions_are_dated_and_listed() -> None:
+LONGEST_DECISION = 660
+"""Words of a decision, its headings included."""
+
+
+def test_decisions_are_short_dated_and_listed() -> None:
     pages = sorted((DOCS / "decisions").glob("[0-9]*.md"))
     index = (DOCS / "decisions" / "index.md").read_text(encoding="utf-8")
     assert [int(page.name[:4]) for page in pages] == list(range(1, len(pages) + 1))
@@ -94,6 +107,7 @@ def test_decisions_are_dated_and_listed() -> None:
         text = page.read_text(encoding="utf-8")
         assert re.search(r"^\*\d{4}-\d{2}-\d{2}\*$", text, flags=re.MULTILINE), page.name
         assert re.findall(r"^## (.+)$", text, flags=re.MULTILINE) == ["Context", "Decision", "Consequences"], page.name
+        assert len(text.split()) <= LONGEST_DECISION, page.name
         assert f"({page.name})" in index
 
 
@@ -106,7 +120,7 @@ def test_the_lock_covers_what_the_site_asks_for() -> None:
 
 
 class Fetched(HTMLParser):
-    """What a browser fetches by itself when it opens a page."""
+    """Resources that a browser fetches when it opens a page."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -121,7 +135,7 @@ class Fetched(HTMLParser):
 
 
 def fetched_elsewhere(site: Path) -> Iterator[str]:
-    """Resources of a built site that come from another host."""
+    """Resources of a built site from another host."""
     for page in site.rglob("*.html"):
         parser = Fetched()
         parser.feed(page.read_text(encoding="utf-8"))
@@ -155,38 +169,4 @@ def test_the_site_is_built_without_a_dead_link_and_opens_offline() -> None:
     assert list(fetched_elsewhere(site)) == []
     assert "pavetwin fly" in (site / "reference" / "cli.html").read_text(encoding="utf-8")
     assert "choose_targets" in (site / "reference" / "python.html").read_text(encoding="utf-8")
-
-
-def test_the_table_of_settings_holds_every_setting_with_its_values() -> None:
-    """Conditions and parked vehicles have tables of their own."""
-    text = (DOCS / "reference" / "settings.md").read_text(encoding="utf-8")
-    rows = dict(re.findall(r"^\| `([a-z0-9_.]+)` \| (`.*?` \| (?:`.*?`)?) +\|", text, flags=re.MULTILINE))
-    default, paper = (
-        dict(plain_values(load_settings(preset).model_dump(mode="json"))) for preset in ("default", "paper")
-    )
-    expected = {
-        key: f"{shown(value)} | {shown(paper[key]) if paper[key] != value else ''}"
-        for key, value in default.items()
-        if key.split(".")[0] not in ("conditions", "parking")
-    }
-    assert {key: value.strip() for key, value in rows.items() if key in default} == {
-        key: value.strip() for key, value in expected.items()
-    }
-
-
-def plain_values(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Settings by their full keys."""
-    for name, value in values.items():
-        if isinstance(value, dict) and name not in ("options", "least_px"):
-            yield from plain_values(value, f"{prefix}{name}.")
-        else:
-            yield prefix + name, value
-
-
-def shown(value: Any) -> str:
-    """A value as the table shows it: numbers to four digits behind the point."""
-    if isinstance(value, dict):
-        return "`{" + ", ".join(f"{name}: {shown(each).strip('`')}" for name, each in value.items()) + "}`"
-    if isinstance(value, float):
-        value = int(value) if value == int(value) else round(value, 4)
-    return f"`{json.dumps(value)}`".replace('"', "")
+    assert "visibility.threshold" in (site / "reference" / "settings.html").read_text(encoding="utf-8")
