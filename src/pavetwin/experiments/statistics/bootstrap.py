@@ -8,7 +8,7 @@ with m the mean, s its standard error, n the number of replicates, and a star fo
 m − t*(97.5 %) · s … m − t*(2.5 %) · s (Efron and Tibshirani, An Introduction to the Bootstrap, 1993, section 12.5). The
 term s² / n is ours: shares are often all 1 but for a few, and a resample that happens to draw none of those has s* = 0.
 
-Its coverage in simulations, and that of other methods, stands in docs/decisions/0048-statistics-of-studies.md
+Its coverage in simulations, and that of other methods, stands in docs/decisions/0033-own-statistics.md
 (`python -m benchmarks.coverage`). No method
 solves this: five replicates say little about a tail that they do not contain, and a cell in which every replicate has
 the same value has an interval of that one value.

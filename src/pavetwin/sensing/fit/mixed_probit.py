@@ -4,7 +4,7 @@ P(yᵢ = 1 | u) = Φ(xᵢ · β + σ u), u standard normal and the same within a
 integral of the product of its looks over u, by the trapezoid rule, which converges fast for such smooth functions
 (Trefethen and Weideman 2014). Estimates are the mode with weak normal priors on β and log σ, their covariance the
 inverse of the curvature there (Laplace). Why not
-`BinomialBayesMixedGLM` of statsmodels stands in docs/decisions/0071-fitted-sensor.md.
+`BinomialBayesMixedGLM` of statsmodels stands in docs/decisions/0017-fitted-sensor.md.
 """
 
 from dataclasses import dataclass
