@@ -8,8 +8,10 @@ use std::collections::HashMap;
 
 use super::error::NavMeshError;
 use super::grid::{BinGrid, Bounds};
-use super::mesh::BORDER_TOLERANCE_M;
 use crate::geometry::Vec2;
+
+/// A point this far outside a border, in metres, still counts as inside: room for rounding, nothing more.
+pub const BORDER_TOLERANCE_M: f64 = 1.0e-6;
 
 /// No polygon lies beyond this edge.
 pub(super) const WALL: u32 = u32::MAX;

@@ -2,14 +2,11 @@
 
 use std::sync::Arc;
 
-use super::assembly::{Assembly, WALL, assemble, edges, signed_area};
+use super::assembly::{Assembly, BORDER_TOLERANCE_M, WALL, assemble, edges, signed_area};
 use super::error::NavMeshError;
 use super::grid::{BinGrid, Bounds};
 use super::search::{End, Searcher};
 use crate::geometry::Vec2;
-
-/// A point this far outside a border, in metres, still counts as inside: room for rounding, nothing more.
-pub const BORDER_TOLERANCE_M: f64 = 1.0e-6;
 
 /// A start or goal that misses the mesh by less than this, in metres, is moved onto it.
 const SNAP_M: f64 = 1.0e-3;

@@ -11,6 +11,7 @@
 mod assembly;
 mod avoid;
 mod bake;
+mod bake_config;
 mod corners;
 mod error;
 mod follower;
@@ -24,10 +25,11 @@ mod sight;
 mod sightlines;
 mod tile;
 
+pub use assembly::BORDER_TOLERANCE_M;
 pub use avoid::{Avoider, Neighbour};
-pub use bake::BakeConfig;
+pub use bake_config::BakeConfig;
 pub use error::NavMeshError;
 pub use follower::{Follower, Motion};
-pub use mesh::{BORDER_TOLERANCE_M, NavMesh};
+pub use mesh::NavMesh;
 pub use moves::{Strafe, TurnTo};
 pub use rail::{Limits, Rail};

@@ -9,7 +9,7 @@
 
 use rerecast::{AreaType, BuildContoursFlags, CompactHeightfield, Contour, ContourSet, RegionId, RegionVertexId};
 
-use super::bake::BakeConfig;
+use super::bake_config::BakeConfig;
 use crate::geometry::Vec2;
 
 /// Edge length of a tile in voxels: 128 m at 0.25 m.

@@ -1,6 +1,5 @@
-//! The surface of a segment as square cells, and sets of them.
+//! The surface of a segment as square cells.
 
-use super::patch::Patch;
 use crate::geometry::Vec2;
 
 /// Most words a grid may hold: 128 MiB, a carriageway of some 8 km by 8 km at 0.25 m.
@@ -162,67 +161,14 @@ fn shape_of(rings: &[Vec<Vec2>], cell_m: f64) -> Result<GridShape, GridError> {
     })
 }
 
-fn bit(words: &[u64], shape: &GridShape, column: usize, row: usize) -> bool {
+pub(super) fn bit(words: &[u64], shape: &GridShape, column: usize, row: usize) -> bool {
     row < shape.rows
         && column < shape.columns()
         && words[row * shape.words_per_row + column / 64] >> (column % 64) & 1 == 1
 }
 
-fn count_bits(words: &[u64]) -> usize {
+pub(super) fn count_bits(words: &[u64]) -> usize {
     words.iter().map(|word| word.count_ones() as usize).sum()
-}
-
-/// A set of a grid's cells, such as those that captures have seen.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CellSet {
-    shape: GridShape,
-    words: Vec<u64>,
-}
-
-impl CellSet {
-    /// The empty set of cells of `grid`.
-    pub fn empty(grid: &SurfaceGrid) -> Self {
-        Self { shape: grid.shape, words: vec![0; grid.words.len()] }
-    }
-
-    /// Adds the cells of a patch, such as those visible in a capture.
-    ///
-    /// # Errors
-    /// `Misaligned` when it belongs to another grid.
-    pub fn insert(&mut self, patch: &Patch) -> Result<(), GridError> {
-        if patch.shape() != Some(&self.shape) {
-            return Err(GridError::Misaligned);
-        }
-        for (row, first_word, words) in patch.rows() {
-            let start = row * self.shape.words_per_row + first_word;
-            self.words[start..start + words.len()].iter_mut().zip(words).for_each(|(mine, theirs)| *mine |= theirs);
-        }
-        Ok(())
-    }
-
-    /// The cells that `other`, a set of the same grid, does not hold.
-    #[must_use]
-    pub(crate) fn without(&self, other: &Self) -> Self {
-        let words = self.words.iter().zip(&other.words).map(|(mine, theirs)| mine & !theirs);
-        Self { shape: self.shape, words: words.collect() }
-    }
-
-    pub fn contains(&self, column: usize, row: usize) -> bool {
-        bit(&self.words, &self.shape, column, row)
-    }
-
-    /// The world positions of the centres of the cells.
-    pub fn centres(&self) -> impl Iterator<Item = Vec2> {
-        (0..self.shape.rows).flat_map(move |row| {
-            let columns = (0..self.shape.columns()).filter(move |&column| self.contains(column, row));
-            columns.map(move |column| self.shape.centre(column, row))
-        })
-    }
-
-    /// Number of cells in the set.
-    pub fn count(&self) -> usize {
-        count_bits(&self.words)
-    }
 }
 
 #[cfg(test)]
@@ -265,13 +211,5 @@ mod tests {
         assert!(matches!(SurfaceGrid::from_rings(&vast, 0.25), Err(GridError::TooLarge { .. })));
         let broken = [rectangle(0.0, 0.0, f64::NAN, 1.0)];
         assert_eq!(SurfaceGrid::from_rings(&broken, 0.25).unwrap_err(), GridError::NotFinite { ring: 0 });
-    }
-
-    #[test]
-    fn a_set_refuses_cells_of_another_grid() {
-        let grid = SurfaceGrid::from_rings(&[rectangle(0.0, 0.0, 20.0, 5.0)], 0.25).unwrap();
-        let mut set = CellSet::empty(&grid);
-        assert_eq!(set.insert(&Patch::default()), Err(GridError::Misaligned));
-        assert_eq!(set.count(), 0);
     }
 }

@@ -4,6 +4,7 @@
 //! counter-clockwise from east, times are seconds from the start of the recording.
 
 mod camera;
+mod cell_set;
 mod cells;
 mod grid;
 mod occlusion;
@@ -18,7 +19,8 @@ mod trace;
 mod trace_columns;
 
 pub use camera::{AcrossRule, CameraError, NadirCamera, PlacedWindow, Viewpoint, Window, WindowRule};
-pub use grid::{CellSet, GridError, GridShape, SurfaceGrid};
+pub use cell_set::CellSet;
+pub use grid::{GridError, GridShape, SurfaceGrid};
 pub use occlusion::{Observer, PointShares, Scene, SenseError, Visibility};
 pub use patch::Patch;
 pub use predict::Predictor;

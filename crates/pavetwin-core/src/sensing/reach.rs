@@ -1,7 +1,8 @@
 //! What a camera can see of a surface at best, when nothing moves: the bound that parked vehicles set.
 
 use super::camera::{NadirCamera, Viewpoint};
-use super::grid::{CellSet, SurfaceGrid};
+use super::cell_set::CellSet;
+use super::grid::SurfaceGrid;
 use super::occlusion::{Caster, SenseError, View};
 use super::patch::Patch;
 use super::solids::Solids;
