@@ -94,7 +94,7 @@ def test_a_mix_of_classes_is_placed(tmp_path: Path) -> None:
     assert "did you mean 'pothole'" in plain_refusal(pavetwin(*build, "--defect-mix", "pothol=1"))
     assert "as in --defect-mix pothole=2" in plain_refusal(pavetwin(*build, "--defect-mix", "pothole"))
     options = DefectOptions(per_segment=2, mix={"pothole": 2.0})
-    with patch("pavetwin.defects.build.add_defects", side_effect=PaveTwinError("enough")) as added:
+    with patch("pavetwin.defects.placement.add_defects", side_effect=PaveTwinError("enough")) as added:
         pavetwin(*build, "--defect-mix", "pothole=2")
     assert added.call_args.args[1] == options
 

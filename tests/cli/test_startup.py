@@ -55,7 +55,7 @@ WHAT_MISSIONS_COMPUTE = """
 import sys
 import numpy as np
 import pavetwin.cli.pictures, pavetwin.cli.report, pavetwin.draw.mission_map, pavetwin.mission
-from pavetwin.defects.distress import Distress
+from pavetwin.defects.severity import Distress
 from pavetwin.mission.found_share import found_share
 from pavetwin.pci.curves import deduct_value
 from pavetwin.traffic.part_file import PackedPart

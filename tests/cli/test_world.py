@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pavetwin.cli import main
-from pavetwin.world.connected import LeftOut
+from pavetwin.world.network import LeftOut
 from pavetwin.world.store import load_record
 from scenes import scene_file
 from scenes.command_line import without_progress

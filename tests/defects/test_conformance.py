@@ -8,8 +8,8 @@ import pytest
 
 from pavetwin import plugins
 from pavetwin.defects import DEFECT_CLASSES, DefectKind, DefectOptions, Heightfield, LabelRule, Marking, Stains, kinds
-from pavetwin.defects.conformance import check_defect_class
 from pavetwin.defects.placement import place
+from pavetwin.defects.registry import check_defect_class
 from pavetwin.errors import PaveTwinError
 from scenes import built
 from scenes.command_line import pavetwin, plain_refusal

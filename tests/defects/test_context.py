@@ -20,7 +20,8 @@ from pavetwin.scene.ground.markings.painter import Painter
 from pavetwin.scene.ground.markings.standard import paint
 from pavetwin.scene.ground.plan import plan_ground
 from pavetwin.scene.patches import holes_of
-from pavetwin.world.joints import (
+from pavetwin.world.model import Defect, World
+from pavetwin.world.pavement_joints import (
     SLAB_M,
     has_slabs,
     is_paved_apart,
@@ -29,7 +30,6 @@ from pavetwin.world.joints import (
     lane_joints,
     slab_width_m,
 )
-from pavetwin.world.model import Defect, World
 from pavetwin.world.segments import direction_at, point_at
 from pavetwin.world.store import load_world, save_world
 from scenes import built, tiny

@@ -22,7 +22,7 @@ from pavetwin.defects import (
     normal_map,
     occlusion_map,
 )
-from pavetwin.defects.filters import distances_px, mean_around
+from pavetwin.defects.maps import distances_px, mean_around
 from pavetwin.defects.measures import length_of
 
 seeds = st.integers(0, 2**32 - 1)

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from pavetwin.defects import DefectKind, DefectOptions, place, placed, placed_on
+from pavetwin.defects import DefectKind, DefectOptions, place, placed_on
+from pavetwin.defects import placement as placed
 from pavetwin.experiments import fly_unit
 from pavetwin.mission.inputs import defects_of
 from pavetwin.mission.spec import DefectInput

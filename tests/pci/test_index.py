@@ -4,7 +4,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from pavetwin.defects.distress import Distress
+from pavetwin.defects.severity import Distress
 from pavetwin.pci.curves import DEDUCT_POINTS, corrected_deduct_value, deduct_value
 from pavetwin.pci.index import Rating, pavement_condition_index, rating_of
 from pavetwin.world.model import Severity

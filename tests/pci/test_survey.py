@@ -8,7 +8,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pavetwin.defects.distress import Distress
+from pavetwin.defects.severity import Distress
 from pavetwin.pci import Survey, mean_pci, pavement_condition_index, sample_units
 from pavetwin.pci.curves import deduct_value
 from pavetwin.pci.survey import quantity_of

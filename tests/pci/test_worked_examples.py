@@ -5,7 +5,7 @@ People read a chart to a point or two; an index from densities has several readi
 
 import pytest
 
-from pavetwin.defects.distress import Distress
+from pavetwin.defects.severity import Distress
 from pavetwin.pci.curves import FOOT_M, corrected_deduct_value, deduct_value
 from pavetwin.pci.index import allowed_number, pavement_condition_index
 from pavetwin.world.model import Severity

@@ -25,7 +25,7 @@ from pavetwin.scene.ground import plan as plans
 from pavetwin.scene.model import GroundMaps, Mesh, Model
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.scene_cache import SceneCache, kept_of_all
-from pavetwin.world import kept
+from pavetwin.world import cache as kept
 from pavetwin.world.cache import tile_folder
 from pavetwin.world.folder import CACHE_VARIABLE
 from pavetwin.world.model import World

@@ -13,9 +13,9 @@ from pavetwin.scene.scene import Scene
 from pavetwin.scene.signals import DARK, GLOW, VEHICLES, WALKERS, Head, heads_of, instances, lamps, letter, walker_poles
 from pavetwin.traffic.record import record
 from pavetwin.traffic.recording import Recording
+from pavetwin.world.furniture import signals_of
 from pavetwin.world.model import Furniture, FurnitureKind, World
 from pavetwin.world.roadnet import read_roadnet
-from pavetwin.world.signals import signals_of
 from scenes import built
 from scenes.traffic import scene_world
 

@@ -8,14 +8,12 @@ from shapely import LineString, Point, Polygon
 
 from pavetwin.world.model import Building, Furniture, FurnitureKind, Junction, Lane, LaneKind
 from pavetwin.world.parking.lanes import EdgeLanes, parking_lanes
-from pavetwin.world.parking.mapped import MappedArea, Obstacle, ObstacleKind, ParkingMap
-from pavetwin.world.parking.model import ParkingPlace
+from pavetwin.world.parking.mapped import MappedArea, Obstacle, ObstacleKind, ParkingMap, area_parking
+from pavetwin.world.parking.place import ParkingPlace
 from pavetwin.world.parking.places import parking_places
 from pavetwin.world.parking.rule import ParkingRule, parking_rule
-from pavetwin.world.parking.tags import area_parking
 from pavetwin.world.roadnet import Edge, RoadNet
-from pavetwin.world.segments import segments_of
-from pavetwin.world.streets import streets_of
+from pavetwin.world.segments import segments_of, streets_of
 
 SPEED = 13.9
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from pavetwin._core import Captured, Occluded
 from pavetwin.config.mission import SensingSettings
-from pavetwin.defects.orientation import orientations
+from pavetwin.defects.measures import orientations
 from pavetwin.defects.registry import DEFECT_CLASSES
 from pavetwin.mission.defect_files import defects_table
 from pavetwin.mission.fly import result_of

@@ -23,7 +23,7 @@ from pavetwin.traffic.mix import DEFAULT_MIX
 from pavetwin.traffic.occupancy import occupancy, occupancy_curves, surroundings_of
 from pavetwin.traffic.parked import ParkedVehicles, parked_vehicles
 from pavetwin.world.model import Lane, LaneKind, World
-from pavetwin.world.parking.model import ParkingOrientation, ParkingPlace, ParkingPosition, ParkingSource, StreetSide
+from pavetwin.world.parking.place import ParkingOrientation, ParkingPlace, ParkingPosition, ParkingSource, StreetSide
 from scenes import tiny
 
 NOON = Conditions(date=dt.date(2026, 11, 20), time=dt.time(12))

@@ -7,9 +7,9 @@ from tempfile import TemporaryDirectory
 
 from shapely import LineString
 
-from pavetwin.world.bridges import bridges_on
 from pavetwin.world.build import BuildOptions, Built, build_world
 from pavetwin.world.content import content_hash
+from pavetwin.world.osm import bridges_on
 from pavetwin.world.store import load_world, save_world
 
 STREET = LineString([(0, 0), (60, 0), (100, 40)])

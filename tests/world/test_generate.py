@@ -15,8 +15,7 @@ from pavetwin.world.generate import NetworkKind, SourceNetwork, generate_network
 from pavetwin.world.georeference import from_location
 from pavetwin.world.model import LaneKind
 from pavetwin.world.roadnet import RoadNet, read_roadnet
-from pavetwin.world.segments import segments_of
-from pavetwin.world.streets import streets_of
+from pavetwin.world.segments import segments_of, streets_of
 from pavetwin.world.town_plan import faults, plan_town
 
 TOWNS = range(10)

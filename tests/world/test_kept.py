@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pavetwin.world import kept
+from pavetwin.world import cache as kept
 
 
 class Kind(Enum):

@@ -8,8 +8,8 @@ import pytest
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.content import content_hash
+from pavetwin.world.osm_file import latin_name
 from pavetwin.world.store import load_world, save_world
-from pavetwin.world.tags import latin_name
 from scenes import scripts
 
 

@@ -13,7 +13,7 @@ from pavetwin.world.build import BuildOptions, build_world
 from pavetwin.world.georeference import anchored, from_location, from_wgs84, parse_anchor
 from pavetwin.world.model import LaneKind
 from pavetwin.world.network import source_kind, with_sidewalks
-from pavetwin.world.streets import pair_edges
+from pavetwin.world.segments import pair_edges
 from scenes import HERE, built, net_of, scene_file
 
 

@@ -16,7 +16,7 @@ from shapely import LineString, box
 
 from pavetwin.world import layers
 from pavetwin.world.parking.mapped import ObstacleKind
-from pavetwin.world.parking.model import (
+from pavetwin.world.parking.place import (
     ParkingOrientation,
     ParkingPlace,
     ParkingPosition,

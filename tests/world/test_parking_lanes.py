@@ -13,17 +13,15 @@ from shapely import box
 from pavetwin.draw.marks import rectangles
 from pavetwin.traffic.record import record
 from pavetwin.world.build import BuildOptions, Built, build_world
-from pavetwin.world.lane_insertion import insert_lanes
 from pavetwin.world.model import LaneKind, World
 from pavetwin.world.network import network_from_osm
-from pavetwin.world.parking.lanes import EdgeLanes
+from pavetwin.world.parking.lanes import EdgeLanes, insert_lanes
 from pavetwin.world.parking.mapped import ParkingMap
-from pavetwin.world.parking.model import ParkingSource
+from pavetwin.world.parking.place import ParkingSource
 from pavetwin.world.parking.places import parking_places
 from pavetwin.world.roadnet import RoadNet, read_roadnet
-from pavetwin.world.segments import segments_of
+from pavetwin.world.segments import segments_of, streets_of
 from pavetwin.world.store import save_world
-from pavetwin.world.streets import streets_of
 from scenes import built, scene_file
 from scenes.kerbs import Scene, europe
 from scenes.traffic import make_network

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pavetwin.world.build import build_world
-from pavetwin.world.parking.model import ParkingSource
+from pavetwin.world.parking.place import ParkingSource
 from scenes import built
 from scenes.parking_survey import compared, without_parking
 

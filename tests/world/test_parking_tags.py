@@ -8,18 +8,19 @@ import pytest
 import yaml
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.world.parking.hours import conditional_hours, is_within
-from pavetwin.world.parking.model import ParkingOrientation, ParkingPosition, StreetSide
-from pavetwin.world.parking.rule import parking_rule, rule_names
-from pavetwin.world.parking.tags import (
+from pavetwin.world.parking.mapped import (
     FORBIDDEN,
     NO_PLACES,
     UNMAPPED,
     Provision,
     SideParking,
     area_parking,
+    conditional_hours,
+    is_within,
     sides_of,
 )
+from pavetwin.world.parking.place import ParkingOrientation, ParkingPosition, StreetSide
+from pavetwin.world.parking.rule import parking_rule, rule_names
 
 PLACES = Provision.PLACES
 LANE, HALF, KERB, BAY = ParkingPosition

@@ -6,7 +6,7 @@ import pytest
 
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.world.build import BuildOptions, build_world
-from pavetwin.world.paving import paving_m2, paving_words
+from pavetwin.world.osm import paving_m2, paving_words
 from pavetwin.world.store import save_world
 from scenes import HERE, built, damaged
 from scenes.command_line import pavetwin

@@ -11,8 +11,7 @@ from shapely import LineString
 
 from pavetwin.world.model import Lane, LaneKind
 from pavetwin.world.roadnet import Edge, RoadNet
-from pavetwin.world.segments import segment_key, segments_of
-from pavetwin.world.streets import pair_edges, streets_of
+from pavetwin.world.segments import pair_edges, segment_key, segments_of, streets_of
 from scenes import built, net_of
 
 TOWNS = ("cross", "berlin_neukoelln", "seattle_roosevelt")

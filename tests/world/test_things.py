@@ -14,9 +14,9 @@ from pavetwin.world.buildings import clear_of_roads
 from pavetwin.world.furniture import TREE_OVERHANG_M
 from pavetwin.world.ground import Nearby, PlacementGround
 from pavetwin.world.model import Building, Furniture, FurnitureKind, LaneKind, World
+from pavetwin.world.osm_file import building_height_m, metres
+from pavetwin.world.segments import union_of
 from pavetwin.world.solids import SolidKind, Solids, convex_parts, furniture_prisms, solids
-from pavetwin.world.streets import union_of
-from pavetwin.world.tags import building_height_m, metres
 from scenes import built, net_of
 
 TOWNS = ("cross", "berlin_neukoelln", "seattle_roosevelt", "grid")

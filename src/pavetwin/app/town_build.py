@@ -9,7 +9,7 @@ from types import FrameType
 from typing import Any, Final, NoReturn
 
 from pavetwin.app.map_limits import check_map
-from pavetwin.defects.build import build_folder
+from pavetwin.defects.placement import build_folder
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.build import BuildOptions
 

@@ -17,7 +17,7 @@ from pavetwin.capture.run import capture
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.config.base import Settings
 from pavetwin.defects import DefectOptions
-from pavetwin.defects.build import build_folder
+from pavetwin.defects.placement import build_folder
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256, working_in
 from pavetwin.labels import SPLITS

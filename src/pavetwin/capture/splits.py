@@ -22,8 +22,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.labels import SPLITS
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic.record import record
-from pavetwin.world.cache import split_folder
-from pavetwin.world.kept import ValueStore, made_by, short_sha256
+from pavetwin.world.cache import ValueStore, made_by, short_sha256, split_folder
 from pavetwin.world.model import World
 
 STARTS: Final = 96

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from pavetwin.defects import DefectKind
-    from pavetwin.defects.conformance import TriedShape
+    from pavetwin.defects.registry import TriedShape
 
 app = typer.Typer(help="List defect classes, and check your own.", no_args_is_help=True)
 
@@ -52,7 +52,7 @@ def check(
     pavetwin defect check examples/rutting.py
     pavetwin defect check my_class.py:ravelling --verbose
     """
-    from pavetwin.defects.conformance import tried
+    from pavetwin.defects.registry import tried
 
     for kind in _classes(name):
         trials, broken = tried(kind)

@@ -106,7 +106,7 @@ def _activation() -> str:
 
 def _town(folder: Path) -> "World":
     from pavetwin.defects import DefectOptions
-    from pavetwin.defects.build import build_folder
+    from pavetwin.defects.placement import build_folder
     from pavetwin.errors import PaveTwinError
     from pavetwin.world.build import BuildOptions
     from pavetwin.world.generate import NetworkKind

@@ -78,7 +78,7 @@ def build(
     pavetwin world build seattle.osm --parking-rule north_america -o worlds/seattle
     """
     from pavetwin.defects import DefectOptions
-    from pavetwin.defects.build import build_folder
+    from pavetwin.defects.placement import build_folder
     from pavetwin.world.build import BuildOptions
     from pavetwin.world.generate import network_kind
     from pavetwin.world.georeference import parse_anchor
@@ -183,7 +183,7 @@ def _summary(world: "World", record: "BuildRecord") -> list[tuple[str, str]]:
     from pavetwin.defects.placement import PLACED
     from pavetwin.navigation.base import with_roadside_base
     from pavetwin.world.model import LaneKind
-    from pavetwin.world.paving import paving_words
+    from pavetwin.world.osm import paving_words
     from pavetwin.world.segments import outside_words
 
     lon, lat = world.georeference.to_wgs84((world.base.x, world.base.y))

@@ -1,14 +1,10 @@
 """Defects: heightfields of the registered classes, what is derived from them, placement, sample points."""
 
-from pavetwin.defects.heightfield import Heightfield, Stains
+from pavetwin.defects.heightfield import DefectMesh, Heightfield, Marking, Stains, mesh_of
 from pavetwin.defects.maps import albedo_factor, lost_surface, normal_map, occlusion_map
-from pavetwin.defects.marking import Marking
-from pavetwin.defects.measures import Measures, measure
-from pavetwin.defects.mesh import DefectMesh, mesh_of
-from pavetwin.defects.placed import placed_on
-from pavetwin.defects.placement import DefectOptions, add_defects, place
+from pavetwin.defects.measures import Measures, measure, sample_points
+from pavetwin.defects.placement import DefectOptions, add_defects, place, placed_on
 from pavetwin.defects.registry import DEFECT_CLASSES, DefectKind, LabelRule, defect_class, heightfield_of, kinds
-from pavetwin.defects.sampling import sample_points
 
 __all__ = [
     "DEFECT_CLASSES",

@@ -2,7 +2,7 @@
 
 A population's class may say for which shares of its cracks this holds. Such a crack is placed as any other, where there
 is room for both; what it starts at is kept with the defect, and a scene draws it there. So the cracks of a world do not
-depend on a scene, and are exact in each. Where joints are, the world says (`pavetwin.world.joints`).
+depend on a scene, and are exact in each. Where joints are, the world says (`pavetwin.world.pavement_joints`).
 
 The end of a crack at which it starts is the one with the largest x of its own frame; trenches lie to the right of their
 crack (smaller y).
@@ -23,7 +23,8 @@ from pavetwin.config.numbers import Share
 from pavetwin.defects.poses import ALONG_SPREAD_RAD, Poses, Position, RoadSection, anywhere, poses, positioned
 from pavetwin.defects.shapes import between
 from pavetwin.seeds import Stream, child
-from pavetwin.world.joints import (
+from pavetwin.world.model import Segment, ShapeParameters
+from pavetwin.world.pavement_joints import (
     SLAB_M,
     has_slabs,
     is_paved_apart,
@@ -32,7 +33,6 @@ from pavetwin.world.joints import (
     lane_joints,
     slab_width_m,
 )
-from pavetwin.world.model import Segment, ShapeParameters
 
 COVER_ROOM_M: Final = 0.68
 """Radius of the room that is kept for a cover: the largest with its collar has 0.62 m."""

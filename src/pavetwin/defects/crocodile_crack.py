@@ -11,11 +11,9 @@ from pavetwin._core import relief_blocks, relief_largest_part, relief_noise
 from pavetwin.arrays import Float32Array, Float64Array, IndexArray, UInt16Array
 from pavetwin.config.base import Settings
 from pavetwin.defects import poses
-from pavetwin.defects.distress import Distress
-from pavetwin.defects.heightfield import Heightfield, Lattice, Stains
-from pavetwin.defects.marking import Marking
+from pavetwin.defects.heightfield import Heightfield, Lattice, Marking, Stains
 from pavetwin.defects.registry import LabelRule, defect_class
-from pavetwin.defects.severity import crocodile_severity
+from pavetwin.defects.severity import Distress, crocodile_severity
 from pavetwin.defects.shapes import (
     Range,
     ShareRange,

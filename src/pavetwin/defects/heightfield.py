@@ -13,8 +13,47 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from pavetwin.arrays import BoolArray, Float32Array, Float64Array
-from pavetwin.defects.marking import Marking, mark, outline
+from pavetwin._core import relief_mesh, relief_outline, relief_region
+from pavetwin.arrays import BoolArray, Float32Array, Float64Array, UInt32Array
+
+SIMPLIFIED = 0.3
+"""Tolerance of an outline against its mask's boundary [cells]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Marking:
+    """The labelled region: everything at least `least_m` below the road, widened by `margin_m` as an annotator's brush
+    does, closed by a disc of `closing_m`, without holes; of that the largest connected region.
+
+    Two parts of a crack stay connected across a gap of up to 2 √(margin² + 2 · margin · closing).
+    """
+
+    margin_m: float = 0.02
+    closing_m: float = 0.05
+    least_m: float = 0.0005
+
+
+def mark(height_m: Float32Array, cell_m: float, marking: Marking) -> BoolArray:
+    """The mask (rows, cols) of a heightfield."""
+    return relief_region(height_m <= -marking.least_m, marking.margin_m / cell_m, marking.closing_m / cell_m)
+
+
+def outline(mask: BoolArray, cell_m: float, origin_m: tuple[float, float]) -> Polygon:
+    """The boundary of a connected mask without holes, in metres.
+
+    Raises:
+        ValueError: the mask is empty.
+    """
+    ring = relief_outline(mask)
+    if len(ring) < 4:
+        raise ValueError("an empty mask has no outline")
+    whole = Polygon(ring * cell_m + origin_m)
+    polygon = shapely.simplify(whole, SIMPLIFIED * cell_m, preserve_topology=False)
+    if not (isinstance(polygon, Polygon) and polygon.is_valid):  # rare, and several times slower
+        polygon = shapely.simplify(whole, SIMPLIFIED * cell_m)
+    assert isinstance(polygon, Polygon)
+    return polygon
+
 
 Lattice = tuple[tuple[int, int], float, tuple[float, float]]
 
@@ -155,3 +194,41 @@ def _check(name: str, layer: Float32Array, shape: tuple[int, ...], low: float = 
     if layer.size and not (layer.min() >= low and layer.max() <= high):
         raise ValueError(f"{name} is not within {low:g} … {high:g}")
     layer.flags.writeable = False
+
+
+TOLERANCE_M = 0.002
+MOST_VERTICES = 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class DefectMesh:
+    """Triangles over a defect's outline, anticlockwise from above, in the defect's own frame."""
+
+    positions: Float32Array
+    """(n, 3) metres. The first `border` of them are the outline's corners in its order, at z = 0."""
+    uv: Float32Array
+    """(n, 2) into the heightfield's maps; see `Heightfield.uv`."""
+    indices: UInt32Array
+    """(m, 3)."""
+    border: int
+
+
+def mesh_of(
+    heightfield: Heightfield, tolerance_m: float = TOLERANCE_M, most_vertices: int = MOST_VERTICES
+) -> DefectMesh:
+    """A mesh that is within `tolerance_m` of the heightfield everywhere, or has `most_vertices`.
+
+    Its border is the defect's outline, so it fits a hole that is cut into the road along that polygon.
+
+    Raises:
+        ValueError: the tolerance is not positive.
+    """
+    if tolerance_m <= 0:
+        raise ValueError(f"a tolerance of {tolerance_m:g} m is not positive")
+    ring = np.ascontiguousarray(np.asarray(heightfield.outline.exterior.coords)[:-1])
+    made = relief_mesh(heightfield.lattice, heightfield.height_m, ring, tolerance_m, most_vertices)
+    if made is None:
+        raise ValueError("the outline crosses itself")
+    positions, indices, _ = made
+    uv = heightfield.uv(positions[:, :2].astype(np.float64))
+    return DefectMesh(positions, uv, indices, len(ring))

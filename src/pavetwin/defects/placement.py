@@ -16,6 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache, partial
 from itertools import chain
+from pathlib import Path
 from typing import Annotated, Any, Final, Self
 
 import numpy as np
@@ -27,19 +28,22 @@ from pavetwin.config.base import NameOrFile, Settings
 from pavetwin.defects.context import Feature, poses_at, room_for
 from pavetwin.defects.heightfield import Heightfield
 from pavetwin.defects.measures import measure
-from pavetwin.defects.notches import Host, Notched, places_in
 from pavetwin.defects.population import ClassPopulation, DefectDensity, Population, Shares, population
 from pavetwin.defects.poses import Poses, RoadSection
 from pavetwin.defects.registry import DEFECT_CLASSES, DefectKind, failures_named, heightfield_of, kinds, mixed
-from pavetwin.defects.shapes import turned
+from pavetwin.defects.shapes import Host, Notched, places_in, turned
 from pavetwin.errors import PaveTwinError
 from pavetwin.seeds import Stream, child
-from pavetwin.workers import OnTick, WaitingProcess, WorkerPool, cores
-from pavetwin.world.build import BuildRecord, Built
+from pavetwin.workers import OnTick, WaitingProcess, WorkerPool, cores, may_start, started
+from pavetwin.world.build import BuildOptions, BuildRecord, Built, build_world
+from pavetwin.world.cache import ValueStore, made_by, placed_folder, short_sha256
 from pavetwin.world.content import snapped
-from pavetwin.world.gutters import GUTTER_M, has_gutter
-from pavetwin.world.model import Defect, Segment, Severity, ShapeParameters
+from pavetwin.world.folder import check_target
+from pavetwin.world.generate import NetworkKind
+from pavetwin.world.model import Defect, Segment, Severity, ShapeParameters, World
+from pavetwin.world.pavement_joints import GUTTER_M, has_gutter
 from pavetwin.world.segments import direction_at, point_at, segment_key
+from pavetwin.world.store import save_world
 
 PLACED: Final = "placed by the program, not surveyed"
 """What the defects of a world are."""
@@ -384,3 +388,81 @@ def _defect(
         volume_m3=round(sizes.volume_m3, 7),
         parameters=parameters,
     )
+
+
+MADE_BY: Final = ("defects", "world")
+"""The folders of the package whose code and data decide where defects lie."""
+
+_STORE: Final = ValueStore("placed defects", (Defect, Severity))
+
+
+def placed_on(
+    world: World,
+    segments: Sequence[Segment],
+    seed: int,
+    options: DefectOptions | None = None,
+    threads: int | None = None,
+) -> tuple[Defect, ...]:
+    """As `place`, from the cache where the same were placed before.
+
+    Nothing is kept of a world without a content hash, which was never built, nor with classes of a user's own, whose
+    code may change unseen.
+
+    Args:
+        segments: of the world, in its order.
+
+    Raises:
+        PaveTwinError: as `place`.
+    """
+    make = partial(place, segments, seed, options, threads=threads)
+    whole = (options or DefectOptions()).effective()
+    if not world.content_hash or not all(kind.ships for kind, _ in whole.shares()):
+        return make()
+    inputs = (world.content_hash, [segment.id for segment in segments], seed, whole.model_dump_json())
+    return _STORE.kept(placed_folder() / short_sha256(f"{inputs!r} {made_by(*MADE_BY)}"), make)
+
+
+MOST_PLACERS: Final = 8
+"""Processes that place defects at most."""
+
+
+def build_folder(
+    source: Path | NetworkKind,
+    folder: Path,
+    options: BuildOptions | None = None,
+    defects: DefectOptions | None = None,
+    *,
+    force: bool = False,
+    jobs: int | None = 1,
+    on_progress: Callable[[float, str], None] = lambda _share, _what: None,
+) -> tuple[World, BuildRecord]:
+    """Build a world, place its defects, and write it.
+
+    Args:
+        force: replace a world that is there.
+        jobs: number of processes that place defects; 1 takes threads of this one. None: one per core, 8 at most. They
+            import the caller's main module, which must be made for that, as `multiprocessing` says.
+        on_progress: told the share done, 0 … 1, and the step.
+
+    Returns:
+        The world, and what it was made from.
+
+    Raises:
+        PaveTwinError: as `build_world`, `add_defects` and `save_world`.
+    """
+    damage = defects or DefectOptions()
+    damage.effective()
+    check_target(folder, force=force)
+    # Placing defects takes as long as all that is before it, for which one core is enough.
+    with started(_placers(jobs), __name__) as waiting:
+        built = build_world(source, options, lambda what, share: on_progress(0.25 * share, what))
+        damaged = add_defects(built, damage, lambda share: on_progress(0.25 + 0.7 * share, "defects"), waiting)
+    world = save_world(damaged, folder, force=force)
+    on_progress(1.0, "world")
+    return world, built.record
+
+
+def _placers(jobs: int | None) -> int:
+    """How many processes place defects; none where one would be the only one, or none may be started."""
+    most = min(cores(), MOST_PLACERS) if jobs is None else jobs
+    return most if most > 1 and may_start() else 0

@@ -30,8 +30,8 @@ from pavetwin.defects.poses import Poses, Position, RoadSection, positioned
 from pavetwin.defects.registry import DEFECT_CLASSES, DefectKind, kinds
 from pavetwin.errors import PaveTwinError
 from pavetwin.seeds import Stream, child
-from pavetwin.world.joints import has_slabs
 from pavetwin.world.model import Segment, ShapeParameters
+from pavetwin.world.pavement_joints import has_slabs
 from pavetwin.world.segments import segment_key
 
 Spread = Annotated[float, Field(ge=0, le=3), NUMBER]

@@ -4,6 +4,8 @@ Where the standard gives millimetres, they are used. Where it only describes (al
 thresholds for its terms; `docs/explanation/defects.md` lists them.
 """
 
+from enum import StrEnum
+
 from pavetwin.defects.measures import Measures
 from pavetwin.world.model import Severity
 
@@ -60,3 +62,31 @@ def crocodile_severity(measures: Measures) -> Severity:
     if spalled > SPALLED_HIGH or measures.sunken_m > SUNKEN_HIGH_M:
         return Severity.HIGH
     return Severity.MEDIUM if spalled > SPALLED_MEDIUM else Severity.LOW
+
+
+class Distress(StrEnum):
+    """A type of distress of asphalt surfaces; the value is its name in tables and files."""
+
+    ALLIGATOR_CRACKING = "alligator_cracking"
+    BLOCK_CRACKING = "block_cracking"
+    EDGE_CRACKING = "edge_cracking"
+    JOINT_REFLECTION_CRACKING = "joint_reflection_cracking"
+    LONGITUDINAL_AND_TRANSVERSE_CRACKING = "longitudinal_and_transverse_cracking"
+    PATCHING = "patching"
+    POTHOLES = "potholes"
+    RAVELING = "raveling"
+    RUTTING = "rutting"
+    SHOVING = "shoving"
+
+    @property
+    def unit(self) -> str:
+        """What its quantity is measured in: `m`, `number` or `m²`."""
+        return _UNITS.get(self, "m²")
+
+
+_UNITS = {
+    Distress.EDGE_CRACKING: "m",
+    Distress.JOINT_REFLECTION_CRACKING: "m",
+    Distress.LONGITUDINAL_AND_TRANSVERSE_CRACKING: "m",
+    Distress.POTHOLES: "number",
+}

@@ -1,14 +1,19 @@
 """Shared helpers of defect classes: ranges, lattices around shapes, noise."""
 
 import math
-from typing import Annotated
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Final
 
 import numpy as np
+import shapely
 from pydantic import AfterValidator
+from shapely import LineString, Point, Polygon
+from shapely.affinity import affine_transform
 
-from pavetwin._core import relief_noise
+from pavetwin._core import relief_noise, relief_trace
 from pavetwin.arrays import Float32Array, Float64Array, IndexArray
-from pavetwin.defects.heightfield import Lattice
+from pavetwin.defects.heightfield import Heightfield, Lattice
 
 
 def _ordered(limits: tuple[float, float]) -> tuple[float, float]:
@@ -109,3 +114,179 @@ def spread(
     field = np.zeros(shape, dtype=np.float32)
     field.ravel()[cells] = np.clip(values, low, high)
     return field
+
+
+STEP_M = 0.006
+"""Spacing of a line's points: about the size of the stones that a crack goes around."""
+
+FRAYED = ((1.0, 0.7), (2.6, 0.75), (6.5, 0.6))
+"""Spectrum of an edge's deviation: wavelengths in stones, and their amplitudes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stroke:
+    """A line (n, 2) with half its opening to the left and right (n, 2) and its depth (n,) [m]."""
+
+    points: Float64Array
+    half_m: Float64Array
+    depth_m: Float64Array
+
+
+@dataclass(frozen=True, eq=False)
+class StrokeFields:
+    """Rasterised strokes: height [m], share open, distance from the nearest edge [m], each (rows, cols)."""
+
+    height_m: Float32Array
+    opening: Float32Array
+    distance_m: Float32Array
+
+
+def traced(lattice: Lattice, strokes: Sequence[Stroke], reach_m: float, steepness: int = 2) -> StrokeFields:
+    """Draw strokes on a lattice; `steepness` 1 makes a section V-shaped, large ones U-shaped."""
+    lengths = [len(stroke.points) for stroke in strokes]
+    offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.uint32)
+    empty = np.empty((0, 2))
+    points = np.concatenate([empty, *(stroke.points for stroke in strokes)])
+    half = np.concatenate([empty, *(stroke.half_m for stroke in strokes)])
+    depth = np.concatenate([np.empty(0), *(stroke.depth_m for stroke in strokes)])
+    return StrokeFields(*relief_trace(lattice, points, offsets, half, depth, reach_m, steepness))
+
+
+def wandering(rng: np.random.Generator, count: int, step_m: float, longest_m: float, hurst: float) -> Float64Array:
+    """(count,) lateral deviations along a line, of standard deviation about 1 at a wavelength of one metre.
+
+    Wavelengths are halved from `longest_m` down to three steps; the amplitude grows with the wavelength to the power
+    `hurst` (self-affine, as fracture lines are). Waves are piecewise linear: cracks turn at stones, in corners.
+    """
+    at = np.arange(count) * step_m
+    total = np.zeros(count)
+    wave = longest_m
+    while wave > 3 * step_m:
+        knots = rng.normal(size=math.ceil(at[-1] / wave) + 3)
+        total += wave**hurst * np.interp(at / wave + rng.random(), np.arange(len(knots)), knots)
+        wave /= 2
+    return total
+
+
+def frayed(rng: np.random.Generator, count: int, step_m: float, grain_m: float) -> Float64Array:
+    """(count, 2) deviations of the two edges, standard deviation about 1: angular at the size of stones, with
+    occasional notches of several stones."""
+    sides = np.zeros((count, 2))
+    for grain, strength in FRAYED:
+        at = np.arange(count) * step_m / (grain * grain_m)
+        knots = strength * rng.normal(size=(2, math.ceil(at[-1]) + 3))
+        sides += np.stack([np.interp(at + rng.random(), np.arange(knots.shape[1]), side) for side in knots], axis=1)
+    return sides
+
+
+def flaked(rng: np.random.Generator, stroke: Stroke, share: float, size_m: float, depth_m: float) -> Stroke:
+    """The spalls of a crack's edges as one stroke: shallow, about `size_m` wide, on `share` of its length."""
+    count = len(stroke.points)
+    at = np.arange(count) * STEP_M / (1.6 * size_m)
+    knots = rng.random((2, math.ceil(at[-1]) + 3))
+    bulge = np.stack([np.interp(at + rng.random(), np.arange(knots.shape[1]), side) for side in knots], axis=1)
+    # The mean of two neighbouring numbers in [0, 1) is above 1 − s with a probability of about s where s is small.
+    outer = size_m * np.sqrt(np.clip((bulge - (1 - 0.75 * share)) / max(0.05, 0.75 * share), 0, 1))
+    outer *= rng.uniform(0.6, 1.2, (count, 2))
+    return Stroke(stroke.points, np.where(outer > 0, stroke.half_m + outer, 0.0), np.full(count, depth_m))
+
+
+DEPTH: Final = (0.35, 1.3)
+"""From the host's outline to the middle of what lies in it, × half the length of that. Ours."""
+
+MOUTH_M: Final = 0.36
+"""Width of the notch where it opens. The closing of a network's label would bridge one of less than 30 cm."""
+
+BEYOND_M: Final = 0.6
+"""How far the notch reaches beyond the host's outline."""
+
+SPARE_M: Final = 0.015
+"""The notch is wider by this than what the label rule adds to the host, and than the distance of outlines."""
+
+LEAST_LEFT: Final = 0.5
+"""Share of its area that a host keeps."""
+
+LEAST_AROUND: Final = 0.55
+"""Of the directions from its middle, in which a defect within another has that one beside it."""
+
+REACH_M: Final = 0.35
+"""Beside it is what lies within this distance of its outline."""
+
+_DIRECTIONS: Final = 36
+_ROUNDED_M: Final = 0.001
+
+
+@dataclass(frozen=True, eq=False)
+class Host:
+    """A placed defect in which others may lie."""
+
+    shape: Heightfield
+    centre: Point
+    yaw_rad: float
+
+    def notched(self, outline: Polygon, apart_m: float) -> "Notched | None":
+        """What is left of it where another outline lies in it (world frame); None where too little is left, or where it
+        is not around the other one."""
+        own = _own(outline, self.centre, self.yaw_rad)
+        whole = self.shape.outline
+        middle = own.centroid
+        edge = whole.exterior.interpolate(whole.exterior.project(middle))
+        away = np.array([edge.x - middle.x, edge.y - middle.y])
+        if not whole.contains(middle) or not np.any(away):
+            return None
+        out = Point(*(np.array([edge.x, edge.y]) + away / np.hypot(*away) * BEYOND_M))
+        room = own.buffer(apart_m + self.shape.marking.margin_m + SPARE_M, quad_segs=4)
+        mouth = LineString([middle, out]).buffer(MOUTH_M / 2, cap_style="flat")
+        notch = shapely.simplify(shapely.union(room, mouth), 2 * _ROUNDED_M)
+        if not isinstance(notch, Polygon) or whole.difference(notch).area < LEAST_LEFT * whole.area:
+            return None
+        ring = np.round(shapely.get_coordinates(notch.exterior)[:-1] / _ROUNDED_M) * _ROUNDED_M
+        cut = tuple((round(x, 3), round(y, 3)) for x, y in ring.tolist())
+        left = self.shape.without(np.array(cut))
+        if not left.mask.any() or left.outline.area < LEAST_LEFT * whole.area:
+            return None
+        if left.outline.distance(own) < apart_m or _around(left.outline, own) < LEAST_AROUND:
+            return None
+        return Notched(left, cut)
+
+
+@dataclass(frozen=True, eq=False)
+class Notched:
+    """What is left of a host."""
+
+    shape: Heightfield
+    ring: tuple[tuple[float, float], ...]
+    """The notch, in the host's own frame [m]."""
+
+
+def places_in(host: Host, length_m: float, rng: np.random.Generator, count: int) -> Iterator[tuple[float, float]]:
+    """World points (x, y) at which the middle of a defect of a length may lie in a host: near its border."""
+    whole = host.shape.outline
+    for at in rng.random(count).tolist():
+        edge = whole.exterior.interpolate(at, normalized=True)
+        depth = float(rng.uniform(*DEPTH)) * length_m / 2
+        ahead = whole.exterior.interpolate((at + 0.02) % 1, normalized=True)
+        back = whole.exterior.interpolate((at - 0.02) % 1, normalized=True)
+        along = np.array([ahead.x - back.x, ahead.y - back.y])
+        inward = np.array([-along[1], along[0]]) / max(1e-9, float(np.hypot(*along)))
+        inward *= 1.0 if whole.exterior.is_ccw else -1.0
+        own = np.array([edge.x, edge.y]) + depth * inward
+        x, y = turned(own[None], host.yaw_rad)[0] + (host.centre.x, host.centre.y)
+        yield float(x), float(y)
+
+
+def _own(outline: Polygon, centre: Point, yaw_rad: float) -> Polygon:
+    """An outline of the world in the frame of a defect."""
+    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+    x, y = -(cos * centre.x + sin * centre.y), sin * centre.x - cos * centre.y
+    return affine_transform(outline, [cos, sin, -sin, cos, x, y])
+
+
+def _around(host: Polygon, within: Polygon) -> float:
+    """Share of the directions from the middle of an outline in which a host lies beside it."""
+    middle = np.array(within.centroid.coords[0])
+    angles = np.linspace(0.0, 2 * np.pi, _DIRECTIONS, endpoint=False)
+    ends: Float64Array = middle + 9.0 * np.column_stack([np.cos(angles), np.sin(angles)])
+    rays = shapely.linestrings(np.stack([np.broadcast_to(middle, ends.shape), ends], axis=1))
+    beside = shapely.intersection(shapely.difference(rays, within), within.buffer(REACH_M, quad_segs=4))
+    return float(shapely.intersects(beside, host).mean())

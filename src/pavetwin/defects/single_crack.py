@@ -12,26 +12,29 @@ from pavetwin._core import relief_pebbles
 from pavetwin.arrays import Float32Array, Float64Array, IndexArray
 from pavetwin.config.base import Settings
 from pavetwin.defects import poses
-from pavetwin.defects.distress import Distress
-from pavetwin.defects.heightfield import Heightfield, Lattice, Stains
-from pavetwin.defects.marking import Marking
+from pavetwin.defects.heightfield import Heightfield, Lattice, Marking, Stains
 from pavetwin.defects.poses import Position
 from pavetwin.defects.registry import LabelRule, defect_class
-from pavetwin.defects.severity import crack_severity
+from pavetwin.defects.severity import Distress, crack_severity
 from pavetwin.defects.shapes import (
+    STEP_M,
     Range,
     ShareRange,
+    Stroke,
     between,
     counts,
+    flaked,
+    frayed,
     lattice_around,
     limited,
     log_between,
     noise,
     smooth,
     spread,
+    traced,
     turned,
+    wandering,
 )
-from pavetwin.defects.strokes import STEP_M, Stroke, flaked, frayed, traced, wandering
 
 CELL_M = 0.005
 REACH_M = 0.025

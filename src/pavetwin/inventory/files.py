@@ -15,8 +15,7 @@ from pavetwin.inventory.entry import Entry
 from pavetwin.inventory.style import STYLES
 from pavetwin.perception.classes import SIZES
 from pavetwin.world.georeference import GeoReference
-from pavetwin.world.layer_styles import write_styles
-from pavetwin.world.layers import write_layer
+from pavetwin.world.layers import write_layer, write_styles
 
 TABLE: Final = "inventory.csv"
 GEOPACKAGE: Final = "inventory.gpkg"

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from pavetwin.labels.classes import categories, category_colours
-from pavetwin.world.layer_styles import LayerStyle, Symbol
+from pavetwin.world.layers import LayerStyle, Symbol
 
 _COLOURS: Final = {
     category.name: category_colours()[category.name] for category in categories() if category.supercategory == "defect"

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from pavetwin.arrays import Float64Array
-from pavetwin.defects.distress import Distress
+from pavetwin.defects.severity import Distress
 from pavetwin.world.model import Severity
 
 FOOT_M: Final = 0.3048

@@ -6,7 +6,7 @@ from enum import StrEnum
 from math import floor
 from typing import Final
 
-from pavetwin.defects.distress import Distress
+from pavetwin.defects.severity import Distress
 from pavetwin.pci.curves import corrected_deduct_value
 from pavetwin.world.model import Severity
 

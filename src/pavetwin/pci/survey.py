@@ -13,8 +13,8 @@ import shapely
 from shapely import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from pavetwin.defects.distress import Distress
 from pavetwin.defects.registry import DEFECT_CLASSES
+from pavetwin.defects.severity import Distress
 from pavetwin.pci.curves import deduct_value
 from pavetwin.pci.index import Deduct, Rating, pavement_condition_index, rating_of
 from pavetwin.pci.sample_units import SampleUnit

@@ -17,7 +17,7 @@ from shapely import Polygon
 from pavetwin._core import relief_mesh
 from pavetwin.arrays import Float32Array, Float64Array, UInt8Array
 from pavetwin.defects import Heightfield, albedo_factor, heightfield_of, lost_surface, normal_map, occlusion_map
-from pavetwin.defects.filters import distances_px
+from pavetwin.defects.maps import distances_px
 from pavetwin.defects.registry import failures_named
 from pavetwin.scene.agents import upright
 from pavetwin.scene.model import PLAIN_FINISH, TILE_M, DefectPatch, Finish, GroundKind, Mesh, defect_label

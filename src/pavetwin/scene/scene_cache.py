@@ -18,8 +18,7 @@ from pavetwin.scene.ground.layout.paved import PavedSurface
 from pavetwin.scene.ground.looks import look_sha256, street_look
 from pavetwin.scene.ground.markings.painter import Paint
 from pavetwin.scene.ground.plan import made
-from pavetwin.world.cache import mark_used, tile_folder
-from pavetwin.world.kept import ValueStore, made_by, short_sha256
+from pavetwin.world.cache import ValueStore, made_by, mark_used, short_sha256, tile_folder
 from pavetwin.world.model import World
 
 MADE_BY: Final = ("scene", "defects", "world")

@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import UInt8Array
 from pavetwin.config.conditions import Conditions
-from pavetwin.defects.orientation import Orientation
+from pavetwin.defects.measures import Orientation
 from pavetwin.errors import PaveTwinError
 from pavetwin.scene.view import View, nadir
 from pavetwin.twin import Place

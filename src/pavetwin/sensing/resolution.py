@@ -10,8 +10,7 @@ from math import inf, sqrt
 from typing import Final
 
 from pavetwin.config.mission import SensingSettings
-from pavetwin.defects.measures import extents_m
-from pavetwin.defects.orientation import Orientation, orientations
+from pavetwin.defects.measures import Orientation, extents_m, orientations
 from pavetwin.defects.registry import DEFECT_CLASSES
 from pavetwin.sensing.frame import Frame, Sighting
 from pavetwin.world.model import Defect

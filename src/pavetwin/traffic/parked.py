@@ -22,8 +22,8 @@ from pavetwin.traffic.kinds import Kind
 from pavetwin.traffic.mix import DEFAULT_MIX, mix_named
 from pavetwin.traffic.occupancy import Surroundings, occupancy, surroundings_of
 from pavetwin.world.model import World
-from pavetwin.world.parking.hours import is_within
-from pavetwin.world.parking.model import ParkingOrientation, ParkingPlace
+from pavetwin.world.parking.mapped import is_within
+from pavetwin.world.parking.place import ParkingOrientation, ParkingPlace
 
 SPREAD_ALONG_M: Final = 0.25
 SPREAD_ACROSS_M: Final = 0.10

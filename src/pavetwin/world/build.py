@@ -15,26 +15,28 @@ from shapely.ops import nearest_points
 from pavetwin.config.base import NameOrFile, Settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256, hint
-from pavetwin.world.bridges import bridges_on
 from pavetwin.world.buildings import buildings_by_rule, clear_of_roads
-from pavetwin.world.connected import LeftOut
 from pavetwin.world.content import content_hash, snapped_world
 from pavetwin.world.folder import NET_SUFFIXES, OSM_SUFFIXES
 from pavetwin.world.furniture import furnish
 from pavetwin.world.generate import NetworkKind, SourceNetwork, generate_network, with_parking_lanes
 from pavetwin.world.georeference import DEFAULT_ANCHOR_DEG, GeoReference, anchored, from_location
 from pavetwin.world.ground import PlacementGround
-from pavetwin.world.lane_insertion import insert_lanes
 from pavetwin.world.model import Building, Lane, LaneKind, Segment, World
-from pavetwin.world.network import network_from_net, network_from_osm, source_kind
-from pavetwin.world.osm import MapFeatures, read_features
-from pavetwin.world.parking.lanes import EdgeLanes, parking_lanes
+from pavetwin.world.network import LeftOut, network_from_net, network_from_osm, source_kind
+from pavetwin.world.osm import MapFeatures, bridges_on, paving_m2, read_features, surfaces_in
+from pavetwin.world.parking.lanes import EdgeLanes, insert_lanes, parking_lanes
 from pavetwin.world.parking.places import parking_places
 from pavetwin.world.parking.rule import parking_rule
-from pavetwin.world.paving import paving_m2, surfaces_in
 from pavetwin.world.roadnet import RoadNet, read_roadnet
-from pavetwin.world.segments import DEFAULT_SEGMENT_LENGTH_M, MIN_SEGMENT_LENGTH_M, segments_of
-from pavetwin.world.streets import polygons_of, streets_of, union_of
+from pavetwin.world.segments import (
+    DEFAULT_SEGMENT_LENGTH_M,
+    MIN_SEGMENT_LENGTH_M,
+    polygons_of,
+    segments_of,
+    streets_of,
+    union_of,
+)
 
 SMALLEST_PARK_M2 = 20.0
 """A park's part below this is dropped [m²]."""

@@ -14,8 +14,7 @@ from shapely import Point, Polygon
 from pavetwin.seeds import Stream, child
 from pavetwin.world.ground import Nearby, PlacementGround, around, kerb
 from pavetwin.world.model import Building, Segment
-from pavetwin.world.segments import segment_key
-from pavetwin.world.streets import polygons_of, union_of
+from pavetwin.world.segments import polygons_of, segment_key, union_of
 
 ROAD_CLEARANCE_M = 0.2
 """A mapped building is cut back to this distance from the road [m]."""

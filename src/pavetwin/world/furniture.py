@@ -18,7 +18,7 @@ Nothing is placed on a road, in a junction, in a building, or within 1.5 of anot
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -27,12 +27,65 @@ from shapely import Point, Polygon, STRtree
 from pavetwin.seeds import Stream, child
 from pavetwin.world.buildings import building_distance_m
 from pavetwin.world.ground import Nearby, PlacementGround, around, evenly, kerb
-from pavetwin.world.model import Building, Furniture, FurnitureKind, Segment
+from pavetwin.world.model import Building, Furniture, FurnitureKind, LaneKind, Segment
 from pavetwin.world.osm import MappedPoint
-from pavetwin.world.roadnet import RoadNet
-from pavetwin.world.segments import segment_key
-from pavetwin.world.signals import signals_of, signs_of
-from pavetwin.world.streets import StreetSurface
+from pavetwin.world.roadnet import Edge, RoadNet
+from pavetwin.world.segments import StreetSurface, direction_at, point_at, segment_key
+
+SIGNAL_HEIGHT_M = 6.0
+"""Underside of the arm above the road [m]; 5.5 is the least that is allowed over a road."""
+
+SIGNAL_SETBACK_M, SIGN_SETBACK_M = 0.8, 0.5
+LONGEST_ARM_M = 7.0
+BACK_FROM_LINE_M = (1.0, 2.0, 3.5, 5.0, 7.0)
+"""Distances before the stop line at which a place is tried [m]."""
+
+
+def signals_of(net: RoadNet, radius_m: float) -> Iterator[list[Furniture]]:
+    """For every signalled approach the candidate masts, best first; the arm ends over the last lane's middle."""
+    for name, controller in sorted(net.signalled.items()):
+        edge = net.edges[name]
+        if not edge.for_cars or not edge.carriageway:
+            continue
+        last = max((n for n, lane in enumerate(edge.carriageway) if lane.kind is not LaneKind.PARKING), default=0)
+        lanes = edge.carriageway[: last + 1]
+        arm = SIGNAL_SETBACK_M + sum(lane.width_m for lane in lanes) - lanes[-1].width_m / 2
+        mast = Furniture("", FurnitureKind.SIGNAL, Point(0, 0), SIGNAL_HEIGHT_M, radius_m, controller=controller)
+        yield [
+            replace(mast, position=at, yaw_rad=yaw, arm_m=round(min(arm, LONGEST_ARM_M), 2))
+            for at, yaw in _places(edge, SIGNAL_SETBACK_M, net.left_hand)
+        ]
+
+
+def signs_of(
+    net: RoadNet, streets: Sequence[StreetSurface], height_m: float, radius_m: float
+) -> Iterator[list[Furniture]]:
+    """For every unsignalled approach to a junction of three or more streets the places of its sign, best first."""
+    arms: dict[str, int] = {}
+    for street in streets:
+        for end in {street.street.start, street.street.end}:
+            arms[end] = arms.get(end, 0) + 1
+    for street in streets:
+        for edge in street.edges:
+            if edge.id not in net.signalled and arms.get(edge.end, 0) >= 3:
+                sign = Furniture("", FurnitureKind.SIGN, Point(0, 0), height_m, radius_m)
+                yield [
+                    replace(sign, position=at, yaw_rad=yaw) for at, yaw in _places(edge, SIGN_SETBACK_M, net.left_hand)
+                ]
+
+
+def _places(edge: Edge, setback_m: float, left_hand: bool) -> Iterator[tuple[Point, float]]:
+    """Points behind the kerb near the end of an edge, and the direction from there over the road (yaw, radians)."""
+    lane = edge.carriageway[0]
+    side = 1.0 if left_hand else -1.0
+    for back in BACK_FROM_LINE_M:
+        station = max(0.0, lane.length_m - back)
+        x, y = point_at(lane.centre_line, station)
+        dx, dy = direction_at(lane.centre_line, station)
+        out = (-dy * side, dx * side)
+        reach = lane.width_m / 2 + setback_m
+        yield Point(x + out[0] * reach, y + out[1] * reach), math.atan2(-out[1], -out[0])
+
 
 LIGHT_SPACING_M, LIGHT_HEIGHT_M, LIGHT_ARM_M, LIGHT_SETBACK_M = 30.0, 8.0, 1.5, 0.6
 POLE_SPACING_M, POLE_HEIGHT_M, POLE_SETBACK_M = 40.0, 9.0, 0.5

@@ -16,13 +16,12 @@ from shapely import Polygon, STRtree
 
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.world.georeference import DEFAULT_ANCHOR_DEG, GeoReference, anchored
-from pavetwin.world.lane_insertion import insert_lanes
 from pavetwin.world.model import Building
 from pavetwin.world.network import copy_without_stamp
-from pavetwin.world.parking.lanes import EdgeLanes
+from pavetwin.world.parking.lanes import EdgeLanes, insert_lanes
 from pavetwin.world.roadnet import read_roadnet
 from pavetwin.world.sumo import NO_VALIDATION, run_tool
-from pavetwin.world.town import SHIFT_M, build_town
+from pavetwin.world.town_buildings import SHIFT_M, build_town
 from pavetwin.world.town_roads import write_plain
 
 

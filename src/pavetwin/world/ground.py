@@ -9,8 +9,7 @@ from shapely import LineString, Point, Polygon, STRtree
 
 from pavetwin.world.model import LaneKind, Segment
 from pavetwin.world.roadnet import RoadNet
-from pavetwin.world.segments import direction_at, point_at
-from pavetwin.world.streets import lanes_polygon, polygons_of, union_of
+from pavetwin.world.segments import direction_at, lanes_polygon, point_at, polygons_of, union_of
 
 Bounds = tuple[float, float, float, float]
 """West, south, east, north in metres of the world frame."""

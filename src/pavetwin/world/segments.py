@@ -6,16 +6,209 @@ the cuts are perpendicular to the centre line.
 
 import math
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 import shapely
-from shapely import LineString, Polygon
+from shapely import LineString, MultiPolygon, Polygon, STRtree
 from shapely.ops import split, substring
 
-from pavetwin.world.model import Segment, Surface, World
-from pavetwin.world.streets import StreetSurface, polygons_of, surface_of
+from pavetwin.arrays import Float64Array
+from pavetwin.world.model import Lane, LaneKind, Segment, Street, Surface, World
+from pavetwin.world.roadnet import Edge, RoadNet
+
+MAX_MEDIAN_M = 3.0
+"""Two directions further apart than this are two streets with a median between them [m]."""
+
+MIN_STREET_M = 8.0
+"""A shorter street counts as part of a junction and is not inspected [m]."""
+
+CLOSING_M = 0.3
+"""Slivers between neighbouring lanes up to twice this are closed [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class StreetSurface:
+    """A street with its edges as the network has them and the polygon of its carriageway."""
+
+    street: Street
+    edges: tuple[Edge, ...]
+    polygon: Surface
+
+    @property
+    def centre_line(self) -> LineString:
+        return self.street.centre_line
+
+    @property
+    def length_m(self) -> float:
+        return self.street.length_m
+
+    @property
+    def lanes(self) -> int:
+        return sum(lane.kind is LaneKind.DRIVING for edge in self.edges for lane in edge.lanes)
+
+
+def streets_of(net: RoadNet) -> tuple[StreetSurface, ...]:
+    """All streets for cars of at least 8 m, by name and then along its main direction; polygons are disjoint."""
+    streets = [_street(edges, net.left_hand) for edges in pair_edges(net.edges.values())]
+    kept = [street for street in streets if street.length_m >= MIN_STREET_M and street.polygon.area > 0]
+    return _disjoint(_in_order(kept))
+
+
+def pair_edges(edges: Iterable[Edge]) -> list[tuple[Edge, ...]]:
+    """Each street's directed edges: two when the reverse one runs beside it (a median of at most 3 m), else one."""
+    open_edges = {edge.id: edge for edge in edges if edge.for_cars and edge.carriageway}
+    between: dict[tuple[str, str], list[Edge]] = {}
+    for edge in open_edges.values():
+        between.setdefault((edge.start, edge.end), []).append(edge)
+    pairs: list[tuple[Edge, ...]] = []
+    for name in sorted(open_edges, key=_plain_first):
+        if name not in open_edges:
+            continue
+        edge = open_edges.pop(name)
+        beside = [
+            (_median_m(edge, other), other.id)
+            for other in between.get((edge.end, edge.start), [])
+            if other.id in open_edges
+        ]
+        gap, partner = min(beside, default=(math.inf, ""))
+        pairs.append((edge, open_edges.pop(partner)) if gap <= MAX_MEDIAN_M else (edge,))
+    return pairs
+
+
+def _plain_first(name: str) -> tuple[str, bool]:
+    """OSM's own direction (`12#1`) before the reverse one (`-12#1`), so that a street runs as it was drawn."""
+    return name.removeprefix("-"), name.startswith("-")
+
+
+def _median_m(edge: Edge, other: Edge) -> float:
+    """Width of the strip between two opposite edges' innermost lanes [m]; infinite when not beside each other."""
+    inner, facing = edge.carriageway[-1], other.carriageway[-1]
+    if not 0.6 <= inner.length_m / facing.length_m <= 1.0 / 0.6 and abs(inner.length_m - facing.length_m) > 10.0:
+        return math.inf
+    count = _sample_count(inner)
+    apart = np.hypot(*(_sample(inner, count) - _sample(facing, count)[::-1]).T)
+    return float(np.median(apart)) - (inner.width_m + facing.width_m) / 2
+
+
+def _street(edges: tuple[Edge, ...], left_hand: bool) -> StreetSurface:
+    first = edges[0]
+    ids = tuple(edge.id for edge in edges)
+    lanes = [lane for edge in edges for lane in edge.carriageway]
+    gap = max(0.0, _median_m(*edges)) if len(edges) == 2 else 0.0
+    street = Street(
+        id=" ".join(ids),
+        name=first.name or first.id.removeprefix("-"),
+        kind=first.type,
+        edges=ids,
+        start=first.start,
+        end=first.end,
+        centre_line=middle_line(edges, left_hand),
+    )
+    return StreetSurface(street, edges, lanes_polygon(lanes, CLOSING_M + gap / 2))
+
+
+def lanes_polygon(lanes: Sequence[Lane], closing_m: float = CLOSING_M) -> Surface:
+    """Union of lanes with flat ends; gaps of up to twice `closing_m` between them are closed, holes filled."""
+    strips = [lane.centre_line.buffer(lane.width_m / 2, cap_style="flat", join_style="mitre") for lane in lanes]
+    return solid_parts(union_of(strips, closing_m).buffer(-closing_m, join_style="mitre"))
+
+
+def union_of(surfaces: Iterable[Surface], wider_m: float) -> Surface:
+    """Union of surfaces that are each widened first.
+
+    They overlap then. GEOS may lose a polygon whose border nearly coincides with its neighbour's, as lanes' borders do.
+    """
+    union = shapely.union_all([surface.buffer(wider_m, join_style="mitre") for surface in surfaces])
+    assert isinstance(union, Polygon | MultiPolygon)
+    return union
+
+
+def solid_parts(geometry: shapely.Geometry) -> Surface:
+    """The polygons of a geometry with their holes filled."""
+    return surface_of([Polygon(part.exterior) for part in polygons_of(geometry)])
+
+
+def surface_of(parts: Sequence[Polygon]) -> Surface:
+    """One polygon or several; parts below 0.5 m² are dropped unless nothing else is there."""
+    large = [part for part in parts if part.area >= 0.5] or list(parts)
+    return large[0] if len(large) == 1 else MultiPolygon(large)
+
+
+def polygons_of(geometry: shapely.Geometry) -> list[Polygon]:
+    """The polygons in any geometry, largest first."""
+    parts = shapely.get_parts(shapely.get_parts(geometry))
+    return sorted((part for part in parts if isinstance(part, Polygon) and part.area > 0), key=lambda part: -part.area)
+
+
+def middle_line(edges: tuple[Edge, ...], left_hand: bool) -> LineString:
+    """Middle of the carriageway: half-way between its two outer borders, at equal shares of their lengths."""
+    near = edges[0].carriageway[0]
+    far = edges[1].carriageway[0] if len(edges) == 2 else edges[0].carriageway[-1]
+    count = _sample_count(near)
+    along = _sample(near, count)
+    opposite = _sample(far, count)[::-1] if len(edges) == 2 else _sample(far, count)
+    side = 1.0 if left_hand else -1.0
+    border = along + side * near.width_m / 2 * left_normals(along)
+    other = opposite - side * far.width_m / 2 * left_normals(opposite)
+    middle = LineString((border + other) / 2).simplify(0.03)
+    assert isinstance(middle, LineString)
+    return middle
+
+
+def left_normals(points: Float64Array) -> Float64Array:
+    """Unit normals (n, 2) to the left of a line of points (n, 2)."""
+    tangent = np.gradient(points, axis=0)
+    length = np.hypot(tangent[:, 0], tangent[:, 1])
+    tangent /= np.where(length > 0, length, 1.0)[:, None]
+    return np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+
+
+def _sample_count(lane: Lane) -> int:
+    return max(2, math.ceil(lane.length_m) + 1)
+
+
+def _sample(lane: Lane, count: int) -> Float64Array:
+    shares = np.linspace(0.0, 1.0, count)
+    points = shapely.line_interpolate_point(lane.centre_line, shares, normalized=True)
+    return np.asarray(shapely.get_coordinates(points), dtype=np.float64)
+
+
+def _in_order(streets: list[StreetSurface]) -> list[StreetSurface]:
+    """By name; those of one name from west to east along the line through them (south to north when that is steep)."""
+    by_name: dict[str, list[StreetSurface]] = {}
+    for street in streets:
+        by_name.setdefault(street.street.name, []).append(street)
+    ordered: list[StreetSurface] = []
+    for name in sorted(by_name):
+        middles = np.array([street.centre_line.centroid.coords[0] for street in by_name[name]])
+        spread = middles.max(axis=0) - middles.min(axis=0)
+        axis = 0 if spread[0] >= spread[1] else 1
+        keyed = [
+            (round(float(middle[axis]), 2), street.edges[0].id, street)
+            for middle, street in zip(middles, by_name[name], strict=True)
+        ]
+        ordered += [street for *_, street in sorted(keyed, key=lambda item: item[:2])]
+    return ordered
+
+
+def _disjoint(streets: list[StreetSurface]) -> tuple[StreetSurface, ...]:
+    """Cut off what an earlier street covers already: lanes overlap where SUMO's streets meet at a sharp angle."""
+    tree = STRtree([street.polygon for street in streets])
+    result: list[StreetSurface] = []
+    for index, street in enumerate(streets):
+        earlier = [result[other].polygon for other in tree.query(street.polygon, "intersects") if other < index]
+        overlapping = [other for other in earlier if street.polygon.intersection(other).area > 0.01]
+        if overlapping:
+            surface = surface_of(polygons_of(street.polygon.difference(union_of(overlapping, 1e-3))))
+            if surface.area < 0.5:
+                continue
+            street = replace(street, polygon=surface)
+        result.append(street)
+    return tuple(result)
+
 
 DEFAULT_SEGMENT_LENGTH_M = 135.0
 MIN_SEGMENT_LENGTH_M = 20.0

@@ -6,22 +6,25 @@ Coordinates are metres in the plan's frame (the main crossing at the origin).
 """
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from types import MappingProxyType
 
 import numpy as np
 import shapely
 from shapely import LineString, Point, Polygon, unary_union
+from shapely.affinity import translate
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from pavetwin.arrays import Float64Array
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Building, Surface
-from pavetwin.world.street_graph import turned, unit
-from pavetwin.world.streets import polygons_of, surface_of
-from pavetwin.world.town_plan import TownPlan
-from pavetwin.world.town_roads import Rank, RoadPlan
+from pavetwin.world.segments import polygons_of, surface_of
+from pavetwin.world.street_graph import Coordinate, turned, unit
+from pavetwin.world.town_plan import RADIUS_M, TownPlan, plan_town
+from pavetwin.world.town_roads import Rank, RoadPlan, plan_roads, with_parking
 
 CENTRE_RADIUS_M = 145.0
 """Blocks whose middle is nearer to the crossing are built up in closed rows [m]."""
@@ -303,3 +306,43 @@ def _rectangle(
     """A rectangle astride `middle`, `width` along `ahead`, from `near` to `far` along `away`."""
     a, b = middle - ahead * width / 2, middle + ahead * width / 2
     return Polygon([a + near * away, b + near * away, b + far * away, a + far * away])
+
+
+SHIFT_M: Coordinate = (RADIUS_M + 10.0, RADIUS_M + 10.0)
+"""From the plan's frame, whose origin is the main crossing, to the world frame [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Town:
+    """A town ready for netconvert; `parks` and `buildings` are in the world frame, `roads` in the plan's."""
+
+    roads: RoadPlan
+    parks: tuple[Polygon, ...]
+    buildings: tuple[Building, ...]
+
+
+def build_town(seed: int, parking_m: Mapping[str, float] = MappingProxyType({})) -> Town:
+    """The town of a seed; needs no SUMO.
+
+    Args:
+        parking_m: width of the wider parking lane of each road that has one: its buildings stand that much further off.
+    """
+    plan, narrow = _planned(seed)
+    roads = with_parking(narrow, parking_m)
+    park = largest(plan.park.difference(surfaces(roads)).buffer(-3).buffer(3, join_style="mitre"))
+    placed = place_buildings(plan, roads, park, seed)
+    buildings = tuple(replace(house, polygon=_moved(house.polygon)) for house in placed)
+    return Town(roads, (_moved(park),), buildings)
+
+
+@lru_cache(maxsize=1)
+def _planned(seed: int) -> tuple[TownPlan, RoadPlan]:
+    """Asked for twice while a town is built: without parking lanes and with them."""
+    plan = plan_town(seed)
+    return plan, plan_roads(plan, seed)
+
+
+def _moved(polygon: Polygon) -> Polygon:
+    """A polygon in the world frame, to the centimetre."""
+    shifted = translate(polygon, *SHIFT_M)
+    return Polygon([(round(x, 2), round(y, 2)) for x, y in shifted.exterior.coords])

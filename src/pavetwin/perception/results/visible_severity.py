@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from pavetwin.arrays import BoolArray
-from pavetwin.defects.marking import Marking
+from pavetwin.defects.heightfield import Marking
 from pavetwin.defects.severity import severities_of_diameter, severity_of_width
 from pavetwin.perception.classes import SUBTYPES
 from pavetwin.perception.results.measuring import LEAST_PX, NOT_RESOLVABLE

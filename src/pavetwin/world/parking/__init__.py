@@ -3,6 +3,6 @@
 `model` holds the values of a world. The other modules are needed only while a world is built.
 """
 
-from pavetwin.world.parking.model import ParkingOrientation, ParkingPlace, ParkingPosition, ParkingSource, StreetSide
+from pavetwin.world.parking.place import ParkingOrientation, ParkingPlace, ParkingPosition, ParkingSource, StreetSide
 
 __all__ = ["ParkingOrientation", "ParkingPlace", "ParkingPosition", "ParkingSource", "StreetSide"]

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from pavetwin.config.base import Settings
 from pavetwin.config.named import names_in, read_named
-from pavetwin.world.parking.model import ParkingOrientation, ParkingPosition
+from pavetwin.world.parking.place import ParkingOrientation, ParkingPosition
 
 Metres = Annotated[float, Field(ge=0, le=100)]
 PositiveMetres = Annotated[float, Field(gt=0, le=100)]

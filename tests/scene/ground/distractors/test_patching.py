@@ -14,7 +14,7 @@ from pavetwin.scene.ground.looks import look_sha256, pavement, street_look
 from pavetwin.scene.ground.looks.history import RepairMaterials
 from pavetwin.scene.model import GroundKind
 from pavetwin.scene.patches import holes_of
-from pavetwin.world.joints import joints_along
+from pavetwin.world.pavement_joints import joints_along
 from scenes import tiny
 
 CONCRETE = {"repair_concrete": 1.0}

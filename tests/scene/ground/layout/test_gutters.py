@@ -11,7 +11,7 @@ from pavetwin.scene.ground import GroundPlan, ground_pieces, plan_ground
 from pavetwin.scene.ground.layout.gutters import TAPER_M
 from pavetwin.scene.model import TILE_M, GroundKind
 from pavetwin.scene.patches import holes_of
-from pavetwin.world.gutters import GUTTER_M, has_gutter
+from pavetwin.world.pavement_joints import GUTTER_M, has_gutter
 from scenes import built
 
 NAMES = ("berlin_neukoelln", "seattle_roosevelt")

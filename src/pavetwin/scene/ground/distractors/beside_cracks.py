@@ -11,8 +11,8 @@ from pavetwin.defects.context import Feature, start_of
 from pavetwin.scene.ground.layout.lines import direction
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
 from pavetwin.seeds import Stream, child
-from pavetwin.world.joints import joints_across, joints_along, lane_joints
 from pavetwin.world.model import Defect, Segment
+from pavetwin.world.pavement_joints import joints_across, joints_along, lane_joints
 from pavetwin.world.segments import direction_at, point_at
 
 KEY: Final = 16

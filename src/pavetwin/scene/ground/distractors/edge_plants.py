@@ -12,8 +12,8 @@ from pavetwin.scene.ground.layout.lines import LineFrame
 from pavetwin.scene.ground.layout.streets import StreetPlan
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
 from pavetwin.seeds import Stream, child
-from pavetwin.world.joints import joints_across, joints_along
 from pavetwin.world.model import Segment
+from pavetwin.world.pavement_joints import joints_across, joints_along
 from pavetwin.world.segments import segment_key
 
 KEY: Final = 18

@@ -30,9 +30,9 @@ from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
 from pavetwin.scene.ground.looks import pavement
 from pavetwin.scene.ground.looks.weights import pick
 from pavetwin.seeds import Stream, child
-from pavetwin.world.joints import joints_across, joints_along
 from pavetwin.world.model import Lane
-from pavetwin.world.streets import polygons_of, surface_of
+from pavetwin.world.pavement_joints import joints_across, joints_along
+from pavetwin.world.segments import polygons_of, surface_of
 
 PUDDLES_M: Final = 28.0
 """Mean distance along a street between marks of puddles, both sides together; ours."""

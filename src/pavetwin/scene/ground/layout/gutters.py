@@ -11,8 +11,8 @@ from shapely.ops import substring
 
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.layout.lines import ways_along
-from pavetwin.world.gutters import GUTTER_M, has_gutter
 from pavetwin.world.model import Segment
+from pavetwin.world.pavement_joints import GUTTER_M, has_gutter
 
 LEAST_M2: Final = 0.9
 """A shorter piece of gutter is not built."""

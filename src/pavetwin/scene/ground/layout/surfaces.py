@@ -20,8 +20,8 @@ from pavetwin.scene.ground.layout.streets import StreetPlan
 from pavetwin.scene.ground.layout.turns import Approach, Path, paths_of
 from pavetwin.scene.ground.looks import Pavement, StreetLook
 from pavetwin.scene.model import TILE_M, Finish, GroundKind
-from pavetwin.world.joints import SLAB_SHARE, has_slabs
 from pavetwin.world.model import Direction, FurnitureKind, Lane, LaneKind, World
+from pavetwin.world.pavement_joints import SLAB_SHARE, has_slabs
 
 CORNERS_TOUCH_M: Final = 0.6
 """A junction this near to a sidewalk has paved corners."""

@@ -63,3 +63,15 @@ def _borders(segment: Segment, parts: int) -> Float64Array:
 def _share(what: str) -> float:
     """A hash of a text, 0 … 1."""
     return zlib.crc32(what.encode()) / 2**32
+
+
+GUTTER_M: Final = 0.30
+"""Width of a gutter of concrete slabs or cast with the kerb (RASt 06: 30 cm)."""
+
+SHARE: Final = 0.45
+"""Of streets."""
+
+
+def has_gutter(street: str) -> bool:
+    """Whether the street of a name was built with gutters; they lie where it has kerbs."""
+    return zlib.crc32(f"gutter {street}".encode()) < SHARE * 2**32
