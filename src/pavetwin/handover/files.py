@@ -21,8 +21,7 @@ from pavetwin.inventory.files import write_inventory
 from pavetwin.inventory.listing import entries_of
 from pavetwin.mission.condition import write_units
 from pavetwin.reports.page import render
-from pavetwin.world.layer_styles import LayerStyle, Symbol, write_styles
-from pavetwin.world.layers import columns_of, write_layer
+from pavetwin.world.layers import LayerStyle, Symbol, columns_of, write_layer, write_styles
 
 PAGE: Final = "handover.html"
 SHEET: Final = "handover.pdf"
