@@ -6,18 +6,18 @@ import json
 import os
 import shutil
 import tempfile
-import time
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from functools import lru_cache
-from importlib import import_module
 from pathlib import Path
 from platform import node
 from re import sub
-from types import ModuleType
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from pavetwin.errors import PaveTwinError
+
+if TYPE_CHECKING:
+    from filelock import BaseFileLock
 
 PICTURE_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp"})
 """Of pictures that are read, in lower case."""
@@ -28,8 +28,8 @@ NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 FORMAT: Final = 1
 """The format of every file and folder that PaveTwin writes and reads."""
 
-_LOOKED_AGAIN_S = 0.003
-"""How often it is looked whether another process has ended with a file."""
+LOCK_POLL_S: Final = 0.003
+"""Interval at which a held lock is tried again."""
 
 
 def check_format(found: object, what: str) -> None:
@@ -192,76 +192,67 @@ def link_or_copy(source: Path, target: Path) -> None:
 
 @contextmanager
 def working_in(folder: Path) -> Iterator[None]:
-    """While the block runs, no other process that asks the same works in `folder`, which need not exist.
+    """Keep other processes from working in `folder`, which need not exist, while the block runs.
 
-    A hidden file beside the folder is locked, and gone afterwards. Where the system has no such locks (Windows),
-    nothing is guarded.
+    A hidden file next to the folder is locked, and removed afterwards.
 
     Raises:
-        PaveTwinError: another process is at work there, or nothing can be written beside the folder.
+        PaveTwinError: another process is at work there, or nothing can be written next to the folder.
     """
-    try:
-        locks = import_module("fcntl")
-    except ImportError:
-        yield
-        return
+    from filelock import Timeout
+
     path = folder.absolute().parent / f".{folder.absolute().name}.lock"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle = _locked(path, locks)
-    except BlockingIOError as error:
+        lock = _acquired(path, 0.0)
+    except Timeout as error:
         raise PaveTwinError(
             f"Another process is at work in '{folder}'; wait for its end or choose another folder."
         ) from error
     except OSError as error:
         raise unwritable(path, error) from error
-    try:
+    with _released(lock, path):
         yield
-    finally:
-        path.unlink(missing_ok=True)
-        os.close(handle)
-
-
-def _locked(path: Path, locks: ModuleType) -> int:
-    """The handle of a lock file that is ours, and that no one has removed in the moment before we locked it."""
-    while True:
-        handle = os.open(path, os.O_CREAT | os.O_RDWR, 0o644)
-        try:
-            locks.flock(handle, locks.LOCK_EX | locks.LOCK_NB)
-            if path.exists() and os.path.samestat(os.fstat(handle), path.stat()):
-                return handle
-        except BaseException:
-            os.close(handle)
-            raise
-        os.close(handle)
 
 
 @contextmanager
 def file_lock(target: Path, timeout_s: float) -> Iterator[None]:
-    """While the block runs, no other process or thread that asks the same makes `target`; waits until then.
+    """Keep other processes and threads from making `target` while the block runs; wait for those that do.
 
-    A hidden file beside the target is locked, and gone afterwards. Where there can be no such file, nobody waits.
+    A hidden file next to the target is locked, and removed afterwards. Where no such file can be made, nothing is
+    locked.
 
     Args:
-        timeout_s: whoever has waited so long goes on beside the other, which may hang.
+        timeout_s: after this time proceed without the lock; its holder may hang.
     """
-    handle, until = None, time.monotonic() + timeout_s
+    from filelock import Timeout
+
     path = target.with_name(f".{target.name}.lock")
-    with suppress(ImportError, OSError):
-        locks = import_module("fcntl")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        while handle is None and time.monotonic() < until:
-            try:
-                handle = _locked(path, locks)
-            except BlockingIOError:
-                time.sleep(_LOOKED_AGAIN_S)
+    with ExitStack() as held:
+        with suppress(Timeout, OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            held.enter_context(_released(_acquired(path, timeout_s), path))
+        yield
+
+
+def _acquired(path: Path, timeout_s: float) -> "BaseFileLock":
+    """A lock on a file that this process holds. filelock is imported here: it takes 80 ms."""
+    from filelock import FileLock
+
+    lock = FileLock(path, thread_local=False)
+    lock.acquire(timeout=timeout_s, poll_interval=LOCK_POLL_S)
+    return lock
+
+
+@contextmanager
+def _released(lock: "BaseFileLock", path: Path) -> Iterator[None]:
+    """Remove the file of a lock while it is held, then release it."""
     try:
         yield
     finally:
-        if handle is not None:
-            with suppress(OSError):
-                path.unlink(missing_ok=True)
-            os.close(handle)
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
+        lock.release()
 
 
 def _mark(target: Path) -> str:
