@@ -1,4 +1,4 @@
-"""`python -m benchmarks [--quick] [--only GROUP …] [--world PATH] [--json FILE]`."""
+"""`python -m benchmarks [--quick] [--only GROUP …] [--world PATH] [--json FILE] [--plot PICTURE]`."""
 
 import argparse
 import json
@@ -30,7 +30,7 @@ from benchmarks import (
     worlds,
 )
 from benchmarks.measure import Line, Size
-from benchmarks.table import as_json, notes, table
+from benchmarks.table import as_json, notes, plot, table
 from pavetwin.cli.console import fail, out, progress
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
@@ -158,6 +158,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--only", nargs="+", choices=GROUPS, default=GROUPS, metavar="GROUP", help=", ".join(GROUPS))
     parser.add_argument("--world", type=Path, help="fly over this world instead of a generated town")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers here as well")
+    parser.add_argument("--plot", type=Path, metavar="PICTURE", help="draw the numbers relative to their targets")
     options = parser.parse_args(arguments)
     described = machine.describe()
     load, busy = machine.load()
@@ -178,11 +179,12 @@ def main(arguments: list[str]) -> int:
         fail(str(error))
         return 2
     _print(lines, described, busy=busy, took_s=time.perf_counter() - begun)
-    if options.json is None:
-        return 0
     try:
-        with writing(options.json) as temporary:
-            temporary.write_text(json.dumps(as_json(described, lines), indent=1) + "\n", encoding="utf-8")
+        if options.json is not None:
+            with writing(options.json) as temporary:
+                temporary.write_text(json.dumps(as_json(described, lines), indent=1) + "\n", encoding="utf-8")
+        if options.plot is not None:
+            plot(lines, options.plot)
     except PaveTwinError as error:
         fail(str(error))
         return 2

@@ -1,5 +1,6 @@
-"""The table on the terminal, and the same as JSON."""
+"""The table on the terminal, the same as JSON, and a plot of what was reached."""
 
+from pathlib import Path
 from typing import Any
 
 from rich.table import Table
@@ -42,3 +43,31 @@ def as_json(machine: dict[str, str], lines: list[Line]) -> dict[str, Any]:
         for line in lines
     ]
     return {"machine": machine, "lines": rows}
+
+
+def plot(lines: list[Line], path: Path) -> None:
+    """Draw each measurement relative to its target: left of 1 the target is reached.
+
+    Args:
+        lines: lines without a target are left out.
+        path: the picture, `.svg` or `.png`.
+    """
+    import matplotlib.pyplot as plt
+    from matplotlib.ticker import LogLocator, NullLocator
+
+    shown = [line for line in lines if line.target and line.value]
+    shares = [line.target / line.value if line.kind.more_is_better else line.value / line.target for line in shown]
+    figure, axes = plt.subplots(figsize=(9, 0.26 * len(shown) + 0.8), layout="constrained")
+    colours = ["#4c8c6b" if line.reached else "#b5533c" for line in shown]
+    axes.hlines(range(len(shown)), 1.0, shares, color=colours, linewidth=5)
+    axes.axvline(1.0, color="black", linewidth=1)
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.xaxis.set_major_formatter(lambda share, _: f"{share:g}")
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.set_yticks(range(len(shown)), [f"{line.what}: {line.measured()}" for line in shown], fontsize=8)
+    axes.invert_yaxis()
+    axes.set_xlabel("cost relative to the target (log scale); left of 1 the target is reached")
+    with plt.rc_context({"svg.fonttype": "none"}):
+        figure.savefig(path)
+    plt.close(figure)

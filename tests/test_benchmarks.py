@@ -24,7 +24,7 @@ from benchmarks import (
 )
 from benchmarks.__main__ import GROUPS, main, measure
 from benchmarks.measure import Kind, Line, Size
-from benchmarks.table import as_json, notes, table
+from benchmarks.table import as_json, notes, plot, table
 from rich.console import Console
 
 from pavetwin.mission.replay import replay_of
@@ -75,7 +75,7 @@ def test_a_line_knows_whether_its_target_is_reached(
     assert Line("it", value, kind, target).reached is reached
 
 
-def test_streets_are_measured_and_tabled() -> None:
+def test_streets_are_measured_tabled_and_drawn(tmp_path: Path) -> None:
     measured = list(streets.lines(replace(SMOKE, streets_m=(1000.0,))))
     assert all(line.value > 0 for line in measured)
     assert [line.target for line in measured] == [3.0, 0.2e-3, 0.2e-3]
@@ -87,6 +87,8 @@ def test_streets_are_measured_and_tabled() -> None:
     assert shown.count(" yes ") == 3
     assert notes(lines)[0].startswith("[1] 20 streets")
     assert json.loads(json.dumps(as_json(machine.describe(), lines)))["lines"][0]["reached"] is True
+    plot(lines, tmp_path / "plot.svg")
+    assert "NavMesh of 1 km² of streets" in (tmp_path / "plot.svg").read_text("utf-8")
 
 
 def test_a_world_that_is_not_there_is_one_plain_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
