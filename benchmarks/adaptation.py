@@ -29,13 +29,13 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.perception.inference.model_file import open_session
 from pavetwin.perception.shipped import start_path
 from pavetwin.training.datasets.compositing import COMPOSITE
+from pavetwin.training.datasets.examples import Example, ExampleSet
+from pavetwin.training.datasets.packs import read_examples
+from pavetwin.training.datasets.unlabelled import read_unlabelled
 from pavetwin.training.evaluation.detections import FoundBox, read_detections
 from pavetwin.training.evaluation.evaluate import RESAMPLES, PairedComparison, compare_in_pairs
 from pavetwin.training.evaluation.labelled import LabelledSplit, read_split
 from pavetwin.training.evaluation.running import LEAST_CONFIDENCE, found_by
-from pavetwin.training.examples.example import Example, ExampleSet
-from pavetwin.training.examples.opening import read_examples
-from pavetwin.training.examples.unlabelled import read_unlabelled
 from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
 
 PLAIN: Final = "plain"

@@ -27,13 +27,13 @@ from pavetwin.cli.console import err, fail, out
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.perception.shipped import model_path, start_path
-from pavetwin.training.datasets.packing import FILE as PACKED
+from pavetwin.training.datasets.packs import read_examples
+from pavetwin.training.datasets.recipe import FILE as PACKED
 from pavetwin.training.datasets.recipe import recipe_values
 from pavetwin.training.evaluation.detections import FoundBox, read_detections
 from pavetwin.training.evaluation.evaluate import RESAMPLES, evaluate
 from pavetwin.training.evaluation.labelled import LabelledSplit, numbered_after, read_split
 from pavetwin.training.evaluation.running import LEAST_CONFIDENCE, found_by
-from pavetwin.training.examples.opening import read_examples
 from pavetwin.training.report.write import write_detector_report
 from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
 

@@ -13,7 +13,7 @@ from PIL import Image
 from benchmarks.detecting import PICTURE
 from benchmarks.measure import Kind, Line, Size
 from pavetwin.perception.classes import CLASSES
-from pavetwin.training.examples.opening import read_examples
+from pavetwin.training.datasets.packs import read_examples
 from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
 
 if TYPE_CHECKING:

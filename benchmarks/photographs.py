@@ -8,9 +8,9 @@ import numpy as np
 from PIL import Image
 
 from benchmarks.measure import Kind, Line, Size
-from pavetwin.training.datasets.ahead import THREADS
 from pavetwin.training.datasets.importing import import_source
-from pavetwin.training.datasets.normalise import ImageSize
+from pavetwin.training.datasets.resizing import ImageSize
+from pavetwin.training.datasets.resuming import THREADS
 from pavetwin.training.datasets.sources import source_of
 
 SIZE_PX: Final = (1280, 960)

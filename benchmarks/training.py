@@ -22,12 +22,12 @@ import numpy as np
 from benchmarks.adaptation import VALIDATION, table, with_examples, write_found
 from pavetwin.cli.console import fail, progress
 from pavetwin.errors import PaveTwinError
+from pavetwin.training.datasets.examples import ExampleSet
+from pavetwin.training.datasets.packs import read_examples
 from pavetwin.training.evaluation.detections import FoundBox, read_detections
 from pavetwin.training.evaluation.evaluate import RESAMPLES
 from pavetwin.training.evaluation.labelled import LabelledSplit, numbered_after, read_split
 from pavetwin.training.evaluation.running import LEAST_CONFIDENCE, found_by
-from pavetwin.training.examples.example import ExampleSet
-from pavetwin.training.examples.opening import read_examples
 from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
 
 RECIPE: Final[Mapping[str, Any]] = {

@@ -9,8 +9,8 @@ import pytest
 from pavetwin.capture.recipe import JOINED, SyntheticRecipe, SyntheticSummary, build_synthetic
 from pavetwin.cli.data_build import _parts
 from pavetwin.errors import PaveTwinError
-from pavetwin.training.datasets.packing import RecipePack, pack
-from pavetwin.training.examples.opening import read_examples
+from pavetwin.training.datasets.packs import read_examples
+from pavetwin.training.datasets.recipe import RecipePack, pack
 from scenes import scene_file
 from scenes.folders import contents
 from scenes.painter import Painter

@@ -78,8 +78,8 @@ def import_folder(
     refused, 2 that no image is left. All findings are in report.csv of the dataset.
     """
     from pavetwin.training.datasets.importing import import_source
-    from pavetwin.training.datasets.normalise import ImageSize
     from pavetwin.training.datasets.recipe import backgrounds_in
+    from pavetwin.training.datasets.resizing import ImageSize
     from pavetwin.training.datasets.sources import source_of
 
     if output is None:
@@ -288,8 +288,7 @@ def pack(
     pavetwin data pack datasets/all-coco -o small.pack --max-mb 20 --longest 512
     """
     from pavetwin.labels import SPLITS
-    from pavetwin.training.examples.opening import read_examples
-    from pavetwin.training.examples.pack import PackOptions, write_pack
+    from pavetwin.training.datasets.packs import PackOptions, read_examples, write_pack
 
     if output is None:
         raise PaveTwinError("Say where the file goes with -o, for example -o all.pack.")
@@ -312,8 +311,7 @@ def stats(
     \b
     pavetwin data stats datasets/pdd datasets/china
     """
-    from pavetwin.training.datasets.common_form import read_description, read_images
-    from pavetwin.training.datasets.statistics import count_images
+    from pavetwin.training.datasets.common_form import count_images, read_description, read_images
 
     for folder in datasets:
         description = read_description(folder)

@@ -16,8 +16,7 @@ if TYPE_CHECKING:
 
     from pavetwin.capture.joining import JoinedImages
     from pavetwin.capture.recipe import SyntheticRecipe, SyntheticSummary
-    from pavetwin.training.datasets.packing import RecipePack
-    from pavetwin.training.datasets.recipe import BuildSummary, Recipe
+    from pavetwin.training.datasets.recipe import BuildSummary, Recipe, RecipePack
 
 SYNTHETIC_KEYS = ("worlds", "captures")
 COCO = "coco"
@@ -81,8 +80,7 @@ def _parts(path: Path) -> "tuple[Recipe | None, SyntheticRecipe | None, RecipePa
     Raises:
         PaveTwinError: a key or value does not fit.
     """
-    from pavetwin.training.datasets.packing import RecipePack
-    from pavetwin.training.datasets.recipe import Recipe, recipe_values
+    from pavetwin.training.datasets.recipe import Recipe, RecipePack, recipe_values
 
     where = f"the recipe '{path}'"
     values, text = recipe_values(path)
@@ -100,10 +98,9 @@ def _parts(path: Path) -> "tuple[Recipe | None, SyntheticRecipe | None, RecipePa
 
 
 def _photographs(recipe: "Recipe", beside: Path, output: Path) -> "BuildSummary":
-    from pavetwin.training.datasets.common_form import read_images
+    from pavetwin.training.datasets.common_form import count_images, read_images
     from pavetwin.training.datasets.recipe import build as built
     from pavetwin.training.datasets.splitting import LISTS
-    from pavetwin.training.datasets.statistics import count_images
 
     with progress("Building", lines=True) as tell:
         summary = built(recipe, beside, output, on_stage=tell)
@@ -143,7 +140,7 @@ def _synthetic(recipe: "SyntheticRecipe", beside: Path, output: Path, jobs: int 
 
 
 def _pack(settings: "RecipePack", folders: list[Path], output: Path) -> None:
-    from pavetwin.training.datasets.packing import FILE, pack
+    from pavetwin.training.datasets.recipe import FILE, pack
 
     if not folders:
         raise PaveTwinError(f"A packed file needs '{COCO}' among the formats of `export`.")

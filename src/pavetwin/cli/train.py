@@ -74,8 +74,8 @@ def train(
     if output is None:
         raise PaveTwinError("Say where the run goes with -o, for example -o runs/first.")
     from pavetwin.perception.shipped import start_path
-    from pavetwin.training.examples.opening import read_examples
-    from pavetwin.training.examples.unlabelled import read_unlabelled
+    from pavetwin.training.datasets.packs import read_examples
+    from pavetwin.training.datasets.unlabelled import read_unlabelled
     from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
 
     given: dict[str, Any] = {"size": size, "image_px": image, "order": order, "epochs": epochs, "batch": batch}

@@ -13,16 +13,15 @@ from PIL import Image
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.training.datasets.common_form import read_images
-from pavetwin.training.datasets.convert import convert
-from pavetwin.training.datasets.importing import ImportSummary, import_source
-from pavetwin.training.datasets.layouts.base import RawImage, RawObject
+from pavetwin.training.datasets.importing import ImportSummary, convert, import_source
+from pavetwin.training.datasets.layouts.layout import RawImage, RawObject
 from pavetwin.training.datasets.layouts.yolo import names_in
-from pavetwin.training.datasets.normalise import ImageSize
 from pavetwin.training.datasets.pictures import picture_size
 from pavetwin.training.datasets.report import Finding, Report
-from pavetwin.training.datasets.rules import outcome, unknown_class
+from pavetwin.training.datasets.resizing import ImageSize
 from pavetwin.training.datasets.safe_xml import parse_xml
 from pavetwin.training.datasets.sources import source_of
+from pavetwin.training.datasets.sources.registry import outcome, unknown_class
 from scenes.command_line import pavetwin, without_progress
 from scenes.imports import told
 from scenes.photographs import coco, picture, yolo

@@ -8,7 +8,7 @@ import pytest
 
 from pavetwin.training.datasets.common_form import read_images
 from pavetwin.training.datasets.importing import import_source
-from pavetwin.training.datasets.normalise import ImageSize
+from pavetwin.training.datasets.resizing import ImageSize
 from pavetwin.training.datasets.sources import source_of
 from scenes.imports import told
 from scenes.photographs import coco, picture

@@ -15,7 +15,7 @@ from pavetwin.training.datasets.balancing import BalanceSettings, balance, draw_
 from pavetwin.training.datasets.common_form import read_images
 from pavetwin.training.datasets.importing import import_source
 from pavetwin.training.datasets.merging import merge
-from pavetwin.training.datasets.normalise import ImageSize
+from pavetwin.training.datasets.resizing import ImageSize
 from pavetwin.training.datasets.sources import source_of
 from pavetwin.training.datasets.splitting import split_dataset, split_names
 from scenes.command_line import pavetwin, plain_refusal

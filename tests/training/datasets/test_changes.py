@@ -9,10 +9,16 @@ from hypothesis import strategies as st
 from PIL import Image, ImageDraw
 
 from pavetwin.labels.boxes import flipped
-from pavetwin.training.datasets.annotated import AnnotatedImage, Annotation
-from pavetwin.training.datasets.augmenting import changed_picture
-from pavetwin.training.datasets.changes import GONE_SHARE, ImageChange, changed, moved_points, shown_window
-from pavetwin.training.datasets.normalise import CUT, LEAST_SHARE
+from pavetwin.training.datasets.augmenting import (
+    GONE_SHARE,
+    ImageChange,
+    changed,
+    changed_picture,
+    moved_points,
+    shown_window,
+)
+from pavetwin.training.datasets.common_form import AnnotatedImage, Annotation
+from pavetwin.training.datasets.resizing import CUT, LEAST_SHARE
 
 ANGLES = st.floats(-15, 15).map(lambda angle: round(angle, 1))
 FLIP = ImageChange(is_flipped=True)

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pavetwin.training.datasets.layouts import coco_file as module
-from pavetwin.training.datasets.layouts.coco_file import CocoFileError, coco_file
+from pavetwin.training.datasets.layouts import coco as module
+from pavetwin.training.datasets.layouts.coco import CocoFileError, coco_file
 
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(max_size=8),

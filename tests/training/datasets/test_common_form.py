@@ -9,8 +9,15 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.training.datasets.annotated import AnnotatedImage, Annotation, class_names
-from pavetwin.training.datasets.common_form import as_xml, read_description, read_image, write_description
+from pavetwin.training.datasets.common_form import (
+    AnnotatedImage,
+    Annotation,
+    as_xml,
+    class_names,
+    read_description,
+    read_image,
+    write_description,
+)
 
 TEXT = st.text(
     st.characters(min_codepoint=32, exclude_categories=("Cs", "Zs", "Zl", "Zp", "Cc", "Cn")), min_size=1, max_size=8

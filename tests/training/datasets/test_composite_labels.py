@@ -7,12 +7,18 @@ import pytest
 import shapely
 from PIL import Image
 
-from pavetwin.training.datasets.annotated import AnnotatedImage, Annotation
-from pavetwin.training.datasets.common_form import annotation_path, as_xml, read_description, read_image
+from pavetwin.training.datasets.common_form import (
+    AnnotatedImage,
+    Annotation,
+    annotation_path,
+    as_xml,
+    read_description,
+    read_image,
+)
 from pavetwin.training.datasets.compositing import CompositeSettings, CompositeSummary, compose
 from pavetwin.training.datasets.importing import import_source
 from pavetwin.training.datasets.merging import merge
-from pavetwin.training.datasets.normalise import ImageSize
+from pavetwin.training.datasets.resizing import ImageSize
 from pavetwin.training.datasets.sources import source_of
 from scenes.photographs import pavement, voc, with_car, yolo
 

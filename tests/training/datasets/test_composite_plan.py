@@ -8,12 +8,17 @@ from PIL import Image, ImageDraw
 
 from pavetwin.arrays import UInt8Array
 from pavetwin.labels.boxes import PixelBox
-from pavetwin.training.datasets.annotated import AnnotatedImage, Annotation
-from pavetwin.training.datasets.common_form import annotation_path, as_xml, write_description
-from pavetwin.training.datasets.composite_plan import road_gsd_mm
-from pavetwin.training.datasets.cutout_library import cut_out_all
-from pavetwin.training.datasets.placing import road_mask
+from pavetwin.training.datasets.common_form import (
+    AnnotatedImage,
+    Annotation,
+    annotation_path,
+    as_xml,
+    write_description,
+)
+from pavetwin.training.datasets.compositing import road_gsd_mm
+from pavetwin.training.datasets.cutouts import cut_out_all
 from pavetwin.training.datasets.report import Report
+from pavetwin.training.datasets.road import road_mask
 from scenes.photographs import pavement
 
 SIZE = (320, 240)

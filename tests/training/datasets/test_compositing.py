@@ -12,11 +12,11 @@ from PIL import Image, ImageDraw
 from pavetwin.training.datasets import compositing
 from pavetwin.training.datasets.common_form import read_images
 from pavetwin.training.datasets.compositing import CompositeSettings, CompositeSummary, compose
-from pavetwin.training.datasets.cutout_library import cut_out_all
+from pavetwin.training.datasets.cutouts import cut_out_all
 from pavetwin.training.datasets.importing import import_source
 from pavetwin.training.datasets.merging import merge
-from pavetwin.training.datasets.normalise import ImageSize
 from pavetwin.training.datasets.report import Report
+from pavetwin.training.datasets.resizing import ImageSize
 from pavetwin.training.datasets.sources import source_of
 from pavetwin.training.datasets.sources.pavetwin_capture import CaptureLayout
 from pavetwin.training.datasets.splitting import split_dataset, split_names

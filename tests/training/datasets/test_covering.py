@@ -8,9 +8,8 @@ from PIL import Image, ImageDraw
 
 from pavetwin.labels.boxes import of_mask
 from pavetwin.labels.outlines import filled
-from pavetwin.training.datasets.annotated import AnnotatedImage, Annotation
-from pavetwin.training.datasets.augmenting import changed_picture
-from pavetwin.training.datasets.changes import ImageChange, changed
+from pavetwin.training.datasets.augmenting import ImageChange, changed, changed_picture
+from pavetwin.training.datasets.common_form import AnnotatedImage, Annotation
 from pavetwin.training.datasets.covering import covered, pasted
 
 SIZE = (120, 90)

@@ -8,12 +8,19 @@ from pycocotools.coco import COCO
 from pycocotools.cocoeval import COCOeval
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.training.datasets.annotated import AnnotatedImage, Annotation, class_names
-from pavetwin.training.datasets.common_form import annotation_path, as_xml, read_images, write_description
+from pavetwin.training.datasets.common_form import (
+    AnnotatedImage,
+    Annotation,
+    annotation_path,
+    as_xml,
+    class_names,
+    read_images,
+    write_description,
+)
 from pavetwin.training.datasets.exporting import export
 from pavetwin.training.datasets.importing import import_source
 from pavetwin.training.datasets.merging import merge
-from pavetwin.training.datasets.normalise import ImageSize
+from pavetwin.training.datasets.resizing import ImageSize
 from pavetwin.training.datasets.sources import source_of
 from pavetwin.training.datasets.splitting import split_dataset
 from scenes.photographs import picture

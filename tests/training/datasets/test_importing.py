@@ -13,12 +13,10 @@ from PIL import Image
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.training.datasets import importing
-from pavetwin.training.datasets.annotated import AnnotatedImage, Annotation
-from pavetwin.training.datasets.common_form import read_description, read_images
-from pavetwin.training.datasets.duplicates import signature
+from pavetwin.training.datasets.common_form import AnnotatedImage, Annotation, read_description, read_images
+from pavetwin.training.datasets.duplicates import FEATURES, signature
 from pavetwin.training.datasets.importing import ImportSummary, import_source
-from pavetwin.training.datasets.normalise import CUT, ImageSize, ImageView, seen_through, views
-from pavetwin.training.datasets.overlaps import FEATURES
+from pavetwin.training.datasets.resizing import CUT, ImageSize, ImageView, seen_through, views
 from pavetwin.training.datasets.sources import source_of
 from scenes.photographs import picture, yolo
 
@@ -231,7 +229,7 @@ def test_memory_holds_a_few_pictures_at_a_time(tmp_path: Path, monkeypatch: pyte
     encode: Callable[..., list[bytes]] = importing._encode
     written: list[Path] = []
     move_in = importing.move_in
-    monkeypatch.setattr("pavetwin.training.datasets.ahead.AHEAD", 2)
+    monkeypatch.setattr("pavetwin.training.datasets.resuming.AHEAD", 2)
     monkeypatch.setattr(importing, "_encode", lambda *a, **b: (waiting.append(len(written) // 2), encode(*a, **b))[1])
     monkeypatch.setattr(importing, "move_in", lambda *moved: (move_in(*moved), written.append(moved[1])))
     run(photos, tmp_path / "out")
@@ -242,12 +240,12 @@ def test_memory_holds_a_few_pictures_at_a_time(tmp_path: Path, monkeypatch: pyte
 MANY = """
 import re, sys
 from pathlib import Path
-from pavetwin.training.datasets.annotated import class_names
+from pavetwin.training.datasets.common_form import class_names
 from pavetwin.training.datasets.exporting import export
 from pavetwin.training.datasets.duplicates import signature
 from pavetwin.training.datasets.importing import import_source
 from pavetwin.training.datasets.merging import merge
-from pavetwin.training.datasets.normalise import ImageSize
+from pavetwin.training.datasets.resizing import ImageSize
 from pavetwin.training.datasets.sources import source_of
 from pavetwin.training.datasets.splitting import split_dataset
 folder, output = map(Path, sys.argv[1:])

@@ -15,7 +15,7 @@ from pavetwin.scene.ground.looks import street_look
 from pavetwin.scene.light import Light
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.view import look
-from pavetwin.training.datasets.markings import marking_gsd_mm, painted_lines
+from pavetwin.training.datasets.road import marking_gsd_mm, painted_lines
 from pavetwin.uav.cameras import find_camera
 from scenes import built
 from scenes.photographs import pavement

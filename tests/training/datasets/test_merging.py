@@ -15,13 +15,20 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.training.datasets import merging, overlaps
-from pavetwin.training.datasets.annotated import AnnotatedImage, Annotation
-from pavetwin.training.datasets.common_form import annotation_path, as_xml, read_images, write_description
+from pavetwin.training.datasets import duplicates as overlaps
+from pavetwin.training.datasets import merging
+from pavetwin.training.datasets.common_form import (
+    AnnotatedImage,
+    Annotation,
+    annotation_path,
+    as_xml,
+    read_images,
+    write_description,
+)
 from pavetwin.training.datasets.duplicates import alike, read_grey, signature, thumbnail
 from pavetwin.training.datasets.importing import import_source
 from pavetwin.training.datasets.merging import merge
-from pavetwin.training.datasets.normalise import ImageSize
+from pavetwin.training.datasets.resizing import ImageSize
 from pavetwin.training.datasets.sources import source_of
 from pavetwin.training.datasets.splitting import split_groups
 from scenes.photographs import picture, voc, yolo

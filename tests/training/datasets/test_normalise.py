@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pavetwin.labels.boxes import PixelBox, moved, scaled, share_within, within
-from pavetwin.training.datasets.annotated import AnnotatedImage, Annotation
-from pavetwin.training.datasets.normalise import CUT, LEAST_SHARE, ImageSize, ImageView, seen_through, views
+from pavetwin.training.datasets.common_form import AnnotatedImage, Annotation
+from pavetwin.training.datasets.resizing import CUT, LEAST_SHARE, ImageSize, ImageView, seen_through, views
 
 SIDE = st.integers(20, 900)
 

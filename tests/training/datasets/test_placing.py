@@ -6,11 +6,11 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from pavetwin.arrays import BoolArray, UInt8Array
-from pavetwin.training.datasets.annotated import Annotation
 from pavetwin.training.datasets.blending import EDGE_PX, Sun, blended, turned
+from pavetwin.training.datasets.common_form import Annotation
 from pavetwin.training.datasets.covering import GONE_SHARE, KEPT_SHARE, covered, pasted
 from pavetwin.training.datasets.cutouts import CutOut
-from pavetwin.training.datasets.placing import FreeRoad, Standing, road_direction_deg, road_mask
+from pavetwin.training.datasets.road import FreeRoad, Standing, road_direction_deg, road_mask
 from scenes.photographs import pavement
 
 SIZE = (200, 160)

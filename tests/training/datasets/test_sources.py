@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pavetwin.training.datasets.annotated import AnnotatedImage, class_names
-from pavetwin.training.datasets.common_form import read_images
+from pavetwin.training.datasets.common_form import AnnotatedImage, class_names, read_images
 from pavetwin.training.datasets.importing import import_source
-from pavetwin.training.datasets.normalise import ImageSize
 from pavetwin.training.datasets.recipe import backgrounds_in
 from pavetwin.training.datasets.report import Report
+from pavetwin.training.datasets.resizing import ImageSize
 from pavetwin.training.datasets.sources import SOURCES, source_of
 from scenes.photographs import coco, picture, voc, yolo
 

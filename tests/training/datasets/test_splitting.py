@@ -9,8 +9,14 @@ import pytest
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels import SPLITS
-from pavetwin.training.datasets.annotated import AnnotatedImage, Annotation, class_names
-from pavetwin.training.datasets.common_form import annotation_path, as_xml, write_description
+from pavetwin.training.datasets.common_form import (
+    AnnotatedImage,
+    Annotation,
+    annotation_path,
+    as_xml,
+    class_names,
+    write_description,
+)
 from pavetwin.training.datasets.splitting import USUAL_SHARES, split_dataset, split_groups, split_names
 
 SHARES = (0.7, 0.2, 0.1)

@@ -22,9 +22,15 @@ from pavetwin.perception.classes import (
     coarse_of,
     subtype_of,
 )
-from pavetwin.training.examples.coco import read_coco
-from pavetwin.training.examples.example import Outline, RunLengths, labelled_classes, mask_in, missing_classes
-from pavetwin.training.examples.pack import PackOptions, read_pack, write_pack
+from pavetwin.training.datasets.examples import (
+    Outline,
+    RunLengths,
+    labelled_classes,
+    mask_in,
+    missing_classes,
+    read_coco,
+)
+from pavetwin.training.datasets.packs import PackOptions, read_pack, write_pack
 from scenes.drawn_roads import NAMES, drawn_roads
 
 

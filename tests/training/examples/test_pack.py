@@ -9,10 +9,8 @@ import pytest
 from PIL import Image
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.training.examples.coco import read_coco
-from pavetwin.training.examples.example import Example, ExampleSet, mask_in
-from pavetwin.training.examples.opening import read_examples
-from pavetwin.training.examples.pack import PackOptions, read_pack, write_pack
+from pavetwin.training.datasets.examples import Example, ExampleSet, mask_in, read_coco
+from pavetwin.training.datasets.packs import PackOptions, read_examples, read_pack, write_pack
 from scenes.command_line import pavetwin, plain_refusal
 from scenes.drawn_roads import drawn_roads
 

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pavetwin.training.examples.coco import read_coco
-from pavetwin.training.examples.example import ExampleSet
+from pavetwin.training.datasets.examples import ExampleSet, read_coco
 from scenes.drawn_roads import drawn_roads
 
 

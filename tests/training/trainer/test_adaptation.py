@@ -8,9 +8,8 @@ import pytest
 from PIL import Image, ImageFilter
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.training.examples.coco import read_coco
-from pavetwin.training.examples.example import Example, ExampleSet
-from pavetwin.training.examples.unlabelled import read_unlabelled
+from pavetwin.training.datasets.examples import Example, ExampleSet, read_coco
+from pavetwin.training.datasets.unlabelled import read_unlabelled
 from pavetwin.training.trainer import references
 from pavetwin.training.trainer.amplitude import exchanged, half_block, low_frequencies, with_amplitudes
 from pavetwin.training.trainer.appearance import _noise_and_power as noise_and_power

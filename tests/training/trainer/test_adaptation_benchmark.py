@@ -10,7 +10,7 @@ from benchmarks.adaptation import PLAIN, VARIANTS, composites_of, main, options_
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.shipped import model_path
-from pavetwin.training.examples.opening import read_examples
+from pavetwin.training.datasets.packs import read_examples
 from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
 from pavetwin.training.trainer.schedule import phases_of
 from pavetwin.training.trainer.trainer import Trainer

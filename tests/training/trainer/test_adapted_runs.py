@@ -13,9 +13,8 @@ from PIL import Image
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.classes import ROAD_DEFECT
-from pavetwin.training.examples.coco import read_coco
-from pavetwin.training.examples.example import ExampleSet
-from pavetwin.training.examples.unlabelled import read_unlabelled
+from pavetwin.training.datasets.examples import ExampleSet, read_coco
+from pavetwin.training.datasets.unlabelled import read_unlabelled
 from pavetwin.training.trainer import self_training
 from pavetwin.training.trainer.detect import ImageDetections
 from pavetwin.training.trainer.network import DetectorNetwork

@@ -11,7 +11,7 @@ import torch
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.inference import Detector
-from pavetwin.training.examples.coco import read_coco
+from pavetwin.training.datasets.examples import read_coco
 from pavetwin.training.trainer.architecture import variant
 from pavetwin.training.trainer.averaging import averaged_network
 from pavetwin.training.trainer.exported import exported_network

@@ -8,8 +8,7 @@ import pytest
 import torch
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.training.examples.coco import read_coco
-from pavetwin.training.examples.example import ExampleSet
+from pavetwin.training.datasets.examples import ExampleSet, read_coco
 from pavetwin.training.trainer import device_pictures
 from pavetwin.training.trainer.augment import Member, ViewOptions, ViewPlan, planned_view, random_view
 from pavetwin.training.trainer.batches import TrainingViews, batches

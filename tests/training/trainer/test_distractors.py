@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.training.examples.coco import read_coco
+from pavetwin.training.datasets.examples import read_coco
 from pavetwin.training.trainer import trainer as training
 from pavetwin.training.trainer.distractors import with_distractors
 from pavetwin.training.trainer.network import Encoded

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pavetwin.perception.classes import CLASSES
-from pavetwin.training.examples.example import ExampleSet
+from pavetwin.training.datasets.examples import ExampleSet
 from pavetwin.training.trainer import trainer
 from pavetwin.training.trainer.batches import TrainingViews
 from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions

@@ -17,7 +17,7 @@ from torch import Tensor, nn
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.inference.model_file import ModelFacts
 from pavetwin.perception.shipped import start_path
-from pavetwin.training.examples.example import ExampleSet
+from pavetwin.training.datasets.examples import ExampleSet
 from pavetwin.training.trainer.architecture import Architecture, variant
 from pavetwin.training.trainer.batches import Batch
 from pavetwin.training.trainer.export import onnx_model

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.training.examples.example import ExampleSet
+from pavetwin.training.datasets.examples import ExampleSet
 from pavetwin.training.trainer.export import export
 from pavetwin.training.trainer.exported import exported_network
 from pavetwin.training.trainer.network import DetectorNetwork

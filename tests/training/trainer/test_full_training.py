@@ -16,8 +16,8 @@ from benchmarks.training_recipe import TrainingRecipe
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.inference.model_file import open_session
 from pavetwin.perception.shipped import DEFAULT
-from pavetwin.training.datasets.packing import RecipePack, pack
-from pavetwin.training.examples.opening import read_examples
+from pavetwin.training.datasets.packs import read_examples
+from pavetwin.training.datasets.recipe import RecipePack, pack
 from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
 from scenes.drawn_roads import drawn_roads
 

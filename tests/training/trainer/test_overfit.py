@@ -11,7 +11,7 @@ from pycocotools.cocoeval import COCOeval
 from torchvision.ops import box_iou
 
 from pavetwin.perception.classes import ROAD_DEFECT, SUBTYPES
-from pavetwin.training.examples.coco import read_coco
+from pavetwin.training.datasets.examples import read_coco
 from pavetwin.training.trainer.batches import Batch, ValidationViews, batches
 from pavetwin.training.trainer.detect import DetectLimits, ImageDetections, detect
 from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions

@@ -18,9 +18,8 @@ import torch
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.classes import CAR, PERSON, ROAD_DEFECT
-from pavetwin.training.examples.coco import read_coco
-from pavetwin.training.examples.example import ExampleSet
-from pavetwin.training.examples.unlabelled import read_unlabelled
+from pavetwin.training.datasets.examples import ExampleSet, read_coco
+from pavetwin.training.datasets.unlabelled import read_unlabelled
 from pavetwin.training.trainer.__main__ import main
 from pavetwin.training.trainer.held_pictures import HeldExampleSet
 from pavetwin.training.trainer.machine import check_compiler, has_half
@@ -262,7 +261,7 @@ def test_training_needs_nothing_but_torch_numpy_and_pillow(folder: Path, tmp_pat
     script = f"""
 import sys
 sys.modules.update(dict.fromkeys({BLOCKED!r}))
-from pavetwin.training.examples.unlabelled import read_unlabelled
+from pavetwin.training.datasets.unlabelled import read_unlabelled
 from pavetwin.training.trainer.__main__ import main
 sys.exit(main([{str(folder)!r}, "-o", {str(tmp_path / "run")!r}, "--device", "cpu", "--set", "width=0.03", "--set",
                "epochs=1", "--set", "classifier_epochs=0", "--set", "image_px=64", "--set", "depth=0.01"]))

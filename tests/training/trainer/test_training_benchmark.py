@@ -9,7 +9,7 @@ from benchmarks import learning, training
 from benchmarks.measure import Size
 from benchmarks.training import GROUPS, ORDERS, PHOTOGRAPHS, PLAIN, main, sized
 
-from pavetwin.training.examples.opening import read_examples
+from pavetwin.training.datasets.packs import read_examples
 from pavetwin.training.trainer import machine
 from pavetwin.training.trainer.machine import has_half
 from pavetwin.training.trainer.options import TrainingOptions

@@ -10,8 +10,7 @@ from PIL import Image
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.classes import ROAD_DEFECT
-from pavetwin.training.examples.coco import read_coco
-from pavetwin.training.examples.example import Example, ExampleSet
+from pavetwin.training.datasets.examples import Example, ExampleSet, read_coco
 from pavetwin.training.trainer.augment import Member, ViewOptions, _turned, random_view, vary_colours
 from pavetwin.training.trainer.batches import TrainingViews, ValidationViews, batches, collated, labelled
 from pavetwin.training.trainer.held_pictures import HeldExampleSet

@@ -22,25 +22,23 @@ from pavetwin.config.base import Settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import link_or_copy, staging_folder, working_in
 from pavetwin.seeds import Stream, child
-from pavetwin.training.datasets.ahead import made_ahead
 from pavetwin.training.datasets.allocation import TOLERANCE, CopyPlan, plan_copies
-from pavetwin.training.datasets.annotated import AnnotatedImage, class_names
-from pavetwin.training.datasets.augmenting import albumentations, changed_picture
-from pavetwin.training.datasets.changes import COPY_OF, ImageChange, changed
+from pavetwin.training.datasets.augmenting import COPY_OF, ImageChange, albumentations, changed, changed_picture
 from pavetwin.training.datasets.common_form import (
     ANNOTATIONS,
     PICTURES,
+    AnnotatedImage,
     annotation_path,
     as_xml,
+    class_names,
     image_names,
     read_image,
     write_description,
 )
-from pavetwin.training.datasets.importing import check_same, move_in
-from pavetwin.training.datasets.merging import OnMerge, described
 from pavetwin.training.datasets.pictures import PictureError, opened
 from pavetwin.training.datasets.report import FILE as REPORT
 from pavetwin.training.datasets.report import Finding, Report
+from pavetwin.training.datasets.resuming import OnStage, check_same, described, made_ahead, move_in
 
 ATTEMPTS: Final = 8
 """Rotations that are drawn for a copy until it shows a label; then it is not rotated."""
@@ -120,7 +118,7 @@ def balance(
     settings: BalanceSettings,
     *,
     seed: int = 0,
-    on_progress: OnMerge = lambda _share, _what: None,
+    on_progress: OnStage = lambda _share, _what: None,
 ) -> BalanceSummary:
     """Balance a dataset into a new one; what an unfinished balance made is kept and not made again.
 
@@ -156,7 +154,7 @@ def balance(
 
 
 def _planned(
-    names: list[str], read: Callable[[str], AnnotatedImage], settings: BalanceSettings, seed: int, on_progress: OnMerge
+    names: list[str], read: Callable[[str], AnnotatedImage], settings: BalanceSettings, seed: int, on_progress: OnStage
 ) -> CopyPlan:
     """How often each image is copied; backgrounds so often that their share of the images stays."""
     counts = np.zeros((len(names), len(class_names())), dtype=np.int64)
@@ -227,7 +225,7 @@ def _copies(
     read: Callable[[str], AnnotatedImage],
     settings: BalanceSettings,
     seed: int,
-    on_progress: OnMerge,
+    on_progress: OnStage,
 ) -> Iterator[_Copy]:
     """The images that are kept, each with its copies behind it."""
     for done, (name, number) in enumerate(zip(names, plan.copies.tolist(), strict=True), start=1):

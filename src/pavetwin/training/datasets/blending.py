@@ -12,7 +12,7 @@ from scipy import ndimage
 from pavetwin.arrays import BoolArray, Float32Array, UInt8Array
 from pavetwin.labels.classes import CAR, PERSON
 from pavetwin.training.datasets.cutouts import CutOut
-from pavetwin.training.datasets.placing import Standing
+from pavetwin.training.datasets.road import Standing
 
 EDGE_PX: Final = 0.8
 """Standard deviation of the edge's softness; a lens and a sensor leave about as much."""

@@ -1,12 +1,12 @@
-"""People and vehicles cut out of images and put on the roads of others: new images beside those that are there.
+"""People and vehicles cut out of images and pasted on the roads of others: new images besides the existing ones.
 
-Every road image draws for itself, from the seed and its labels, whether it becomes a composite; what stands on it
-depends on those before it too, since no object may stand on too many. Composites are no roads, and an image that has
-one gets no other.
+Every road image draws from the seed and its labels whether it becomes a composite. Its objects also depend on the
+composites before it, since each object may appear only so often. Composites are not road images themselves, and an
+image with a composite gets no second one. Objects are chosen by split, ground resolution and size.
 
-An object stands on roads of its own split only. So the scenes are split first, as `pavetwin data split` does; those
-that composites show, and those that their objects are of, keep that split (attribute `splitting.KEPT`), all others are
-free to be split otherwise.
+An object appears on roads of its own split only. Scenes are therefore split first, as `pavetwin data split` does.
+Scenes of composites and of their objects keep that split (attribute `splitting.KEPT`); all others may be split
+differently later.
 """
 
 import json
@@ -28,34 +28,177 @@ from pavetwin.arrays import BoolArray, UInt8Array
 from pavetwin.config.base import Settings
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.files import link_or_copy, staging_folder, working_in
-from pavetwin.labels import CUT_OUT
+from pavetwin.labels import CUT_OUT, SPLITS
 from pavetwin.labels.classes import CAR
 from pavetwin.seeds import Stream, child
-from pavetwin.training.datasets.ahead import made_ahead
-from pavetwin.training.datasets.annotated import AnnotatedImage, Annotation, defect_names
 from pavetwin.training.datasets.blending import Sun, blended, turned
 from pavetwin.training.datasets.common_form import (
     ANNOTATIONS,
     PICTURES,
+    AnnotatedImage,
+    Annotation,
     annotation_path,
     as_xml,
+    defect_names,
     image_names,
     read_image,
     read_images,
     write_description,
 )
-from pavetwin.training.datasets.composite_plan import CompositePlan, SplitPlanner, road_gsd_mm
 from pavetwin.training.datasets.covering import covered, filled, pasted
-from pavetwin.training.datasets.cutout_library import CUT_OUTS, cut_out_all, read_picture
-from pavetwin.training.datasets.cutouts import CutOut
-from pavetwin.training.datasets.importing import check_same, fingerprint, move_in
-from pavetwin.training.datasets.merging import OnMerge, described
-from pavetwin.training.datasets.normalise import scaled_down
+from pavetwin.training.datasets.cutouts import (
+    CUT_OUTS,
+    CutOut,
+    StoredCutOut,
+    cut_out_all,
+    cut_outs,
+    ground_resolution,
+    read_picture,
+)
 from pavetwin.training.datasets.pictures import PictureError, opened
-from pavetwin.training.datasets.placing import FreeRoad, road_direction_deg, road_mask
 from pavetwin.training.datasets.report import FILE as REPORT
 from pavetwin.training.datasets.report import Finding, Report
+from pavetwin.training.datasets.resizing import scaled_down
+from pavetwin.training.datasets.resuming import OnStage, check_same, described, fingerprint, made_ahead, move_in
+from pavetwin.training.datasets.road import FreeRoad, marking_gsd_mm, road_direction_deg, road_mask
 from pavetwin.training.datasets.splitting import KEPT, USUAL_SHARES, split_groups
+
+SMALLEST: Final = 0.15
+"""A cut-out is scaled down to this at most: what is far finer than its place has been seen from much nearer."""
+
+LARGEST: Final = 0.35
+"""Of a picture's area: what an object may cover."""
+
+UNKNOWN: Final = "its ground resolution is not known, and it shows nothing that tells it"
+NONE_FITS: Final = "no cut-out has a ground resolution and a size that fit"
+
+
+@dataclass(frozen=True, slots=True)
+class CompositePlan:
+    """What one road picture is to become."""
+
+    image: AnnotatedImage
+    gsd_mm: float = 0.0
+    """Of the composite: of the picture, or coarser, where it is scaled down for what stands on it."""
+    factor: float = 1.0
+    """By which the picture is scaled, at most 1."""
+    objects: tuple[StoredCutOut, ...] = ()
+    reasons: Counter[str] = field(default_factory=Counter)
+    """Why there is less than was drawn."""
+
+
+def road_gsd_mm(image: AnnotatedImage, picture: UInt8Array, road: BoolArray) -> float | None:
+    """Millimetres that a pixel of a road picture covers: as stated, else by its vehicles or its people, else by its
+    lane lines."""
+    if image.gsd_mm is not None:
+        return image.gsd_mm
+    by_objects = ground_resolution(image, list(cut_outs(image, picture)))
+    return by_objects if by_objects is not None else marking_gsd_mm(picture, road)
+
+
+class CompositePlanner:
+    """Chooses objects for one road picture after the other; what it chooses depends on those before."""
+
+    def __init__(
+        self, library: Sequence[StoredCutOut], *, most: int, enlarge: float, reduce: float, repeat: int
+    ) -> None:
+        """Args:
+        library: all with a ground resolution.
+        most: objects on a picture.
+        enlarge: an object is scaled up by this at most.
+        reduce: a picture is scaled down by this at most.
+        repeat: pictures that one object stands on, at most.
+        """
+        self._library = library
+        self._most, self._enlarge, self._reduce, self._repeat = most, enlarge, reduce, repeat
+        self._uses: Counter[str] = Counter()
+
+    def plan(self, image: AnnotatedImage, gsd_mm: float | None, rng: np.random.Generator) -> CompositePlan:
+        """What is to stand on a road picture of this ground resolution."""
+        if gsd_mm is None:
+            return CompositePlan(image, reasons=Counter([UNKNOWN]))
+        fitting = [each for each in self._library if self._fits(each, image, gsd_mm)]
+        if not fitting:
+            return CompositePlan(image, reasons=Counter([NONE_FITS]))
+        reasons: Counter[str] = Counter()
+        chosen: list[StoredCutOut] = []
+        categories = sorted({each.category for each in fitting})
+        for _ in range(int(rng.integers(1, self._most + 1))):
+            category = categories[int(rng.integers(len(categories)))]
+            free = [each for each in fitting if each.category == category and each not in chosen]
+            if not free:
+                reasons[f"no other {category} fits"] += 1
+                continue
+            least = min(self._uses[each.name] for each in free)
+            if least >= self._repeat:
+                reasons[f"every {category} that fits stands on {self._repeat} images already"] += 1
+                continue
+            seldom = [each for each in free if self._uses[each.name] == least]
+            chosen.append(seldom[int(rng.integers(len(seldom)))])
+        self._uses.update(each.name for each in chosen)
+        coarsest = max([gsd_mm, *(_known(each) / self._enlarge for each in chosen)])
+        return CompositePlan(image, coarsest, gsd_mm / coarsest, tuple(chosen), reasons)
+
+    def _fits(self, cut_out: StoredCutOut, image: AnnotatedImage, gsd_mm: float) -> bool:
+        scale = _known(cut_out) / gsd_mm
+        width, height = image.size_px
+        return (
+            SMALLEST <= scale <= self._enlarge * self._reduce
+            and cut_out.length_px * scale < max(width, height)
+            and cut_out.length_px * cut_out.width_px * scale**2 <= LARGEST * width * height
+        )
+
+
+class SplitPlanner:
+    """Plans road pictures with the objects of their own split alone, so that none is in train and in test."""
+
+    def __init__(
+        self,
+        library: Sequence[tuple[str, StoredCutOut]],
+        splits: Mapping[str, str],
+        *,
+        most: int,
+        enlarge: float,
+        reduce: float,
+        repeat: int,
+    ) -> None:
+        """Args:
+        library: each with its scene.
+        splits: scene → split.
+        most, enlarge, reduce, repeat: as of `CompositePlanner`.
+        """
+        self._splits = splits
+        self._libraries = {name: [each for scene, each in library if splits[scene] == name] for name in SPLITS}
+        self._planners = {
+            name: CompositePlanner(held, most=most, enlarge=enlarge, reduce=reduce, repeat=repeat)
+            for name, held in self._libraries.items()
+        }
+        self._asked: Counter[str] = Counter()
+        self._short: Counter[str] = Counter()
+
+    def plan(self, image: AnnotatedImage, gsd_mm: float | None, rng: np.random.Generator) -> CompositePlan:
+        """What is to stand on a road picture of this ground resolution; its split is given from now on."""
+        split = self._splits[image.group]
+        image = replace(image, attributes={**image.attributes, KEPT: split})
+        plan = self._planners[split].plan(image, gsd_mm, rng)
+        if gsd_mm is not None:
+            self._asked[split] += 1
+            self._short[split] += bool(plan.reasons)
+        return plan
+
+    def tell(self, report: Report) -> None:
+        """Say of each split whose road pictures wanted more objects how many it has."""
+        for split in (name for name in SPLITS if self._short[name]):
+            held = Counter(each.category for each in self._libraries[split])
+            told = ", ".join(f"{count} of {name}" for name, count in sorted(held.items())) or "none"
+            words = f"{self._short[split]} of its {self._asked[split]} road images have fewer objects than drawn"
+            report.add(Finding.NOTE, split, f"{words}; its own cut-outs: {told}, and those of other splits stay there")
+
+
+def _known(cut_out: StoredCutOut) -> float:
+    assert cut_out.gsd_mm is not None
+    return cut_out.gsd_mm
+
 
 THERE: Final = "it has a composite already"
 
@@ -139,7 +282,7 @@ def compose(
     *,
     shares: Sequence[float] = USUAL_SHARES,
     seed: int = 0,
-    on_progress: OnMerge = lambda _share, _what: None,
+    on_progress: OnStage = lambda _share, _what: None,
 ) -> CompositeSummary:
     """A dataset with composites beside its images; what an unfinished run made is kept and not made again.
 
@@ -213,7 +356,7 @@ def _compose(
     settings: CompositeSettings,
     seed: int,
     report: Report,
-    on_progress: OnMerge,
+    on_progress: OnStage,
 ) -> list[str]:
     """Write the composites. Returns the names of all there are now."""
     names = image_names(folder)
@@ -264,7 +407,7 @@ def _scenes_of(output: Path, composites: list[str], scene_of: Mapping[str, str])
     return donors | {image.group for image in images}
 
 
-def _keep(folder: Path, output: Path, staging: Path, given: Mapping[str, str], on_progress: OnMerge) -> None:
+def _keep(folder: Path, output: Path, staging: Path, given: Mapping[str, str], on_progress: OnStage) -> None:
     """Link all images.
 
     Args:

@@ -1,10 +1,15 @@
-"""The same photograph more than once: found by what it shows, not by its name.
+"""Repeated photographs and photographs of one place, recognised by their content, not by their names.
 
-Every picture becomes a small grey one without its coarse shading, so that neither a vignette nor the sun's side makes
-pictures alike; two are compared by zero-mean normalised correlation. All pairs are compared, block by block.
+- Copies: each picture is reduced to a small grey thumbnail without its coarse shading, so that neither a vignette nor
+  the sun's side makes pictures alike. Thumbnails are compared by zero-mean normalised correlation, all pairs, block by
+  block.
+- Overlaps, shifted, cropped, turned or scaled: each picture is described by up to `FEATURES` corners and the brightness
+  pattern around each (ORB: Rublee, Rabaud, Konolige and Bradski 2011). Pairs that share some patterns bit by bit are
+  candidates (locality-sensitive hashing: Indyk and Motwani 1998). In a candidate pair each corner is matched with the
+  most similar one of the other picture; the pictures overlap if enough matches agree on one shift, rotation and scale.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from io import BytesIO
@@ -15,9 +20,126 @@ import numpy as np
 from PIL import Image
 from scipy import ndimage
 
-from pavetwin.arrays import Float32Array
-from pavetwin.training.datasets.overlaps import LONGEST_PX, Features, features
+from pavetwin.arrays import Float16Array, Float32Array, Int64Array, UInt8Array
 from pavetwin.training.datasets.pictures import PictureError
+
+FEATURES: Final = 300
+"""Corners of a picture, at most."""
+
+LONGEST_PX: Final = 512
+"""Pictures are brought to this size first."""
+
+CORNER_CONTRAST: Final = 5
+"""Grey levels by which a corner stands out, of 255: asphalt has little contrast."""
+
+TABLES: Final = 8
+"""Of 32 of the 256 bits of a pattern each."""
+
+LEAST_SHARED: Final = 3
+"""Patterns that candidates share in the tables."""
+
+COMMONEST: Final = 16
+"""Pictures; a pattern that more of them have says nothing, such as the end of a line."""
+
+DISTINCT: Final = 0.8
+"""The most similar pattern must be so much more similar than the second (Lowe 2004)."""
+
+AGREEING: Final = 12
+"""Matches that must agree. `docs/how-to/real-images.md` says what is found with it, and what is not."""
+
+WITHIN_PX: Final = 3.0
+"""So near must a match lie to where shift, turn and scale put it."""
+
+SCALES: Final = (0.4, 2.5)
+
+
+@dataclass(frozen=True, slots=True)
+class Features:
+    """What is compared of a picture."""
+
+    places: Float16Array
+    """(n, 2) columns and rows in the picture brought to size."""
+    patterns: UInt8Array
+    """(n, 32): 256 bits each."""
+
+
+def features(grey: UInt8Array) -> Features:
+    """Of a picture (height, width)."""
+    import cv2
+
+    factor = LONGEST_PX / max(grey.shape)
+    if factor < 1:
+        size = max(1, round(grey.shape[1] * factor)), max(1, round(grey.shape[0] * factor))
+        grey = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    # One for each picture: nothing says that threads may share it.
+    detector = cv2.ORB.create(nfeatures=FEATURES, fastThreshold=CORNER_CONTRAST)
+    found, patterns = detector.detectAndCompute(grey, None)
+    places = np.array([corner.pt for corner in found], dtype=np.float16).reshape(-1, 2)
+    return Features(places, np.zeros((0, 32), dtype=np.uint8) if not len(found) else np.asarray(patterns))
+
+
+def candidates(described: Sequence[Features]) -> Iterator[tuple[int, int]]:
+    """Pairs (first < second) of pictures that share patterns, in order."""
+    count = len(described)
+    owners = np.repeat(np.arange(count), [len(each.patterns) for each in described])
+    if not len(owners):
+        return
+    found = []
+    for table in range(TABLES):
+        parts = np.concatenate([each.patterns[:, 4 * table : 4 * table + 4] for each in described])
+        found.append(_sharing(parts, owners, count))
+    pairs, shared = np.unique(np.concatenate(found), return_counts=True)
+    for pair in pairs[shared >= LEAST_SHARED].tolist():
+        yield divmod(pair, count)
+
+
+def _sharing(parts: UInt8Array, owners: Int64Array, count: int) -> Int64Array:
+    """Pairs of pictures with the same part of a pattern, as first · count + second; a pair once for each such part.
+
+    Args:
+        parts: (n, 4) of the patterns.
+        owners: (n,) their pictures, ascending.
+    """
+    keys = np.ascontiguousarray(parts).view(np.uint32).ravel()
+    order = np.argsort(keys, kind="stable")
+    keys, owners = keys[order], owners[order]
+    first = np.ones(len(keys), dtype=np.bool_)
+    first[1:] = (keys[1:] != keys[:-1]) | (owners[1:] != owners[:-1])
+    keys, owners = keys[first], owners[first]
+    starts = np.flatnonzero(np.concatenate([[True], keys[1:] != keys[:-1]]))
+    sizes = np.diff(np.append(starts, len(keys)))
+    kept = np.repeat((sizes > 1) & (sizes <= COMMONEST), sizes)
+    keys, owners = keys[kept], owners[kept]
+    pairs = [np.empty(0, dtype=np.int64)]
+    for apart in range(1, COMMONEST):
+        same = keys[apart:] == keys[:-apart]
+        pairs.append(owners[:-apart][same] * count + owners[apart:][same])
+    return np.concatenate(pairs)
+
+
+def agreeing(one: Features, other: Features) -> int:
+    """Matches between two pictures that agree on one shift, turn and scale."""
+    import cv2
+
+    if min(len(one.patterns), len(other.patterns)) < 2:
+        return 0
+    nearest = cv2.BFMatcher(cv2.NORM_HAMMING).knnMatch(one.patterns, other.patterns, k=2)
+    matches = [best for best, second in nearest if best.distance < DISTINCT * second.distance]
+    if len(matches) < AGREEING:
+        return 0
+    start = one.places[[match.queryIdx for match in matches]].astype(np.float32)
+    end = other.places[[match.trainIdx for match in matches]].astype(np.float32)
+    found, agree = cv2.estimateAffinePartial2D(start, end, ransacReprojThreshold=WITHIN_PX, maxIters=500)
+    if found is None:
+        return 0
+    scale = float(np.hypot(found[0, 0], found[1, 0]))
+    return int(np.count_nonzero(agree)) if SCALES[0] < scale < SCALES[1] else 0
+
+
+def overlap(one: Features, other: Features) -> bool:
+    """Whether two pictures show one place in part."""
+    return agreeing(one, other) >= AGREEING
+
 
 SIDE_PX: Final = 32
 """Of the small pictures."""

@@ -22,10 +22,16 @@ from pavetwin.labels.boxes import area
 from pavetwin.labels.classes import categories
 from pavetwin.labels.rle import encode
 from pavetwin.labels.yolo import box_line, data_yaml, polygon_line
-from pavetwin.training.datasets.annotated import AnnotatedImage, Annotation, class_names
-from pavetwin.training.datasets.common_form import PICTURES, annotation_path, read_image, write_description
-from pavetwin.training.datasets.importing import check_same, move_in
-from pavetwin.training.datasets.merging import described
+from pavetwin.training.datasets.common_form import (
+    PICTURES,
+    AnnotatedImage,
+    Annotation,
+    annotation_path,
+    class_names,
+    read_image,
+    write_description,
+)
+from pavetwin.training.datasets.resuming import check_same, described, move_in
 from pavetwin.training.datasets.splitting import split_names
 
 FORMATS_OF_EXPORT: Final = ("yolo", "yolo-seg", "coco")

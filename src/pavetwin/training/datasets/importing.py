@@ -1,7 +1,17 @@
-"""A source's files into a dataset of the common form: read, converted, brought to size and written, image by image.
+"""Import of a source's files into a dataset of the common form: read, convert, resize and write, image by image.
 
-Pictures are decoded and encoded in threads, a few at a time and in order, so that memory does not grow with the number
-of images and a run that is repeated gives the same bytes. Images that exist are not made again.
+Pictures are decoded and encoded in threads, a few at a time and in order: memory does not grow with the number of
+images, and a repeated run gives the same bytes. Existing images are not made again.
+
+Boxes follow these rules, in this order:
+
+1. Swapped corners are put in order (repaired).
+2. The part outside the image is cut off, and reported from half a pixel on (repaired).
+3. A box without area, or wholly outside, is left out (dropped).
+4. A second box of the same class and place is left out (dropped).
+
+An image with a label that cannot be understood is refused as a whole: without the label, its object would count as
+background.
 """
 
 import os
@@ -11,35 +21,166 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
-from hashlib import file_digest, sha256
+from hashlib import sha256
+from itertools import chain
+from math import isfinite
 from pathlib import Path, PurePosixPath
-from typing import Any, Final
+from typing import Final
 
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.files import PICTURE_SUFFIXES, staging_folder, working_in
-from pavetwin.training.datasets.ahead import made_ahead
-from pavetwin.training.datasets.annotated import AnnotatedImage
+from pavetwin.labels.boxes import FloatBox, PixelBox, area, ordered, scaled, to_pixels, within
 from pavetwin.training.datasets.common_form import (
     ANNOTATIONS,
-    DESCRIPTION,
     PICTURES,
+    AnnotatedImage,
+    Annotation,
+    Polygon,
     annotation_path,
     as_xml,
-    read_description,
     write_description,
 )
-from pavetwin.training.datasets.convert import convert
-from pavetwin.training.datasets.layouts.base import RawImage
-from pavetwin.training.datasets.normalise import ImageSize, ImageView, encoded_views, kept_as_it_is, seen_through, views
+from pavetwin.training.datasets.layouts.layout import SWAPPED, RawImage, RawObject
 from pavetwin.training.datasets.pictures import PictureError, files_in, picture_size
 from pavetwin.training.datasets.report import FILE as REPORT
 from pavetwin.training.datasets.report import UNLABELLED, Finding, Report
+from pavetwin.training.datasets.resizing import ImageSize, ImageView, encoded_views, kept_as_it_is, seen_through, views
+from pavetwin.training.datasets.resuming import check_same, fingerprint, made_ahead, move_in
 from pavetwin.training.datasets.sources import DatasetSource
+from pavetwin.training.datasets.sources.registry import DISCARD, DROP, IGNORE, outcome, unknown_class
+
+ROUNDING_PX: Final = 0.5
+"""So far a box may reach beyond the image unreported: shares with six digits are not exact."""
+
+EMPTY: Final = "a box without area is left out"
+OUTSIDE: Final = "a box outside the image is left out"
+CUT: Final = "a box reached beyond the image; cut off at its border"
+TWICE: Final = "the same box of the same class is given twice; kept once"
+
+
+def convert(
+    raw: RawImage,
+    source: DatasetSource,
+    size_px: tuple[int, int],
+    report: Report,
+    *,
+    source_name: str,
+    name: str,
+    suffix: str,
+    is_background: bool = False,
+) -> AnnotatedImage | None:
+    """The image in the common form, at its own size; None, and a line in the report, where it is left out.
+
+    Args:
+        size_px: width and height of the picture.
+        is_background: someone has checked that it shows nothing of any class.
+    """
+    if raw.size_px is not None and sorted(raw.size_px) != sorted(size_px):
+        made_for, found = ("{} × {}".format(*each) for each in (raw.size_px, size_px))
+        words = f"the labels are for {made_for} pixels, the picture has {found}; the image is left out"
+        report.add(Finding.REFUSED, raw.labels, words, raw.line)
+        return None
+    annotations: list[Annotation] = []
+    known: set[tuple[str | None, PixelBox]] = set()
+    has_lost = False
+    for each in raw.objects:
+        becomes = outcome(source.classes, each.label)
+        if becomes is None:
+            words = f"{unknown_class(source.classes, each.label)}; the image is left out"
+            report.add(Finding.REFUSED, raw.labels, words, each.line, alike=f"class {each.label}")
+            return None
+        if becomes == DISCARD:
+            words = f"images with a '{each.label}' are left out"
+            report.add(Finding.DROPPED, raw.labels, words, each.line, alike=f"discard {each.label}")
+            return None
+        if becomes == DROP:
+            continue
+        if not all(map(isfinite, chain.from_iterable(each.outline or ()))):
+            words = "a corner of an outline is not finite; the image is left out"
+            report.add(Finding.REFUSED, raw.labels, words, each.line)
+            return None
+        annotation = _annotation(each, becomes, raw, size_px, report)
+        if annotation is None:
+            has_lost = True
+            continue
+        if (annotation.category, annotation.box) in known:
+            report.add(Finding.DROPPED, raw.labels, TWICE, each.line)
+            continue
+        known.add((annotation.category, annotation.box))
+        annotations.append(annotation)
+    has_labels = any(each.ignored is None for each in annotations)
+    if is_background and has_labels:
+        report.add(Finding.REFUSED, raw.labels, "listed as background, and has labels; the image is left out", raw.line)
+        return None
+    if not has_labels and not is_background:
+        words = "no valid box, and not listed as verified background; the image is left out"
+        report.add(Finding.DROPPED, raw.labels, words, alike="no valid box")
+        # What is ignored may be damage of a class that is not learned, and what had no valid box was something too.
+        if not annotations and not has_lost:
+            report.unlabelled.append(raw.original)
+        return None
+    return AnnotatedImage(
+        name=name,
+        suffix=suffix,
+        size_px=size_px,
+        source=source_name,
+        original=raw.original,
+        group=f"{source_name}:{raw.group or source.group_of(raw.original)}",
+        gsd_mm=raw.gsd_mm or source.gsd_mm,
+        is_background=is_background,
+        annotations=tuple(annotations),
+        attributes=raw.attributes,
+    )
+
+
+def _annotation(
+    raw: RawObject, becomes: str, image: RawImage, size_px: tuple[int, int], report: Report
+) -> Annotation | None:
+    width, height = size_px
+    across, down = size_px if image.is_normalised else (1, 1)
+    box = scaled(raw.box, across, down)
+    if not all(map(isfinite, box)):
+        report.add(Finding.DROPPED, image.labels, OUTSIDE, raw.line)
+        return None
+    if box[0] > box[2] or box[1] > box[3]:
+        report.add(Finding.REPAIRED, image.labels, SWAPPED, raw.line)
+        box = ordered(box)
+    if not area(box):
+        report.add(Finding.DROPPED, image.labels, EMPTY, raw.line)
+        return None
+    inside = within(box, (0, 0, width, height))
+    pixels = to_pixels(box, size_px)
+    if inside is None or pixels is None:
+        report.add(Finding.DROPPED, image.labels, OUTSIDE, raw.line)
+        return None
+    if max(_beyond(box, inside)) > ROUNDING_PX:
+        report.add(Finding.REPAIRED, image.labels, CUT, raw.line)
+    ignored = f"class '{raw.label}'" if becomes == IGNORE else raw.ignored
+    return Annotation(
+        category=None if becomes == IGNORE else becomes,
+        box=pixels,
+        ignored=ignored,
+        outline=_outline(raw.outline, size_px, (across, down)),
+        original=raw.label,
+        attributes=raw.attributes,
+    )
+
+
+def _beyond(box: FloatBox, inside: FloatBox) -> Iterator[float]:
+    """How far each edge was moved."""
+    return (abs(edge - other) for edge, other in zip(box, inside, strict=True))
+
+
+def _outline(outline: Polygon | None, size_px: tuple[int, int], factors: tuple[int, int]) -> Polygon | None:
+    if outline is None:
+        return None
+    (width, height), (across, down) = size_px, factors
+    return tuple((min(max(x * across, 0.0), width), min(max(y * down, 0.0), height)) for x, y in outline)
+
 
 LONGEST_NAME: Final = 100
 """Characters of an image's name: file systems allow 255 bytes, and composites and copies add to it."""
 
-_LABEL_SUFFIXES: Final = frozenset({".xml", ".txt", ".json", ".yaml", ".yml", ".csv"})
 
 OnImage = Callable[[int, int], None]
 """Told the number of images looked at, and of all pictures."""
@@ -130,41 +271,6 @@ def import_source(
         report.save_unlabelled(output / UNLABELLED)
         write_description(output, {**expected, "complete": True, "images": images})
     return ImportSummary(output, images, report)
-
-
-def fingerprint(folder: Path) -> str:
-    """SHA-256 of what a folder holds: the names and contents of pictures, masks and label files.
-
-    With it, labels that were corrected and pictures that were exchanged are not taken for those imported before.
-    """
-    digest = sha256()
-    for path in files_in(folder, PICTURE_SUFFIXES | _LABEL_SUFFIXES):
-        file = folder / path
-        try:
-            with file.open("rb") as stream:
-                told = file_digest(stream, "sha256").hexdigest()
-        except OSError:
-            told = "unreadable"
-        digest.update(os.fsencode(f"{path}\0{told}\0"))
-    return digest.hexdigest()
-
-
-def check_same(output: Path, expected: dict[str, Any], name: str = DESCRIPTION) -> None:
-    """Refuse a folder that holds something else than an earlier run of the same, as a file of this name tells.
-
-    Raises:
-        PaveTwinError: it does.
-    """
-    if output.exists() and not output.is_dir():
-        raise PaveTwinError(f"'{output}' is a file; choose another folder.")
-    if not (output / name).is_file():
-        if output.is_dir() and any(output.iterdir()):
-            raise PaveTwinError(f"'{output}' holds something else; choose another folder.")
-        return
-    found = read_description(output, name)
-    differ = [key for key, value in expected.items() if found.get(key) != value]
-    if differ:
-        raise PaveTwinError(f"'{output}' holds a dataset made with another {differ[0]}; choose another folder.")
 
 
 def _work(
@@ -265,9 +371,3 @@ def _write(made: tuple[_Work, Future[list[bytes]] | None], output: Path, staging
         move_in(staging, output / PICTURES / image.picture, content)
         move_in(staging, annotation_path(output, image.name), as_xml(image))
     return len(work.images)
-
-
-def move_in(staging: Path, target: Path, content: bytes) -> None:
-    """Write a file whole or not at all: into a staging folder of the same disk, then moved."""
-    (staging / target.name).write_bytes(content)
-    (staging / target.name).replace(target)

@@ -6,7 +6,7 @@
    (`overlaps`), become one scene with all of their scenes' images, so that a split cannot put them on both sides.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -16,8 +16,7 @@ import numpy as np
 
 from pavetwin.arrays import Float32Array
 from pavetwin.errors import PaveTwinError
-from pavetwin.files import file_sha256, link_or_copy, staging_folder, working_in
-from pavetwin.training.datasets.ahead import THREADS
+from pavetwin.files import link_or_copy, staging_folder, working_in
 from pavetwin.training.datasets.common_form import (
     ANNOTATIONS,
     DESCRIPTION,
@@ -29,18 +28,16 @@ from pavetwin.training.datasets.common_form import (
     read_image,
     write_description,
 )
-from pavetwin.training.datasets.duplicates import SAME, Signature, alike, signature
-from pavetwin.training.datasets.importing import ImportSummary, check_same, move_in
-from pavetwin.training.datasets.overlaps import Features, candidates, overlap
+from pavetwin.training.datasets.duplicates import SAME, Features, Signature, alike, candidates, overlap, signature
+from pavetwin.training.datasets.importing import ImportSummary
 from pavetwin.training.datasets.pictures import PictureError
 from pavetwin.training.datasets.report import FILE as REPORT
 from pavetwin.training.datasets.report import Finding, Report
+from pavetwin.training.datasets.resuming import THREADS, OnStage, check_same, described, move_in
 
 CHUNK: Final = 64
 """Pictures that are read before the first of them is looked at."""
 
-OnMerge = Callable[[float, str], None]
-"""Told the share done and the stage."""
 
 ImagePlace = tuple[Path, str]
 """A dataset's folder and the name of one of its images."""
@@ -66,7 +63,7 @@ class _Scenes:
         return True
 
 
-def merge(folders: Sequence[Path], output: Path, *, on_progress: OnMerge = lambda _share, _what: None) -> ImportSummary:
+def merge(folders: Sequence[Path], output: Path, *, on_progress: OnStage = lambda _share, _what: None) -> ImportSummary:
     """Merge datasets into a new one, unless that was done before; pictures are linked where the file system can.
 
     Raises:
@@ -99,18 +96,7 @@ def _finished(output: Path) -> ImportSummary | None:
     return ImportSummary(output, len(names), report)
 
 
-def described(folder: Path) -> dict[str, str]:
-    """A finished dataset, as one that is made from it names it.
-
-    Raises:
-        PaveTwinError: it is not finished.
-    """
-    if not read_description(folder).get("complete"):
-        raise PaveTwinError(f"'{folder}' is not finished; run the command that makes it again.")
-    return {"name": folder.absolute().name, "sha256": file_sha256(folder / DESCRIPTION)}
-
-
-def _sorted_out(places: list[ImagePlace], report: Report, on_progress: OnMerge) -> tuple[list[ImagePlace], _Scenes]:
+def _sorted_out(places: list[ImagePlace], report: Report, on_progress: OnStage) -> tuple[list[ImagePlace], _Scenes]:
     """The images that are kept, and their scenes."""
     scenes, hashes = _Scenes(), dict[str, tuple[ImagePlace, str]]()
     readable: list[ImagePlace] = []
@@ -169,7 +155,7 @@ def _signatures(places: list[ImagePlace]) -> Iterator[tuple[ImagePlace, Signatur
             yield from zip(part, threads.map(of, part), strict=True)
 
 
-def _write(kept: list[ImagePlace], scenes: _Scenes, output: Path, report: Report, on_progress: OnMerge) -> int:
+def _write(kept: list[ImagePlace], scenes: _Scenes, output: Path, report: Report, on_progress: OnStage) -> int:
     for inner in (PICTURES, ANNOTATIONS):
         (output / inner).mkdir(exist_ok=True)
     taken: dict[str, ImagePlace] = {}

@@ -1,13 +1,13 @@
-"""A whole dataset from one file: sources imported, merged, composed and balanced where asked for, split and exported.
+"""Recipe of a dataset: sources imported, merged, composited and balanced if requested, split, exported and packed.
 
-Every stage has a folder of its own in the output and is resumable by itself, so a recipe that is run again goes on
-where it stopped, and the same recipe over the same files gives the same bytes.
+Every stage has a folder of its own in the output and resumes by itself: a recipe that is run again continues where it
+stopped, and the same recipe over the same files gives the same bytes.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Any, Final, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 from yaml import YAMLError
@@ -22,12 +22,40 @@ from pavetwin.training.datasets.balancing import BalanceSettings, balance
 from pavetwin.training.datasets.common_form import write_description
 from pavetwin.training.datasets.compositing import CompositeSettings, check_masks, compose
 from pavetwin.training.datasets.exporting import FORMATS_OF_EXPORT, export
-from pavetwin.training.datasets.importing import check_same, import_source
+from pavetwin.training.datasets.importing import import_source
 from pavetwin.training.datasets.merging import merge
-from pavetwin.training.datasets.normalise import ImageSize
+from pavetwin.training.datasets.packs import PackOptions, PackSummary, read_examples, write_pack
 from pavetwin.training.datasets.report import Report
+from pavetwin.training.datasets.resizing import ImageSize
+from pavetwin.training.datasets.resuming import OnStage, check_same
 from pavetwin.training.datasets.sources import DatasetSource, is_mapping_file, source_name, source_of
 from pavetwin.training.datasets.splitting import SplitShares, split_dataset
+
+FILE: Final = "all.pack"
+
+
+class RecipePack(Settings):
+    """How everything that a recipe makes is packed into one file."""
+
+    most_mb: float = Field(default=60.0, ge=0.001, le=100_000, description="Millions of bytes, at most.")
+    quality: int = Field(default=90, ge=1, le=100, description="Of WebP; lowered where the file would be too large.")
+    longest_px: int | None = Field(default=None, ge=32, le=8192, description="Longer side of pictures, at most.")
+    splits: tuple[Literal["train", "val", "test"], ...] = Field(
+        default=("train", "val"), min_length=1, description="Splits that are packed."
+    )
+
+
+def pack(
+    folders: Sequence[Path], file: Path, settings: RecipePack, on_progress: Callable[[float], None] | None = None
+) -> PackSummary:
+    """Pack folders with COCO files into one file, which replaces one that is there.
+
+    Raises:
+        PaveTwinError: there are no images, or they do not fit.
+    """
+    options = PackOptions(settings.most_mb, settings.quality, settings.longest_px or 0)
+    return write_pack(read_examples(folders, settings.splits), file, options, on_progress)
+
 
 IMPORTS: Final = "imports"
 MERGED: Final = "merged"
@@ -98,10 +126,6 @@ class BuildSummary:
     balance: CopyPlan | None
     shares: SplitShares
     exported: dict[str, int]
-
-
-OnStage = Callable[[float, str], None]
-"""Told the share of a stage that is done, and the stage."""
 
 
 def recipe_values(path: Path) -> tuple[dict[str, Any], str]:

@@ -20,8 +20,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.labels import CUT_OUT, SPLITS
 from pavetwin.seeds import Stream, child
-from pavetwin.training.datasets.annotated import AnnotatedImage, class_names
-from pavetwin.training.datasets.common_form import read_description, read_images
+from pavetwin.training.datasets.common_form import AnnotatedImage, class_names, read_description, read_images
 from pavetwin.training.datasets.report import FILE as REPORT
 from pavetwin.training.datasets.report import Finding, Report
 

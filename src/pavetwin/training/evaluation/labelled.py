@@ -22,8 +22,7 @@ from pavetwin.perception.classes import (
     coarse_of,
     subtype_of,
 )
-from pavetwin.training.examples.coco import read_coco
-from pavetwin.training.examples.example import Example, ExampleSet, TrueObject, labelled_classes
+from pavetwin.training.datasets.examples import Example, ExampleSet, TrueObject, labelled_classes, read_coco
 from pavetwin.world.model import Severity
 
 IMAGE_FACTS: Final = ("altitude_m", "gsd_mm", "sun_elevation_deg", "cloud_cover")

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.shipped import start_path
-from pavetwin.training.examples.opening import read_examples
-from pavetwin.training.examples.unlabelled import read_unlabelled
+from pavetwin.training.datasets.packs import read_examples
+from pavetwin.training.datasets.unlabelled import read_unlabelled
 from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
 from pavetwin.training.trainer.trainer import Trainer
 from pavetwin.training.trainer.watchers import PlainLines

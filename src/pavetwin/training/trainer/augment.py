@@ -10,7 +10,7 @@ from PIL import Image
 
 from pavetwin.arrays import Float64Array, UInt8Array
 from pavetwin.labels.boxes import PixelBox
-from pavetwin.training.examples.example import Example, ExampleSet
+from pavetwin.training.datasets.examples import Example, ExampleSet
 from pavetwin.training.trainer.views import Change, ImagePart, LabelledView, view_of
 
 Member = tuple[ExampleSet, Example]

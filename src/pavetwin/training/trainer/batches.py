@@ -18,7 +18,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import FloatBox
 from pavetwin.perception.classes import COARSE, NO_SUBTYPE, ROAD_DEFECT, class_of
 from pavetwin.seeds import Stream, child
-from pavetwin.training.examples.example import TrueObject
+from pavetwin.training.datasets.examples import TrueObject
 from pavetwin.training.trainer.augment import Member, Photometric, ViewOptions, planned_view, random_view
 from pavetwin.training.trainer.device_pictures import Drawing, PictureRows, drawing_of, drawn_together
 from pavetwin.training.trainer.targets import Targets

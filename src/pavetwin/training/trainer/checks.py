@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.training.examples.example import ExampleSet, missing_classes
+from pavetwin.training.datasets.examples import ExampleSet, missing_classes
 from pavetwin.training.trainer.augment import Member
 from pavetwin.training.trainer.options import TrainingOptions
 

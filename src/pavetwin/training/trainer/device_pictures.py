@@ -19,7 +19,7 @@ import torch
 from torch import Tensor
 
 from pavetwin.arrays import UInt8Array
-from pavetwin.training.examples.example import Example, ExampleSet
+from pavetwin.training.datasets.examples import Example, ExampleSet
 from pavetwin.training.trainer.augment import Member, ViewPlan
 from pavetwin.training.trainer.views import GREY, shown_of
 

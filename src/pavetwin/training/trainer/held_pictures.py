@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image
 
 from pavetwin.arrays import UInt8Array
-from pavetwin.training.examples.example import SPLITS_USED, Example, ExampleSet
+from pavetwin.training.datasets.examples import SPLITS_USED, Example, ExampleSet
 
 GIGABYTE: Final = 10**9
 

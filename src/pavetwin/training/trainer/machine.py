@@ -10,7 +10,7 @@ from typing import Final
 import torch
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.training.examples.example import ExampleSet
+from pavetwin.training.datasets.examples import ExampleSet
 from pavetwin.training.trainer.augment import Member
 from pavetwin.training.trainer.device_pictures import room_of
 from pavetwin.training.trainer.held_pictures import GIGABYTE, HeldExampleSet, is_inherited

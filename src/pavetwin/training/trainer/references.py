@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image
 
 from pavetwin.arrays import Float64Array, UInt8Array
-from pavetwin.training.examples.example import ExampleSet
+from pavetwin.training.datasets.examples import ExampleSet
 from pavetwin.training.trainer.amplitude import half_block, low_frequencies, with_amplitudes
 from pavetwin.training.trainer.appearance import Appearance, appearance_of, moved_to
 from pavetwin.training.trainer.augment import Photometric

@@ -23,7 +23,7 @@ from torch.utils.data import DataLoader, Dataset
 from pavetwin.arrays import UInt8Array
 from pavetwin.perception.classes import COARSE, NO_SUBTYPE, ROAD_DEFECT
 from pavetwin.seeds import Stream, child
-from pavetwin.training.examples.example import ExampleSet
+from pavetwin.training.datasets.examples import ExampleSet
 from pavetwin.training.trainer.augment import Member, ViewOptions, random_view, vary_colours
 from pavetwin.training.trainer.batches import read, tensor_of
 from pavetwin.training.trainer.detect import DetectLimits, detect

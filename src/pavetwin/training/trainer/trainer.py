@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.classes import CLASSES
 from pavetwin.seeds import Stream, child
-from pavetwin.training.examples.example import SPLITS_USED, ExampleSet, labelled_classes
+from pavetwin.training.datasets.examples import SPLITS_USED, ExampleSet, labelled_classes
 from pavetwin.training.trainer.batches import Batch, TrainingViews, ValidationViews, batches
 from pavetwin.training.trainer.checks import check_labels, check_photographs
 from pavetwin.training.trainer.device_pictures import DevicePictures, images_of

@@ -14,7 +14,7 @@ from PIL import Image
 from pavetwin.arrays import Float32Array, UInt8Array
 from pavetwin.labels.boxes import FloatBox, PixelBox, share_within, within
 from pavetwin.perception.classes import CRACKS
-from pavetwin.training.examples.example import Example, ExampleSet, Shape, TrueObject, mask_in
+from pavetwin.training.datasets.examples import Example, ExampleSet, Shape, TrueObject, mask_in
 
 GREY: Final = 114
 """Of a canvas where no image is."""

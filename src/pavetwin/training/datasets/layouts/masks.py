@@ -13,7 +13,7 @@ from pydantic import Field
 from scipy import ndimage
 
 from pavetwin.arrays import BoolArray, UInt8Array
-from pavetwin.training.datasets.layouts.base import LabelLayout, RawImage, RawObject, unlabelled
+from pavetwin.training.datasets.layouts.layout import LabelLayout, RawImage, RawObject, unlabelled
 from pavetwin.training.datasets.pictures import PictureError, PictureIndex, opened
 from pavetwin.training.datasets.report import Finding, Report
 

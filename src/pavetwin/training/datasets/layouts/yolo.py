@@ -11,7 +11,7 @@ from pydantic import Field
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import FloatBox
-from pavetwin.training.datasets.layouts.base import LabelLayout, RawImage, RawObject, paired, unlabelled
+from pavetwin.training.datasets.layouts.layout import LabelLayout, RawImage, RawObject, paired, unlabelled
 from pavetwin.training.datasets.pictures import PictureIndex, files_in
 from pavetwin.training.datasets.report import Finding, Report
 

@@ -5,11 +5,11 @@ from math import isfinite
 from pathlib import PurePosixPath
 from typing import Any
 
-from pavetwin.training.datasets.annotated import class_names
+from pavetwin.training.datasets.common_form import class_names
 from pavetwin.training.datasets.layouts import CocoLayout
-from pavetwin.training.datasets.layouts.base import RawObject
 from pavetwin.training.datasets.layouts.coco import CocoEntryError
-from pavetwin.training.datasets.sources.base import SOURCES, DatasetSource
+from pavetwin.training.datasets.layouts.layout import RawObject
+from pavetwin.training.datasets.sources.registry import SOURCES, DatasetSource
 
 _KEPT = ("visible_fraction", "severity", "width_m", "area_m2")
 """What the common form keeps of a rendered object."""

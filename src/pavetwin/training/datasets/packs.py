@@ -1,8 +1,7 @@
-"""A dataset in one file: pictures as WebP and their labels, to be taken to another machine.
+"""Packed datasets: pictures as WebP and their labels in one file, to be taken to another machine.
 
 A ZIP archive: `labels.json`, and the pictures uncompressed in `pictures/`, so that each is read by its place in the
-file. Masks are kept as run lengths within their boxes; those of ignored objects, which nothing learns from, are left
-out.
+file. Masks are run lengths within their boxes; masks of ignored objects, from which nothing is learned, are left out.
 """
 
 import json
@@ -23,7 +22,16 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.labels.boxes import FloatBox
 from pavetwin.labels.rle import encode
-from pavetwin.training.examples.example import Example, ExampleSet, RunLengths, Shape, TrueObject, mask_in
+from pavetwin.training.datasets.examples import (
+    SPLITS_USED,
+    Example,
+    ExampleSet,
+    RunLengths,
+    Shape,
+    TrueObject,
+    mask_in,
+    read_coco,
+)
 
 FORMAT: Final = 1
 LABELS: Final = "labels.json"
@@ -253,3 +261,17 @@ def _true_object(row: dict[str, Any]) -> TrueObject:
     left, top, right, bottom = row["box"]
     box, is_pasted = (left, top, right, bottom), row.get("pasted", False)
     return TrueObject(row["category"], row["coarse"], row["subtype"], box, row["ignored"], shape, is_pasted)
+
+
+def read_examples(paths: Sequence[Path], splits: tuple[str, ...] = SPLITS_USED) -> list[ExampleSet]:
+    """The examples of folders with COCO files, and of packed files.
+
+    Raises:
+        PaveTwinError: one is not there, cannot be read, or has labels out of range.
+    """
+    found = []
+    for path in paths:
+        if not path.exists():
+            raise PaveTwinError(f"There is no dataset '{path}'.")
+        found.append(read_coco(path, splits) if path.is_dir() else read_pack(path, splits))
+    return found

@@ -1,19 +1,64 @@
-"""What a source of images is, where sources are registered, and the mapping file that describes one's own."""
+"""Sources of images: class rules, the source itself, its registry, and mapping files for sources of the user's own."""
 
 import re
+from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final
 
-from pydantic import Field, field_validator
+from pydantic import AfterValidator, Field, field_validator
 from yaml import YAMLError
 
 from pavetwin.config.base import Settings
 from pavetwin.config.text import parse_yaml
-from pavetwin.errors import PaveTwinError
+from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.registry import Registry
+from pavetwin.training.datasets.common_form import class_names
 from pavetwin.training.datasets.layouts import AnyLayout
-from pavetwin.training.datasets.layouts.base import LabelLayout
-from pavetwin.training.datasets.rules import OUTCOMES, ClassRules
+from pavetwin.training.datasets.layouts.layout import LabelLayout
+
+DROP: Final = "drop"
+"""What it shows stays background."""
+IGNORE: Final = "ignore"
+"""It is neither an object nor background: damage of a class that is not learned, or a thing that may count as one."""
+DISCARD: Final = "discard image"
+"""Images with one are left out."""
+
+OUTCOMES: Final = (DROP, IGNORE, DISCARD)
+
+
+@lru_cache(maxsize=4096)
+def plain(label: str) -> str:
+    """A class's name as it is compared: `Longitudinal_Crack` and `longitudinal crack` are one."""
+    return re.sub(r"[\s_-]+", " ", label).strip().casefold()
+
+
+def _checked(table: Mapping[str, str]) -> Mapping[str, str]:
+    known, spelled = (*class_names(), *OUTCOMES), dict[str, str]()
+    for label, outcome in table.items():
+        if outcome not in known:
+            raise ValueError(
+                f"'{label}' becomes '{outcome}'{nearest_name(outcome, known)}; it must be one of {', '.join(known)}"
+            )
+        other = spelled.setdefault(plain(label), label)
+        if table[other] != outcome:
+            raise ValueError(f"'{other}' and '{label}' are compared as one class, and become two")
+    return table
+
+
+ClassRules = Annotated[Mapping[str, str], AfterValidator(_checked)]
+"""By class of the source, compared as `plain`: a class of the common form, or one of `OUTCOMES`."""
+
+
+def outcome(rules: Mapping[str, str], label: str) -> str | None:
+    """What becomes of a class; None where no rule names it."""
+    wanted = plain(label)
+    return next((becomes for name, becomes in rules.items() if plain(name) == wanted), None)
+
+
+def unknown_class(rules: Mapping[str, str], label: str) -> str:
+    """The words about a class that no rule names, with the nearest."""
+    return f"class '{label}' is not known{nearest_name(label, rules, compared=plain)}"
 
 
 class DatasetSource(Settings):

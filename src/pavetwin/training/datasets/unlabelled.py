@@ -9,9 +9,8 @@ from PIL import Image
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import PICTURE_SUFFIXES
-from pavetwin.training.examples.coco import read_coco
-from pavetwin.training.examples.example import Example, ExampleSet
-from pavetwin.training.examples.pack import read_pack
+from pavetwin.training.datasets.examples import Example, ExampleSet, read_coco
+from pavetwin.training.datasets.packs import read_pack
 
 SPLIT: Final = "train"
 """Of a dataset, the images that are taken: what a network is measured on must not shape it."""
