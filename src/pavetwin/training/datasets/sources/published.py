@@ -1,4 +1,4 @@
-"""Published datasets of pavement, vehicles and people, mostly taken by UAVs: layout, licence and class rules of each."""
+"""Published datasets of pavement, vehicles and people, mostly from UAVs: layout, licence and class rules of each."""
 
 from pavetwin.training.datasets.layouts import VocLayout, YoloLayout
 from pavetwin.training.datasets.sources.registry import DISCARD, DROP, IGNORE, SOURCES, DatasetSource
