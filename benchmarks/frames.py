@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.measure import Kind, Line, Size, median_s
 from pavetwin.config import Conditions
-from pavetwin.config.parking import ParkingSettings
+from pavetwin.config.mission import ParkingSettings
 from pavetwin.mission.replay import Replay
 from pavetwin.render.adapter import find_adapter
 from pavetwin.render.nearby import FAR_M

@@ -18,9 +18,10 @@ from benchmarks.process import peak_mib
 from pavetwin._core import Flight, Trace
 from pavetwin.config import MissionSettings, load_settings
 from pavetwin.mission.environment import MissionEnvironment, new_flight, prepare
-from pavetwin.mission.fly import MissionResult, fly_over
+from pavetwin.mission.fly import fly_over
+from pavetwin.mission.planning import choose_targets
 from pavetwin.mission.replay import Replay
-from pavetwin.mission.targets import choose_targets
+from pavetwin.mission.result import MissionResult
 from pavetwin.policies import policy_names
 from pavetwin.traffic.recording_file import load_recording
 from pavetwin.world.cache import cached

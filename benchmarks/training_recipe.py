@@ -5,7 +5,7 @@ from typing import Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from pavetwin.config.base import PlacedValueError, Settings
+from pavetwin.config.settings import PlacedValueError, Settings
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.training.datasets.recipe import recipe_values
 from pavetwin.training.trainer.options import TrainingOptions

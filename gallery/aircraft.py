@@ -9,8 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from pavetwin.uav import AIRCRAFT, AircraftProfile
-from pavetwin.uav.energy import airspeeds
-from pavetwin.uav.energy.rotor import rotor_power
+from pavetwin.uav.energy import airspeeds, rotor_power
 
 COLOURS: Final = ("#1F6FB2", "#C4572E", "#3A8C5F", "#7A4FA3", "#B58900", "#4A4A4A")
 

@@ -22,7 +22,7 @@ from pavetwin.handover import Handover, handover_of
 from pavetwin.handover.map import map_bounds
 from pavetwin.handover.page import page_of
 from pavetwin.handover.sheet import sheet_figure
-from pavetwin.mission.again import mission_file, read_mission
+from pavetwin.mission.folder import MissionFolder, mission_file
 from pavetwin.world.georeference import from_wgs84
 
 WAYPOINT = 16
@@ -80,7 +80,7 @@ def main() -> None:
     parser.add_argument("mission", type=Path, help="folder of a mission")
     parser.add_argument("--output", type=Path, default=Path("docs/images"), help="folder of the pictures")
     given = parser.parse_args()
-    handover = handover_of(read_mission(mission_file(given.mission)))
+    handover = handover_of(MissionFolder(mission_file(given.mission)))
     with style.styled():
         style.save_figure(plan_figure(handover, read_back(handover)), given.output / "plan.png")
         page = page_of(handover, credit(handover.world) or "")

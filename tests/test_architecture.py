@@ -143,7 +143,7 @@ def test_imports_point_down() -> None:
     ("room", "line", "complaint"),
     [
         ("mission", "from pavetwin.twin import State", None),
-        ("mission", "from pavetwin.mission.plan import plan", None),
+        ("mission", "from pavetwin.mission.planning import plan", None),
         ("mission", "from .plan import plan", None),
         ("mission", "from ..twin import State", None),
         ("mission", "from pavetwin import __version__", None),

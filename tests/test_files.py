@@ -95,5 +95,5 @@ def test_a_file_elsewhere_that_is_gone_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize("found", [None, 0, 2, "1", True, 1.0])
 def test_only_the_present_format_is_read(found: object) -> None:
     check_format(FORMAT, "The table")
-    with pytest.raises(PaveTwinError, match="^The table .*reads only format 1"):
+    with pytest.raises(PaveTwinError, match=r"^The table .*reads only format 1"):
         check_format(found, "The table")

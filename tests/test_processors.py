@@ -9,7 +9,7 @@ import pytest
 from pavetwin.config.mission import PolicySettings
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.policies import Action, Displace
-from pavetwin.policies.micro import Micro
+from pavetwin.policies.builtin import Micro
 from pavetwin.twin import Snapshot
 from pavetwin.world.build import BuildOptions, build_world
 from pavetwin.world.store import save_world

@@ -15,7 +15,8 @@ import polars as pl
 import yaml
 
 from pavetwin.arrays import Float64Array
-from pavetwin.mission.look_table import LOOKS, read_looks
+from pavetwin.mission.folder import MissionFolder
+from pavetwin.mission.saving import LOOKS
 from pavetwin.sensing.fit.draws import found_by_draws
 from pavetwin.sensing.fit.fitting import GROUP, LookSource, fit_sensor
 from pavetwin.sensing.looks import Look
@@ -60,7 +61,7 @@ def predicted(missions: Path, sets: Sequence[LookSource]) -> tuple[list[Flown], 
         sets: what datasets tell, of towns without missions; each sensor is fitted to them as well.
     """
     folders = read_grid(missions)
-    sources = {folder: read_looks(folder) for _, folder in folders}
+    sources = {folder: MissionFolder(folder).looks() for _, folder in folders}
     models = {
         town: fit_sensor([*sets, *(sources[folder] for other, folder in folders if other != town)])
         for town in dict.fromkeys(town for town, _ in folders)

@@ -11,8 +11,8 @@ from pavetwin.inventory.condition import with_detected
 from pavetwin.inventory.entry_fit import JudgedInventory, fit_entries, judged_inventory
 from pavetwin.inventory.listing import entries_of
 from pavetwin.inventory.of_mission import flown
-from pavetwin.mission.again import read_mission
 from pavetwin.mission.condition import condition_of_mission
+from pavetwin.mission.folder import MissionFolder
 
 BINS = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0)
 DRAWS = 4000
@@ -49,7 +49,7 @@ def _others(folder: Path, read: dict[Path, JudgedInventory]) -> list[JudgedInven
 
 def _judged(folder: Path, inventory: JudgedInventory, others: Sequence[JudgedInventory]) -> Judged:
     reading = replace(flown(folder), entry_model=fit_entries(others))
-    report = condition_of_mission(read_mission(folder / "mission.yaml"))
+    report = condition_of_mission(MissionFolder(folder / "mission.yaml"))
     indices = [with_detected(report, each).pci_detected for each in (replace(reading, entry_model=None), reading)]
     told = [
         (each.probability, truth.is_defect)

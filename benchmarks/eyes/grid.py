@@ -17,8 +17,8 @@ from pavetwin.experiments.engines.base import Listener
 from pavetwin.experiments.fly_unit import fly_unit
 from pavetwin.experiments.plan import Cell, Plan, Unit
 from pavetwin.experiments.run import run
-from pavetwin.mission.fly import MissionResult
-from pavetwin.mission.results import save_mission
+from pavetwin.mission.result import MissionResult
+from pavetwin.mission.saving import save_mission
 from pavetwin.world.build import BuildOptions, build_world
 from pavetwin.world.store import save_world
 

@@ -25,8 +25,8 @@ from pavetwin.inventory.observation import Observation
 from pavetwin.inventory.of_mission import TABLE, flown
 from pavetwin.inventory.reading import Reading
 from pavetwin.labels.classes import label_name
-from pavetwin.mission.again import read_mission
 from pavetwin.mission.condition import ConditionReport, condition_of_mission
+from pavetwin.mission.folder import MissionFolder
 from pavetwin.sensing import OTHER_CLASSES
 from pavetwin.world.georeference import from_wgs84
 
@@ -54,7 +54,7 @@ def inventories(missions: Sequence[Path]) -> tuple[pl.DataFrame, pl.DataFrame, l
     joined: list[HoldsTwo] = []
     for folder in missions:
         reading = flown(folder)
-        report = condition_of_mission(read_mission(folder / "mission.yaml"))
+        report = condition_of_mission(MissionFolder(folder / "mission.yaml"))
         there = _there(report, reading)
         table = pl.read_parquet(folder / TABLE).filter(~pl.col("class").is_in(list(OTHER_CLASSES)))
         groups = merged(reading.observations)

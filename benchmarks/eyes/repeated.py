@@ -14,7 +14,7 @@ from scipy.special import logsumexp, ndtr, ndtri
 
 from benchmarks.eyes.agreement import read_grid
 from pavetwin.draw.sensor_figure import most_repeated, save_sensor_figure
-from pavetwin.mission.look_table import read_looks
+from pavetwin.mission.folder import MissionFolder
 from pavetwin.sensing.fit.fitting import RepeatedLooks, chances_of, fit_sensor, repeated_looks
 from pavetwin.sensing.fit.tables import GROUP, LookSource
 from pavetwin.sensing.sensor_model import SensorModel
@@ -33,7 +33,7 @@ def compare(missions: Path, fitted: str, picture: Path | None) -> str:
         PaveTwinError: a mission cannot be read, or has too few looks.
     """
     model = SensorModel.read(sensor_path(fitted))
-    sources = [read_looks(folder) for _, folder in read_grid(missions)]
+    sources = [MissionFolder(folder).looks() for _, folder in read_grid(missions)]
     looks = pl.concat([each.looks for each in sources])
     count = most_repeated(looks)
     if picture is not None:

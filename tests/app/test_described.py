@@ -11,7 +11,7 @@ from pavetwin.app.described import LARGEST, choices_of
 from pavetwin.app.flight_request import FlightRequest
 from pavetwin.config import load_settings
 from pavetwin.errors import PaveTwinError
-from pavetwin.mission.plan import plan_mission
+from pavetwin.mission.planning import plan_mission
 from pavetwin.mission.spec import MissionSpec
 from pavetwin.world.store import load_world
 

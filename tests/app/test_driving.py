@@ -14,7 +14,7 @@ from pavetwin.app.driving import DRIVER, PEDALS, SEGMENTS
 from pavetwin.capture.platforms.car import REAR
 from pavetwin.driving.drive import Drive, drive_again, pedals_of_values
 from pavetwin.mission.inputs import load_inputs
-from pavetwin.mission.plan import plan_mission
+from pavetwin.mission.planning import plan_mission
 from pavetwin.sensing import load_sensor
 from pavetwin.world.store import load_world
 from scenes.page import RunningPage

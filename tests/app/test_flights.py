@@ -17,7 +17,7 @@ import polars as pl
 import pytest
 from shapely import Point
 
-from pavetwin.mission.plan import plan_mission
+from pavetwin.mission.planning import plan_mission
 from pavetwin.world.store import load_world
 from scenes.command_line import pavetwin
 from scenes.folders import digests

@@ -25,10 +25,10 @@ from pavetwin.capture.mission_frames import CAPTURES, FOLDER, save_frames
 from pavetwin.capture.mission_images import MissionImages
 from pavetwin.capture.record import read_records
 from pavetwin.capture.scene_renderer import SceneRenderer
-from pavetwin.mission.again import read_mission
 from pavetwin.mission.fly import fly
+from pavetwin.mission.folder import MissionFolder
 from pavetwin.mission.inputs import load_inputs
-from pavetwin.mission.results import save_mission
+from pavetwin.mission.saving import save_mission
 from scenes.page import RunningPage, running_page
 from scenes.processes import is_gone, is_over
 
@@ -78,7 +78,7 @@ def pixels_of(shown: Mapping[str, Any]) -> Any:
 def test_a_frame_has_the_pixels_and_labels_of_the_saved_one(page: RunningPage, tmp_path: Path) -> None:
     request = {"traffic": "low", "seed": 1, "count": 1, "policies": ["baseline"], "altitude_m": 12.0}
     (flown,) = page.ask({"do": "fly", "request": request})
-    spec = read_mission(Path(flown["done"]["folder"]) / "mission.yaml").spec
+    spec = MissionFolder(Path(flown["done"]["folder"]) / "mission.yaml").spec
     inputs = load_inputs(spec)
     result = fly(spec, inputs=inputs)
     first = replace(result, captures={name: column[:FIRST] for name, column in result.captures.items()})

@@ -94,7 +94,7 @@ def test_a_town_is_not_changed_under_a_mission(tab: BrowserTab) -> None:
     tab.page.keyboard.press("Escape")
     tab.wait("pavetwin.mission && !document.querySelector('#start').disabled")
     assert tab.page.is_enabled("[name=world]")
-    assert tab.value("pavetwin.mission.targets.every(id => pavetwin.map.segment(id))")
+    assert tab.value("pavetwin.mission.planning.every(id => pavetwin.map.segment(id))")
 
 
 def test_of_two_towns_the_one_that_was_chosen_last_is_shown(tab: BrowserTab) -> None:

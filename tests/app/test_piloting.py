@@ -16,7 +16,7 @@ from pavetwin.app.piloting import STICKS
 from pavetwin.app.task_pool import Said, TaskProcess
 from pavetwin.mission.by_hand import PILOT, ByHand, fly_again, sticks_of_values
 from pavetwin.mission.inputs import load_inputs
-from pavetwin.mission.plan import plan_mission
+from pavetwin.mission.planning import plan_mission
 from pavetwin.sensing import load_sensor
 from pavetwin.world.store import load_world
 from scenes.page import RunningPage

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pavetwin.app.playback import FLIGHT, minute_file, mission_values, tables, write_playback
-from pavetwin.mission.results import totals
+from pavetwin.mission.metrics import totals
 from pavetwin.mission.summary import remarks, sentence
 from pavetwin.mission.timeline import Timeline
 from scenes import tiny

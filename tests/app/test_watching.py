@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from pavetwin.app.colours import page_colours
-from pavetwin.mission.again import read_mission
 from pavetwin.mission.events import OcclusionStarted
-from pavetwin.mission.fly import MissionResult, fly
+from pavetwin.mission.fly import fly
+from pavetwin.mission.folder import MissionFolder
+from pavetwin.mission.result import MissionResult
 from pavetwin.mission.timeline import Timeline
 from scenes.browser import BrowserTab, tab_of
 from scenes.page import RunningPage
@@ -45,7 +46,7 @@ def watched(browser: Any, page: RunningPage) -> Iterator[Watched]:
     tab.ready()
     tab.fly()
     folder = tab.page.locator("#files .remark").text_content().split(", as ")[0].removeprefix("In ")
-    yield Watched(tab, fly(read_mission(f"{folder}/mission.yaml").spec))
+    yield Watched(tab, fly(MissionFolder(f"{folder}/mission.yaml").spec))
     tab.page.close()
     assert tab.errors == []
 

@@ -18,7 +18,7 @@ from pavetwin.capture.scene_renderer import SceneRenderer
 from pavetwin.config import Conditions
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.replay import Replay
-from pavetwin.mission.results import save_mission
+from pavetwin.mission.saving import save_mission
 from pavetwin.scene.sun import centre_lonlat
 from pavetwin.scene.view import View
 from scenes.recordings import recording

@@ -17,8 +17,9 @@ from pavetwin.capture.scene_renderer import SceneRenderer
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.config import Conditions, load_settings
 from pavetwin.errors import PaveTwinError
-from pavetwin.mission.fly import MissionResult, fly_over
+from pavetwin.mission.fly import fly_over
 from pavetwin.mission.replay import Replay
+from pavetwin.mission.result import MissionResult
 from pavetwin.scene.view import View
 from pavetwin.sensing import Frame
 from pavetwin.traffic.parked import ParkedVehicles

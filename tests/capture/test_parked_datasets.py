@@ -19,7 +19,7 @@ from pavetwin.capture.samples import draw_sample
 from pavetwin.capture.settings import FILE, CaptureSettings
 from pavetwin.capture.truth import SceneState, labelled_objects
 from pavetwin.config import Conditions
-from pavetwin.config.parking import ParkingSettings
+from pavetwin.config.mission import ParkingSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.classes import category_of_defect
 from pavetwin.plugins import plugin_hashes

@@ -13,9 +13,9 @@ from pavetwin.capture.plan import image_specs
 from pavetwin.capture.record import Record, read_records
 from pavetwin.capture.run import capture
 from pavetwin.capture.settings import CaptureSettings
-from pavetwin.config.altitude import LOWEST_M
+from pavetwin.config.mission import LOWEST_M
 from pavetwin.errors import PaveTwinError
-from pavetwin.navigation.domain import flight_domain
+from pavetwin.navigation.navmesh import flight_domain
 from pavetwin.scene.view import View
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world, save_world

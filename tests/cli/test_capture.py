@@ -26,10 +26,9 @@ from pavetwin.cli.capture import make, show, stats
 from pavetwin.cli.flags import with_flags
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.rle import decode
-from pavetwin.mission.defect_files import detections_geojson
-from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.replay import Replay
-from pavetwin.mission.results import save_mission
+from pavetwin.mission.result import MissionResult
+from pavetwin.mission.saving import detections_geojson, save_mission
 from pavetwin.mission.versions import software_versions
 from pavetwin.render.adapter import find_adapter
 from pavetwin.render.exposure import Exposure

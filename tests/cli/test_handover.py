@@ -231,7 +231,7 @@ def test_a_world_that_has_changed_is_refused(mission: Path, tmp_path: Path) -> N
     (tmp_path / "m" / "mission.yaml").write_text(changed)
     save_world(damaged("cross", 7), tmp_path / "cross")
     told = plain_refusal(pavetwin("handover", tmp_path / "m"))
-    assert told.startswith("Error: The mission's inputs are not what they were: the world 'cross'")
+    assert told.startswith("Error: The mission's inputs have changed: the world 'cross'")
 
 
 def test_what_is_there_is_replaced_only_where_it_is_a_handover(mission: Path, made: Path, tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ import pytest
 import shapely
 from PIL import Image
 
-from pavetwin.mission.results import save_mission
+from pavetwin.mission.saving import save_mission
 from pavetwin.world.store import save_world
 from scenes import built
 from scenes.aerial import FOCAL_PX, HEIGHT_M, LATITUDE, LONGITUDE, aerial_photograph

@@ -14,8 +14,8 @@ from pavetwin.cli import pictures, report
 from pavetwin.draw import mission_map
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission import summary
-from pavetwin.mission.fly import MissionResult
-from pavetwin.mission.results import save_mission, save_missions
+from pavetwin.mission.result import MissionResult
+from pavetwin.mission.saving import save_mission, save_missions
 from scenes import tiny
 from scenes.folders import digests
 from scenes.parking import EMPTY, FULL, narrow_street

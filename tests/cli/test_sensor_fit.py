@@ -6,7 +6,7 @@ import polars as pl
 import pytest
 import yaml
 
-from pavetwin.mission.look_table import LOOKS
+from pavetwin.mission.saving import LOOKS
 from pavetwin.mission.spec import FORMAT
 from pavetwin.sensing.fit.tables import GROUP, LOOK_SCHEMA
 from pavetwin.sensing.sensor_model import SensorModel

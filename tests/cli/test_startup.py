@@ -56,13 +56,13 @@ import sys
 import numpy as np
 import pavetwin.cli.pictures, pavetwin.cli.report, pavetwin.draw.mission_map, pavetwin.mission
 from pavetwin.defects.severity import Distress
-from pavetwin.mission.found_share import found_share
+from pavetwin.mission.metrics import found_share
 from pavetwin.pci.curves import deduct_value
 from pavetwin.traffic.part_file import PackedPart
 from pavetwin.traffic.pose_rows import PoseRows
 from pavetwin.traffic.track_part import TrackPart
 from pavetwin.uav import find_aircraft
-from pavetwin.uav.energy.rotor import rotor_power
+from pavetwin.uav.energy import rotor_power
 from pavetwin.world.model import Severity
 
 print(*sorted({name.partition(".")[0] for name in sys.modules}))

@@ -8,7 +8,7 @@ import pytest
 from pydantic import BaseModel, ValidationError
 
 from pavetwin.config import MissionSettings, Settings, load_settings, preset_names
-from pavetwin.config.base import overlay, with_overrides
+from pavetwin.config.settings import overlay, with_overrides
 from pavetwin.errors import PaveTwinError
 
 

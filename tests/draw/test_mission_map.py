@@ -30,7 +30,7 @@ from pavetwin.draw.turned import MapTransform
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.detections import DetectionLog
 from pavetwin.mission.environment import window_m
-from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.result import MissionResult
 from pavetwin.mission.spec import TrafficInput
 from pavetwin.mission.track import MODE_NUMBER, displacements, revisits, waits
 from pavetwin.twin import Mode

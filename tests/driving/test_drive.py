@@ -13,8 +13,7 @@ from pavetwin.app.driving import BLOCKED, _played
 from pavetwin.capture.platforms.car import REAR
 from pavetwin.config import load_settings
 from pavetwin.driving.car import CarState, Pedals
-from pavetwin.driving.drive import Drive, drive_again, pedals_as_values, pedals_of_values
-from pavetwin.driving.outcomes import DefectLooks
+from pavetwin.driving.drive import DefectLooks, Drive, drive_again, pedals_as_values, pedals_of_values
 from pavetwin.driving.road import RIM_M, DrivableRoad, body
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.by_hand import STEP_S

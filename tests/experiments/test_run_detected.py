@@ -21,8 +21,8 @@ from pavetwin.experiments.metrics import DETECTED, INDEX_ERROR
 from pavetwin.experiments.planning import load_worlds, plan
 from pavetwin.experiments.run import run
 from pavetwin.inventory import condition
-from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.replay import Replay
+from pavetwin.mission.result import MissionResult
 from pavetwin.sensing import Frame
 from pavetwin.sensing.detector import DetectorSensor
 from pavetwin.traffic.parked import ParkedVehicles

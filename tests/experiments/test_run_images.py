@@ -20,8 +20,9 @@ from pavetwin.experiments.plan import ImageSourceFactory
 from pavetwin.experiments.run import run
 from pavetwin.experiments.store import Store
 from pavetwin.mission.environment import prepare
-from pavetwin.mission.fly import MissionResult, fly_over
+from pavetwin.mission.fly import fly_over
 from pavetwin.mission.replay import Replay, replay_of
+from pavetwin.mission.result import MissionResult
 from pavetwin.sensing import Frame
 from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.world.model import World

@@ -19,7 +19,7 @@ from pavetwin.experiments.statistics import MissionLimits
 from pavetwin.experiments.store import Store
 from pavetwin.experiments.tours import by_mission
 from pavetwin.mission.environment import prepare
-from pavetwin.mission.targets import choose_targets
+from pavetwin.mission.planning import choose_targets
 from pavetwin.world.store import load_world, save_world
 from scenes import damaged
 from scenes.report_studies import page_of

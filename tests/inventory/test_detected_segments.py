@@ -10,8 +10,9 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.inventory.condition import detected_of_segments, with_detected
 from pavetwin.inventory.of_mission import flown, reported
 from pavetwin.mission.condition import ConditionReport
-from pavetwin.mission.fly import MissionResult, fly_over
-from pavetwin.mission.results import save_mission
+from pavetwin.mission.fly import fly_over
+from pavetwin.mission.result import MissionResult
+from pavetwin.mission.saving import save_mission
 from pavetwin.pci import MeasuredDefect, Survey, mean_pci, measured_conditions, sample_units
 from pavetwin.perception.inference import Detector
 from pavetwin.sensing.detector import DetectorSensor

@@ -17,7 +17,7 @@ from pavetwin.inventory.listing import entries_of
 from pavetwin.inventory.observation import Observation
 from pavetwin.inventory.of_mission import flown
 from pavetwin.inventory.probability import entry_model, with_probabilities
-from pavetwin.mission.results import save_mission
+from pavetwin.mission.saving import save_mission
 from pavetwin.sensing.entry_model import OF_ENTRY, EntryModel, entry_values
 from pavetwin.sensing.fitted_number import FittedNumber
 from pavetwin.sensing.sensor_model import SensorModel

@@ -11,7 +11,8 @@ from pavetwin.config import load_settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission import choose_targets, prepare, totals
 from pavetwin.mission.airspace import SPAN_M, Aircraft, load_airspace, with_aircraft
-from pavetwin.mission.fly import MissionResult, fly_over
+from pavetwin.mission.fly import fly_over
+from pavetwin.mission.result import MissionResult
 from pavetwin.traffic.trace import TraceArguments, trace_arguments
 from scenes import damaged, tiny
 from scenes.recordings import recording

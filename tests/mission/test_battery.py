@@ -10,8 +10,8 @@ from shapely import Polygon, box
 from pavetwin._core import BatteryLow
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.events import SegmentOutOfReach
-from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.mission import Mission
+from pavetwin.mission.result import MissionResult
 from pavetwin.mission.track import MODES
 from pavetwin.twin import Mode
 from pavetwin.world.model import Junction

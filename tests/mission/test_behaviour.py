@@ -10,8 +10,9 @@ import pytest
 from pavetwin._core import Captured, Occluded, Trace
 from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError
-from pavetwin.mission.fly import MissionResult, fly_over
+from pavetwin.mission.fly import fly_over
 from pavetwin.mission.mission import Mission
+from pavetwin.mission.result import MissionResult
 from pavetwin.mission.track import MODES
 from pavetwin.policies import Displace, Revisit, load_policy, policy_names
 from pavetwin.sensing import Detection

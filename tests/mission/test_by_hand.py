@@ -11,7 +11,7 @@ from pavetwin.config import load_settings
 from pavetwin.mission.by_hand import PILOT, STEP_S, ByHand, Stick, fly_again, sticks_as_values, sticks_of_values
 from pavetwin.mission.environment import MissionEnvironment, inspect_speed_mps, prepare
 from pavetwin.mission.events import BatteryRanLow, DefectsConfirmed, SegmentFinished, SegmentStarted
-from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.result import MissionResult
 from pavetwin.sensing import Sensor, load_sensor
 from scenes import damaged
 from scenes.tiny import TinyTraffic

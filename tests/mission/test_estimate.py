@@ -2,7 +2,7 @@
 
 from pavetwin.config import load_settings
 from pavetwin.mission.estimate import estimate
-from pavetwin.mission.results import totals
+from pavetwin.mission.metrics import totals
 from pavetwin.uav import camera_of
 from scenes import tiny
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from pavetwin.mission.found_share import FoundShare, found_share
+from pavetwin.mission.metrics import FoundShare, found_share
 from scenes.few_defects import CASES, streets
 
 

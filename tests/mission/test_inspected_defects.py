@@ -11,8 +11,8 @@ import shapely
 from pavetwin._core import Viewpoint
 from pavetwin.defects import DEFECT_CLASSES
 from pavetwin.mission import MissionInputs, fly, save_mission
-from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.inspected_defects import InspectedDefect, MissReason, PolicyResponse, inspected_defects
+from pavetwin.mission.result import MissionResult
 from pavetwin.policies import policy_names
 from scenes.tiny import CAR, PERSON, SCENES, Scene, block, parked, result, straight
 

@@ -9,11 +9,11 @@ import pytest
 import shapely
 
 from pavetwin.mission.environment import inspect_speed_mps, prepare
-from pavetwin.mission.fly import MissionResult, fly_over
-from pavetwin.mission.targets import choose_targets
+from pavetwin.mission.fly import fly_over
+from pavetwin.mission.planning import choose_targets
+from pavetwin.mission.result import MissionResult
 from pavetwin.mission.track import MODES
-from pavetwin.navigation.domain import flight_domain
-from pavetwin.navigation.navmesh import navmesh, polygons
+from pavetwin.navigation.navmesh import flight_domain, navmesh, polygons
 from pavetwin.twin import Mode
 from pavetwin.world.store import load_world, save_world
 from scenes import damaged

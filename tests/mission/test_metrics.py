@@ -10,7 +10,7 @@ import shapely
 from shapely import Polygon
 
 from pavetwin.mission.environment import window_m
-from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.result import MissionResult
 from pavetwin.mission.track import MODES
 from pavetwin.policies import policy_names
 from pavetwin.twin import Confirmation, InspectionMemory, Mode, Note, SegmentStatus

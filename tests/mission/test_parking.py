@@ -16,10 +16,16 @@ from pavetwin.config import load_settings
 from pavetwin.draw.marks import rectangles
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission import Mission, MissionInputs, Timeline, fly, plan_mission, prepare, totals
-from pavetwin.mission.environment import Surroundings, nadir_camera
+from pavetwin.mission.environment import (
+    FIRST_ID,
+    ParkingInput,
+    Surroundings,
+    nadir_camera,
+    parked_columns,
+    parked_solids,
+)
 from pavetwin.mission.fly import fly_over
 from pavetwin.mission.inspected_defects import MissReason, PolicyResponse, inspected_defects
-from pavetwin.mission.parked import FIRST_ID, ParkingInput, parked_columns, parked_solids
 from pavetwin.mission.spec import MissionSpec
 from pavetwin.policies import policy_names
 from pavetwin.twin import Agent

@@ -10,8 +10,9 @@ from shapely import Point
 from pavetwin.config import Conditions
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission import MissionInputs
-from pavetwin.mission.fly import MissionResult, fly, fly_over
-from pavetwin.mission.results import detections_table
+from pavetwin.mission.fly import fly, fly_over
+from pavetwin.mission.result import MissionResult
+from pavetwin.mission.saving import detections_table
 from pavetwin.policies import load_policy
 from pavetwin.sensing import SENSORS, Detection, Frame, Outcome, Sensor, check_sensor, sensor
 from scenes.tiny import SCENES, Scene, straight

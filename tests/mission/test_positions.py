@@ -9,9 +9,8 @@ from pyproj import Transformer
 
 from pavetwin.config import load_settings
 from pavetwin.mission import choose_targets, fly_over, prepare, replay_of
-from pavetwin.mission.defect_files import detections_geojson
-from pavetwin.mission.fly import MissionResult
-from pavetwin.mission.results import track_table
+from pavetwin.mission.result import MissionResult
+from pavetwin.mission.saving import detections_geojson, track_table
 from pavetwin.world.store import load_world, save_world
 from scenes import damaged
 

@@ -15,8 +15,8 @@ from pavetwin.mission.environment import prepare
 from pavetwin.mission.fly import fly
 from pavetwin.mission.inputs import MissionInputs, load_inputs
 from pavetwin.mission.mission import Traffic
-from pavetwin.mission.plan import plan_mission
-from pavetwin.mission.results import segment_table
+from pavetwin.mission.planning import plan_mission
+from pavetwin.mission.saving import segment_table
 from pavetwin.world.store import load_world, save_world
 from scenes import built
 

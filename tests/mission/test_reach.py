@@ -7,8 +7,7 @@ from shapely import box
 from pavetwin.config import load_settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.mission import Mission
-from pavetwin.mission.plan import plan_mission
-from pavetwin.mission.reach import check_reach, ways_out
+from pavetwin.mission.planning import check_reach, plan_mission, ways_out
 from pavetwin.mission.track import MODES
 from pavetwin.twin import Mode
 from pavetwin.world.model import Junction

@@ -7,7 +7,7 @@ import pytest
 from pavetwin.config import load_settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import MissionEnvironment, prepare
-from pavetwin.mission.targets import choose_targets
+from pavetwin.mission.planning import choose_targets
 from scenes.tiny import street, world
 
 NAMES = ("Bell Lane", "Hill", "Bell Lane")

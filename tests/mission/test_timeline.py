@@ -7,8 +7,8 @@ import pytest
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.events import ActionTaken, DefectsConfirmed, MissionEvent, NoteVisited, SegmentFinished
-from pavetwin.mission.fly import MissionResult
-from pavetwin.mission.results import totals
+from pavetwin.mission.metrics import totals
+from pavetwin.mission.result import MissionResult
 from pavetwin.mission.timeline import Timeline
 from pavetwin.sensing import Outcome
 from pavetwin.twin import Mode

@@ -12,8 +12,8 @@ from shapely import Point
 from pavetwin.config import load_settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import prepare
-from pavetwin.navigation.base import CLEARANCE_M, parse_base, roadside
 from pavetwin.navigation.navmesh import navmesh, part_at
+from pavetwin.navigation.take_off import CLEARANCE_M, parse_base, roadside
 from pavetwin.world.model import Furniture, FurnitureKind, LaneKind, World
 from pavetwin.world.solids import solids
 from scenes import built

@@ -17,9 +17,8 @@ from pavetwin._core import NavMesh
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import prepare
 from pavetwin.mission.mission import Mission
-from pavetwin.mission.targets import choose_targets
-from pavetwin.navigation.domain import FlightDomain, flight_domain
-from pavetwin.navigation.navmesh import VOXEL_M, navmesh, polygons
+from pavetwin.mission.planning import choose_targets
+from pavetwin.navigation.navmesh import VOXEL_M, FlightDomain, flight_domain, navmesh, polygons
 from pavetwin.world.model import Furniture, FurnitureKind, Junction, World
 from scenes.tiny import Scene, TinyTraffic, bent, block, straight, street, world
 

@@ -11,7 +11,7 @@ import pytest
 from pavetwin.config import load_settings
 from pavetwin.config.mission import PolicySettings
 from pavetwin.errors import PaveTwinError
-from pavetwin.mission.plan import check_names, settings_under
+from pavetwin.mission.planning import check_names, settings_under
 from pavetwin.policies import (
     POLICIES,
     Displace,
@@ -25,7 +25,7 @@ from pavetwin.policies import (
     policy,
     policy_names,
 )
-from pavetwin.policies.conformance import trial_snapshots
+from pavetwin.policies.registered import trial_snapshots
 from pavetwin.twin import Episode, Note, Occlusion, Snapshot
 from scenes.tiny import SCENES
 
@@ -115,7 +115,7 @@ BAD = {
 def test_a_bad_policy_is_caught_when_it_is_loaded(flaw: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     body, complaint = BAD[flaw]
     if flaw == "slow":
-        monkeypatch.setattr("pavetwin.policies.conformance.SLOWEST_S", 0.002)
+        monkeypatch.setattr("pavetwin.policies.registered.SLOWEST_S", 0.002)
         body = body.replace("1.1", "0.003")
     path = own_file(
         tmp_path,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pavetwin.defects import DefectOptions, place
-from pavetwin.mission.parked import FIRST_ID, parked_columns
+from pavetwin.mission.environment import FIRST_ID, parked_columns
 from pavetwin.render.renderer import Renderer, SceneRadiance
 from pavetwin.scene.light import Light
 from pavetwin.scene.model import defect_label, labelled_place, parked_label

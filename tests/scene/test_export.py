@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from pavetwin.cli.world import app
 from pavetwin.config import Conditions
-from pavetwin.config.parking import ParkingSettings
+from pavetwin.config.mission import ParkingSettings
 from pavetwin.defects import DefectOptions, place
 from pavetwin.errors import PaveTwinError
 from pavetwin.scene.export import LEVELS, ExportSummary, TrafficSnapshot, estimate, export_scene, tiles_of

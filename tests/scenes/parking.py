@@ -7,7 +7,7 @@ from pathlib import Path
 from shapely import Point
 
 from pavetwin.config.conditions import Conditions
-from pavetwin.config.parking import ParkingSettings
+from pavetwin.config.mission import ParkingSettings
 from pavetwin.traffic.parked import parked_vehicles
 from pavetwin.world.model import World
 from pavetwin.world.parking import ParkingOrientation, ParkingPlace, ParkingPosition, ParkingSource, StreetSide

@@ -10,7 +10,8 @@ from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import UInt8Array
 from pavetwin.labels.outlines import filled
-from pavetwin.mission.fly import MissionResult, fly_over
+from pavetwin.mission.fly import fly_over
+from pavetwin.mission.result import MissionResult
 from pavetwin.perception.classes import CLASSES, SUBTYPES
 from pavetwin.perception.inference import Detections
 from pavetwin.perception.inference.detections import MaskPart

@@ -15,7 +15,8 @@ from shapely import LineString, Point, Polygon
 from pavetwin._core import Trace
 from pavetwin.config import MissionSettings, load_settings
 from pavetwin.mission.environment import MissionEnvironment, prepare
-from pavetwin.mission.fly import MissionResult, fly_over
+from pavetwin.mission.fly import fly_over
+from pavetwin.mission.result import MissionResult
 from pavetwin.policies import Policy
 from pavetwin.world.model import (
     Building,

@@ -14,9 +14,10 @@ from shapely import Point, box
 
 from pavetwin.config.mission import SensingSettings
 from pavetwin.errors import PaveTwinError
-from pavetwin.mission.fly import MissionResult, fly_over
-from pavetwin.mission.look_table import LOOKS, look_table, read_looks
-from pavetwin.mission.results import save_mission
+from pavetwin.mission.fly import fly_over
+from pavetwin.mission.folder import MissionFolder
+from pavetwin.mission.result import MissionResult
+from pavetwin.mission.saving import LOOKS, look_table, save_mission
 from pavetwin.perception.shipped import model_path
 from pavetwin.sensing import Outcome, Sighting
 from pavetwin.sensing.calibrated import Calibrated
@@ -215,7 +216,7 @@ def test_looks_are_read_from_a_missions_folder(tmp_path: Path) -> None:
         settings=result.settings.model_copy(update={"sensing": sensing}),
     )
     save_mission(replace(result, spec=spec), tmp_path / "m")
-    source = read_looks(tmp_path / "m")
+    source = MissionFolder(tmp_path / "m").looks()
     assert source.detector == stated().detector.model_copy(update={"image_px": 240})
     table = look_table(result).drop_nulls("defect")
     assert source.looks["found"].to_list() == table["found"].to_list()
@@ -227,10 +228,10 @@ def test_looks_are_read_from_a_missions_folder(tmp_path: Path) -> None:
     assert source.alarms["size_px"].max() == pytest.approx(600 / pixel_mm, rel=0.2)
     (tmp_path / "m" / LOOKS).write_bytes(b"PAR1 broken")
     with pytest.raises(PaveTwinError, match=r"looks.parquet' is damaged"):
-        read_looks(tmp_path / "m")
+        MissionFolder(tmp_path / "m").looks()
     (tmp_path / "m" / LOOKS).unlink()
-    with pytest.raises(PaveTwinError, match=r"looks.parquet' is not there; only missions of the sensor 'detector'"):
-        read_looks(tmp_path / "m")
+    with pytest.raises(PaveTwinError, match=r"looks.parquet' is missing; only missions of the sensor 'detector'"):
+        MissionFolder(tmp_path / "m").looks()
 
 
 def test_scores_in_flight_are_those_of_the_model() -> None:
@@ -282,12 +283,9 @@ def test_captures_that_policies_share_have_one_name(tmp_path: Path) -> None:
             settings = result.spec.settings.model_copy(update={"conditions": clouded})
             result = replace(result, spec=result.spec.model_copy(update={"settings": settings}))
         save_mission(result, tmp_path / folder)
-        names.append(read_looks(tmp_path / folder).images["capture"].to_list())
+        names.append(MissionFolder(tmp_path / folder).looks().images["capture"].to_list())
     assert len(set(names[0])) == len(names[0])
     shared = set(names[0]) & set(names[1])
     assert shared
     assert names[0][: len(shared)] == names[1][: len(shared)], "until the policies part"
     assert not set(names[1]) & set(names[2])
-    table = pl.read_parquet(tmp_path / "a" / LOOKS).drop("t_s", "x_m", "y_m", "yaw_rad")
-    table.write_parquet(tmp_path / "a" / LOOKS)
-    assert read_looks(tmp_path / "a").images["capture"].is_null().all(), "of an earlier version"

@@ -16,9 +16,9 @@ from shapely import Point, Polygon, box
 
 from pavetwin.config.mission import PolicySettings, SensingSettings
 from pavetwin.errors import PaveTwinError
-from pavetwin.mission.again import read_mission
 from pavetwin.mission.fly import fly_over
-from pavetwin.mission.results import detections_table, save_mission
+from pavetwin.mission.folder import MissionFolder
+from pavetwin.mission.saving import detections_table, save_mission
 from pavetwin.perception.shipped import shipped_models
 from pavetwin.policies import Action, GoOn, Policy, Wait
 from pavetwin.sensing import Frame, Outcome
@@ -192,10 +192,10 @@ def test_a_mission_is_told_when_its_model_has_changed(tmp_path: Path) -> None:
     settings = scene.settings("sensing.sensor=detector", options)
     result = fly_over(scene.environment(settings), scene.traffic(), settings, [0], image_source=Painter([]))
     save_mission(result, tmp_path / "m")
-    read_mission(tmp_path / "m" / "mission.yaml")
+    assert MissionFolder(tmp_path / "m").spec.settings.sensing.sensor == "detector"
     model.write_bytes(model.read_bytes() + b"\0")
-    with pytest.raises(PaveTwinError, match=r"not what they were: '.*model.onnx' has changed"):
-        read_mission(tmp_path / "m" / "mission.yaml")
+    with pytest.raises(PaveTwinError, match=r"have changed: '.*model.onnx' has changed"):
+        _ = MissionFolder(tmp_path / "m").spec
 
 
 def test_what_was_measured_is_in_the_table_of_detections() -> None:

@@ -12,10 +12,10 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
 from pavetwin.experiments.engines import Pool
 from pavetwin.experiments.run import run
-from pavetwin.mission.again import read_mission
 from pavetwin.mission.fly import fly
-from pavetwin.mission.plan import plan_mission
-from pavetwin.mission.results import save_mission
+from pavetwin.mission.folder import MissionFolder
+from pavetwin.mission.planning import plan_mission
+from pavetwin.mission.saving import save_mission
 from pavetwin.mission.spec import files_of_settings
 from pavetwin.sensing import Detection, Frame, Ideal, Sensor, load_sensor
 from pavetwin.world.store import load_world, save_world
@@ -117,7 +117,7 @@ def test_a_mission_is_flown_again_with_its_options(choosy: str, world: Path, tmp
     assert found
     assert all(defect is not None and defect % 2 == 0 for defect in found)
     save_mission(result, tmp_path / "m")
-    former = read_mission(tmp_path / "m" / "mission.yaml")
+    former = MissionFolder(tmp_path / "m" / "mission.yaml")
     assert former.spec.settings.sensing.options == {"every": 2}
     assert former.differences(fly(former.spec)) == []
 

@@ -13,10 +13,10 @@ from pavetwin._core import Captured, Occluded
 from pavetwin.config.mission import SensingSettings
 from pavetwin.defects.measures import orientations
 from pavetwin.defects.registry import DEFECT_CLASSES
-from pavetwin.mission.defect_files import defects_table
-from pavetwin.mission.fly import result_of
 from pavetwin.mission.inspected_defects import MissReason, captured_frame, inspected_defects
 from pavetwin.mission.mission import Mission
+from pavetwin.mission.result import result_of
+from pavetwin.mission.saving import defects_table
 from pavetwin.policies import Displace
 from pavetwin.sensing import Recall, Sighting, orientations_of, sighted_share, smallest_extent_m
 from pavetwin.sensing.conformance import trial_defect, trial_frames

@@ -17,7 +17,7 @@ from shapely import Point, Polygon
 
 from pavetwin.config import load_settings
 from pavetwin.config.conditions import Conditions
-from pavetwin.config.parking import ParkingSettings
+from pavetwin.config.mission import ParkingSettings
 from pavetwin.traffic.kinds import KINDS
 from pavetwin.traffic.mix import DEFAULT_MIX
 from pavetwin.traffic.occupancy import occupancy, occupancy_curves, surroundings_of

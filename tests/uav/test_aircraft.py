@@ -11,8 +11,7 @@ from pavetwin.mission.environment import flight_settings, window_m
 from pavetwin.mission.spec import files_of_settings
 from pavetwin.uav import AIRCRAFT, camera_of, find_aircraft, find_camera
 from pavetwin.uav.aircraft import AircraftProfile
-from pavetwin.uav.energy import airspeeds
-from pavetwin.uav.energy.rotor import rotor_power
+from pavetwin.uav.energy import airspeeds, rotor_power
 
 DOCS = (Path(__file__).parents[2] / "docs/explanation/aircraft.md").read_text(encoding="utf-8")
 

@@ -16,9 +16,7 @@ from pavetwin.mission.track import MODES
 from pavetwin.twin import Mode
 from pavetwin.uav import AIRCRAFT, energy_curve, energy_model, find_aircraft
 from pavetwin.uav.aircraft import AIR_KG_M3, AircraftProfile
-from pavetwin.uav.energy import CURVE_STEP_MPS, airspeeds
-from pavetwin.uav.energy.capacity import CAPACITY_AT_C, temperature_share, usable_wh
-from pavetwin.uav.energy.rotor import rotor_power
+from pavetwin.uav.energy import CAPACITY_AT_C, CURVE_STEP_MPS, airspeeds, rotor_power, temperature_share, usable_wh
 from scenes.tiny import Scene, result, straight
 
 AIRSPEEDS = airspeeds()

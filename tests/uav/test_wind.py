@@ -13,10 +13,10 @@ from pavetwin.arrays import Float64Array
 from pavetwin.config import MissionSettings, load_settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import flight_settings
-from pavetwin.mission.fly import result_of
 from pavetwin.mission.inspected_defects import captured_frame
 from pavetwin.mission.mission import Mission
-from pavetwin.mission.plan import check_names
+from pavetwin.mission.planning import check_names
+from pavetwin.mission.result import result_of
 from pavetwin.mission.track import MODES
 from pavetwin.sensing import Frame
 from pavetwin.twin import Mode

@@ -15,8 +15,8 @@ from pavetwin.app.flight_request import FlightRequest
 from pavetwin.app.kept import kept_world
 from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError
-from pavetwin.mission.spec import READABLE
-from pavetwin.navigation.base import with_roadside_base
+from pavetwin.files import check_format
+from pavetwin.navigation.take_off import with_roadside_base
 from pavetwin.traffic.demand import DEFAULT_TRAFFIC, MIXED
 from pavetwin.world.folder import read_description
 from pavetwin.world.model import World
@@ -86,8 +86,9 @@ def _parsed(text: Any) -> Mapping[str, Any]:
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise PaveTwinError("This is no mission.yaml: it cannot be read.") from error
     _check_numbers(values)
-    if not isinstance(values, Mapping) or values.get("format") not in READABLE:
-        raise PaveTwinError(f"This is no mission.yaml of format {' or '.join(map(str, READABLE))}.")
+    if not isinstance(values, Mapping):
+        raise PaveTwinError("This is no mission.yaml.")
+    check_format(values.get("format"), "This mission.yaml")
     return values
 
 

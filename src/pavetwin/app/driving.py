@@ -28,8 +28,7 @@ from pavetwin.app.requests import StickRequest
 from pavetwin.capture.platforms.car import FRONT, REAR
 from pavetwin.draw.marks import DefectOutcome
 from pavetwin.driving.car import BODY, Pedals
-from pavetwin.driving.drive import Drive, DrivenSegment, pedals_as_values
-from pavetwin.driving.outcomes import DefectLooks
+from pavetwin.driving.drive import DefectLooks, Drive, DrivenSegment, pedals_as_values
 from pavetwin.files import writing
 from pavetwin.mission.by_hand import STEP_S
 from pavetwin.mission.inputs import MissionInputs

@@ -16,7 +16,7 @@ from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.files import writing
 from pavetwin.flightplan import PLAN_FORMATS, PlanLimits, check_limits, plan_of, save_plan
 from pavetwin.flightplan.save import remark_on_parts
-from pavetwin.mission.again import mission_file, read_mission
+from pavetwin.mission.folder import MissionFolder
 from pavetwin.mission.inputs import check_unchanged
 
 HTML: Final = "html"
@@ -93,7 +93,7 @@ def make_export(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
         flown, _ = again(descriptions(results), world, tell)
         write_rerun(flown, made / name)
         return {"files": [name], "told": "Open it with `rerun`."}
-    former = read_mission(mission_file(Path(task["mission"])), other_policy=True)
+    former = MissionFolder(task["mission"], other_policy=True)
     check_unchanged(former.spec.with_policy("baseline"), world)  # the track needs no file of its policy
     plan = plan_of(former, world)
     form = PLAN_FORMATS.get(what)(None)

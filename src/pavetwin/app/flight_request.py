@@ -6,10 +6,10 @@ from typing import Annotated, Any, Final, Self
 from pydantic import Field, StringConstraints, field_validator, model_validator
 
 from pavetwin.config import MissionSettings, load_settings
-from pavetwin.config.altitude import check_altitude
-from pavetwin.config.base import Settings
+from pavetwin.config.mission import check_altitude
+from pavetwin.config.settings import Settings
 from pavetwin.errors import PaveTwinError, no_such
-from pavetwin.mission.plan import ALL, policies_named
+from pavetwin.mission.planning import ALL, policies_named
 from pavetwin.policies import policy_names
 from pavetwin.sensing.registered import sensor_names
 from pavetwin.traffic.demand import DEFAULT_TRAFFIC, density_named

@@ -14,13 +14,13 @@ from pavetwin.app.made_once import alone_in, made_once
 from pavetwin.app.task_report import TaskReport
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing_folder
-from pavetwin.mission.again import MISSION, check_replaceable, mission_file, read_mission
 from pavetwin.mission.environment import MissionEnvironment
-from pavetwin.mission.fly import MissionResult, fly
+from pavetwin.mission.fly import fly
+from pavetwin.mission.folder import MissionFolder, check_replaceable
 from pavetwin.mission.inputs import MissionInputs, load_inputs
-from pavetwin.mission.naming import mission_folder
-from pavetwin.mission.plan import plan_missions
-from pavetwin.mission.results import check_mission_folder, save_mission, save_missions
+from pavetwin.mission.planning import mission_folder, plan_missions
+from pavetwin.mission.result import MissionResult
+from pavetwin.mission.saving import MISSION, check_mission_folder, save_mission, save_missions
 from pavetwin.mission.spec import MissionSpec
 from pavetwin.world.model import World
 
@@ -92,7 +92,7 @@ def fly_request(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
 def fly_missed(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
     """Fly a mission again over the segments on which it missed a defect, as `fly --again … --only-missed` does."""
     world = kept_world(Path(task["world"]))
-    former = read_mission(mission_file(Path(task["mission"])))
+    former = MissionFolder(task["mission"])
     spec = former.planned(world, targets=former.missed_segments())
     inputs = load_inputs(spec, world=world, on_progress=tell)
     return _flown_into(former.folder_of_missed, [inputs.flown(spec)], inputs, Path(task["folder"]), tell)
@@ -140,9 +140,9 @@ def again(files: Sequence[Path], world: World, tell: Told) -> tuple[list[Mission
     """Missions over the same traffic, flown again from their descriptions; nothing is written.
 
     Raises:
-        PaveTwinError: one cannot be read, or its inputs are not what they were.
+        PaveTwinError: one cannot be read, or its inputs have changed.
     """
-    specs = [read_mission(file).planned(world) for file in files]
+    specs = [MissionFolder(file).planned(world) for file in files]
     inputs = load_inputs(specs[0], world=world, on_progress=tell)
     with inputs.replay:
         return [_one(spec, inputs, tell) for spec in specs], inputs

@@ -27,8 +27,8 @@ from pavetwin.capture.mission_images import MissionImages
 from pavetwin.capture.truth import LabelledObject
 from pavetwin.config.mission import SensingSettings
 from pavetwin.mission.environment import shutter_s
-from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.inputs import load_inputs
+from pavetwin.mission.result import MissionResult
 from pavetwin.mission.spec import MissionSpec
 from pavetwin.sensing import Frame
 from pavetwin.sensing.detector import DetectorSensor
@@ -105,7 +105,7 @@ def shown_frame(
         what the shipped detector finds. Boxes are shares of the image's sides.
 
     Raises:
-        PaveTwinError: the mission's inputs are not what they were, there is no adapter to draw with, or the sun is
+        PaveTwinError: the mission's inputs have changed, there is no adapter to draw with, or the sun is
             below the horizon.
         GivenUpError: it is not wanted any more.
     """

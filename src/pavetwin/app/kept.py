@@ -8,7 +8,7 @@ from pavetwin.app.flight_request import FlightRequest
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import MissionEnvironment, prepare
 from pavetwin.mission.inputs import defects_of
-from pavetwin.mission.plan import defect_input, traffic_input
+from pavetwin.mission.planning import defect_input, traffic_input
 from pavetwin.world.folder import DESCRIPTION
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world

@@ -21,7 +21,7 @@ from pavetwin.mission.by_hand import PILOT, STEP_S, ByHand, Stick, sticks_as_val
 from pavetwin.mission.events import BatteryRanLow, DefectsConfirmed, MissionEvent
 from pavetwin.mission.inputs import MissionInputs
 from pavetwin.mission.mission import Traffic
-from pavetwin.mission.results import save_mission
+from pavetwin.mission.saving import save_mission
 from pavetwin.mission.spec import MissionSpec
 from pavetwin.sensing import Sensor, load_sensor
 

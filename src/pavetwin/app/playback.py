@@ -20,7 +20,7 @@ from pavetwin.config import MissionSettings
 from pavetwin.draw.marks import DefectOutcome, outcomes
 from pavetwin.draw.mission_style import AGENT_COLOURS, agent_group
 from pavetwin.draw.readings import DOING
-from pavetwin.mission.environment import MissionEnvironment, window_m
+from pavetwin.mission.environment import MissionEnvironment, parked_columns, window_m
 from pavetwin.mission.events import (
     ActionTaken,
     BatteryRanLow,
@@ -32,10 +32,9 @@ from pavetwin.mission.events import (
     SegmentFinished,
     SegmentStarted,
 )
-from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.inspected_defects import InspectedDefect
-from pavetwin.mission.parked import parked_columns
-from pavetwin.mission.results import totals
+from pavetwin.mission.metrics import totals
+from pavetwin.mission.result import MissionResult
 from pavetwin.mission.summary import (
     TableColumn,
     comparison_columns,

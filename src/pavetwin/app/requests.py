@@ -6,7 +6,7 @@ from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Field, StringConstraints
 
-from pavetwin.config.base import Settings
+from pavetwin.config.settings import Settings
 from pavetwin.errors import PaveTwinError
 
 KINDS: Final = (".osm", ".osm.pbf", ".net.xml")

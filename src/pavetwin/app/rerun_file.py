@@ -20,7 +20,7 @@ from pavetwin.draw.style import OUTCOME_COLOURS
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.mission.environment import MissionEnvironment
-from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.result import MissionResult
 from pavetwin.mission.timeline import Timeline
 
 PACKAGE: Final = "rerun-sdk"

@@ -13,7 +13,7 @@ from shapely import Geometry, LineString, Polygon
 from pavetwin.config.mission import UavSettings
 from pavetwin.draw.carriageway import lane_lines, sidewalks
 from pavetwin.draw.extent import credit, world_bounds
-from pavetwin.navigation.base import with_roadside_base
+from pavetwin.navigation.take_off import with_roadside_base
 from pavetwin.world.model import FurnitureKind, World
 
 _COLOURS: Final = Path(__file__).with_name("colours.json")

@@ -16,13 +16,12 @@ from pavetwin.app.map_limits import LARGEST_KM2
 from pavetwin.app.requests import KINDS, LARGEST_BYTES, FramePart
 from pavetwin.app.task_report import TaskReport
 from pavetwin.config import load_settings
-from pavetwin.config.altitude import CEILING_M, LOWEST_M
+from pavetwin.config.mission import CEILING_M, LOWEST_M
 from pavetwin.files import writing
 from pavetwin.mission.estimate import estimate
 from pavetwin.mission.inputs import MissionInputs, load_inputs
-from pavetwin.mission.reach import check_reach
+from pavetwin.mission.planning import ORDERS, check_reach, choose_targets
 from pavetwin.mission.spec import MissionSpec
-from pavetwin.mission.targets import ORDERS, choose_targets
 from pavetwin.policies import policy_names
 from pavetwin.sensing.registered import sensor_names
 from pavetwin.traffic.demand import DEFAULT_TRAFFIC, DENSITIES

@@ -5,9 +5,8 @@ from typing import Self
 
 import shapely
 
-from pavetwin.config.altitude import VERTICAL_CLEARANCE_M
-from pavetwin.config.mission import UavSettings
-from pavetwin.navigation.domain import corridors
+from pavetwin.config.mission import VERTICAL_CLEARANCE_M, UavSettings
+from pavetwin.navigation.navmesh import corridors
 from pavetwin.world.model import World
 from pavetwin.world.solids import Solids, solids
 

@@ -13,7 +13,7 @@ from pavetwin.capture.splits import RECORDED_S, defect_streets, street_splits
 from pavetwin.defects.registry import DEFECT_CLASSES, kinds
 from pavetwin.errors import PaveTwinError, about, naming
 from pavetwin.mission.inputs import OnProgress
-from pavetwin.navigation.domain import flight_domain
+from pavetwin.navigation.navmesh import flight_domain
 from pavetwin.plugins import load_plugins
 from pavetwin.registry import packages_of
 from pavetwin.scene.ground.looks import street_look

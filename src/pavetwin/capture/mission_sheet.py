@@ -16,8 +16,8 @@ from pavetwin.capture.mission_images import MissionImages
 from pavetwin.draw.contact_sheet import CELL_PX, assembled, captioned, cut_around, draw_box, evenly_chosen
 from pavetwin.files import writing
 from pavetwin.labels.classes import category_colours, label_name
-from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.inspected_defects import captured_frame
+from pavetwin.mission.result import MissionResult
 from pavetwin.sensing import Outcome, Sensor
 from pavetwin.sensing.detector import DetectorSensor
 

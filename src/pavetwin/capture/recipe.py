@@ -15,7 +15,7 @@ from pavetwin.capture.image_workers import FrameSourceFactory
 from pavetwin.capture.joining import JoinedImages, join
 from pavetwin.capture.run import capture
 from pavetwin.capture.settings import CaptureSettings
-from pavetwin.config.base import Settings
+from pavetwin.config.settings import Settings
 from pavetwin.defects import DefectOptions
 from pavetwin.defects.placement import build_folder
 from pavetwin.errors import PaveTwinError

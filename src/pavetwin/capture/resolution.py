@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from pavetwin.capture.defect_index import AIMED_PIXEL_M
-from pavetwin.config.altitude import CEILING_M, LOWEST_M
+from pavetwin.config.mission import CEILING_M, LOWEST_M
 from pavetwin.errors import PaveTwinError
 from pavetwin.uav.cameras import Camera, find_camera
 

@@ -8,10 +8,8 @@ from typing import Annotated, Any, Final, Literal, Self
 import yaml
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from pavetwin.config.altitude import Altitude
-from pavetwin.config.base import NameOrFile, PluginFiles, Settings, complaint
-from pavetwin.config.numbers import Positive, Share
-from pavetwin.config.parking import ParkingSettings
+from pavetwin.config.mission import Altitude, ParkingSettings
+from pavetwin.config.settings import NameOrFile, PluginFiles, Positive, Settings, Share, complaint
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256
 from pavetwin.labels.classes import categories

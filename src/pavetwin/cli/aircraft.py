@@ -24,7 +24,7 @@ def list_known() -> None:
     from rich.table import Table
 
     from pavetwin.uav import AIRCRAFT, find_camera
-    from pavetwin.uav.energy.rotor import rotor_power
+    from pavetwin.uav.energy import rotor_power
 
     table = Table(box=None, pad_edge=False, header_style="bold")
     for name in ("name", "aircraft", "kg", "flight\nmin", "hover\nmin", "wind\nm/s", "mm a px\nat 10 m"):
@@ -62,8 +62,7 @@ def show(
     import yaml
 
     from pavetwin.uav import find_aircraft, find_camera
-    from pavetwin.uav.energy import airspeeds
-    from pavetwin.uav.energy.rotor import rotor_power
+    from pavetwin.uav.energy import airspeeds, rotor_power
     from pavetwin.uav.wind import tilt_deg
 
     profile = find_aircraft(name)
@@ -83,8 +82,7 @@ def show(
 def _of_the_model(profile: "AircraftProfile") -> list[str]:
     """What no maker states of an aircraft, with where it comes from."""
     from pavetwin.uav.aircraft import FUSELAGE_DRAG_RATIO, ROTOR_SOLIDITY
-    from pavetwin.uav.energy import airspeeds
-    from pavetwin.uav.energy.rotor import BLADE_SHARE, TIP_MPS, rotor_power
+    from pavetwin.uav.energy import BLADE_SHARE, TIP_MPS, airspeeds, rotor_power
 
     power_w = rotor_power(profile).total_w
     best, hover_min = int(power_w.argmin()), 60 * profile.capacity_wh / power_w[0]

@@ -58,7 +58,7 @@ def _checked(option: str, text: object, given: dict[str, Any]) -> dict[str, Any]
     from pydantic import ValidationError
 
     from pavetwin.config import Conditions
-    from pavetwin.config.base import complaint
+    from pavetwin.config.settings import complaint
 
     try:
         Conditions.model_validate(given)

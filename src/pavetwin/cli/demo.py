@@ -41,10 +41,10 @@ def demo(
     from pavetwin.mission.environment import prepare
     from pavetwin.mission.fly import fly
     from pavetwin.mission.inputs import MissionInputs
-    from pavetwin.mission.plan import plan_mission
+    from pavetwin.mission.planning import plan_mission
     from pavetwin.mission.replay import replay_of
     from pavetwin.mission.summary import missed_lines, sentence
-    from pavetwin.navigation.base import with_roadside_base
+    from pavetwin.navigation.take_off import with_roadside_base
     from pavetwin.policies import policy_names
 
     world = _town(output / "town")

@@ -37,8 +37,7 @@ class FlightProgress:
             return
         now = self._clock()
         self._end_extension()
-        # A mission whose sensor looks after landing is flown twice.
-        self._flying_s = now - self._last if event.share < self._share else self._flying_s + now - self._last
+        self._flying_s += now - self._last
         self._last, self._share, self._flown_s = now, event.share, event.time_s
         self._tell(self._share, self._what, self.remaining_s(0.0, 0.0))
 

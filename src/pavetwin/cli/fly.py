@@ -18,9 +18,9 @@ from pavetwin.errors import PaveTwinError, about, naming
 
 if TYPE_CHECKING:
     from pavetwin.config import MissionSettings
-    from pavetwin.mission.again import FormerMission
-    from pavetwin.mission.fly import MissionResult
+    from pavetwin.mission.folder import MissionFolder
     from pavetwin.mission.inputs import MissionInputs
+    from pavetwin.mission.result import MissionResult
     from pavetwin.mission.spec import MissionSpec
 
 POLICY, SEGMENTS = "hover", "8"
@@ -200,11 +200,10 @@ def fly(
     )
 
     from pavetwin.cli import pictures, report
-    from pavetwin.mission.again import check_replaceable
+    from pavetwin.mission.folder import check_replaceable
     from pavetwin.mission.inputs import load_inputs, world_of
-    from pavetwin.mission.naming import mission_folder
-    from pavetwin.mission.plan import check_names, plan_missions, policies_named
-    from pavetwin.mission.results import check_mission_folder
+    from pavetwin.mission.planning import check_names, mission_folder, plan_missions, policies_named
+    from pavetwin.mission.saving import check_mission_folder
     from pavetwin.traffic.flow import flow_of
     from pavetwin.world.store import load_world
 
@@ -294,7 +293,7 @@ def looks_at_images(settings: "MissionSettings") -> bool:
     return settings.sensing.sensor == "detector"
 
 
-def _former(context: typer.Context, again: Path | None, *, other_policy: bool) -> "FormerMission | None":
+def _former(context: typer.Context, again: Path | None, *, other_policy: bool) -> "MissionFolder | None":
     """The mission to fly again.
 
     Raises:
@@ -302,7 +301,7 @@ def _former(context: typer.Context, again: Path | None, *, other_policy: bool) -
     """
     if again is None:
         return None
-    from pavetwin.mission.again import mission_file, read_mission
+    from pavetwin.mission.folder import MissionFolder
 
     for option in FIXED_BY_AGAIN:
         if _given(context, option):
@@ -312,14 +311,16 @@ def _former(context: typer.Context, again: Path | None, *, other_policy: bool) -
     with about("again"):
         if not again.exists():
             raise PaveTwinError(f"there is no '{again}'; name the folder of a mission, or its mission.yaml.")
-        return read_mission(mission_file(again), other_policy=other_policy)
+        former = MissionFolder(again, other_policy=other_policy)
+        former.spec  # noqa: B018 - refused here, where the option is named
+        return former
 
 
 def _fly_and_draw(
     specs: Sequence["MissionSpec"],
     inputs: "MissionInputs",
     folder: Path,
-    former: "FormerMission | None",
+    former: "MissionFolder | None",
     *,
     maps: bool,
     animate: bool,
@@ -377,7 +378,7 @@ def _settings(
     area: Mapping[str, float | None],
 ) -> "MissionSettings":
     from pavetwin.config import load_settings
-    from pavetwin.config.altitude import check_altitude
+    from pavetwin.config.mission import check_altitude
 
     given: dict[str, Any] = {**area}
     if altitude is not None:

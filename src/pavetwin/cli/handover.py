@@ -62,7 +62,8 @@ def handover(
     """
     from pavetwin.flightplan import PlanLimits
     from pavetwin.handover import advice_of, check_target
-    from pavetwin.mission.again import MISSION, mission_file
+    from pavetwin.mission.folder import mission_file
+    from pavetwin.mission.saving import MISSION
 
     released_by, formats = checked(trigger, drone, format_, no_fly)
     objective, within = objective_of(choose), limits_of(max_time, max_energy, min_coverage)
@@ -110,10 +111,10 @@ def _of_mission(
 ) -> None:
     from pavetwin.flightplan import check_limits
     from pavetwin.handover import handover_of, write_handover
-    from pavetwin.mission.again import read_mission
+    from pavetwin.mission.folder import MissionFolder
 
     with progress("Reading") as tell:
-        given = handover_of(read_mission(file), trigger=trigger, advice=advice)
+        given = handover_of(MissionFolder(file), trigger=trigger, advice=advice)
         check_limits(given.plan, given.world, limits, [each.most_waypoints for each in formats])
         tell(0.4, "Writing")
         plans = write_handover(given, target, formats, force=force)
@@ -133,14 +134,14 @@ def _of_study(
     from pavetwin.files import staging_folder
     from pavetwin.flightplan import check_limits
     from pavetwin.handover import fly_recommended, handover_of, write_handover
-    from pavetwin.mission.again import MISSION, read_mission
-    from pavetwin.mission.results import save_mission
+    from pavetwin.mission.folder import MissionFolder
+    from pavetwin.mission.saving import save_mission
 
     out.line(advice.overall.sentences[0])
     with staging_folder(target.with_name(f"{target.name}-mission")) as staging, progress("Flying") as tell:
         flown = staging / "mission"
         save_mission(fly_recommended(folder, advice, _images, tell), flown)
-        given = handover_of(read_mission(flown / MISSION), name=advice.study, trigger=trigger, advice=advice)
+        given = handover_of(MissionFolder(flown), name=advice.study, trigger=trigger, advice=advice)
         check_limits(given.plan, given.world, limits, [each.most_waypoints for each in formats])
         tell(0.9, "Writing")
         plans = write_handover(given, target, formats, force=force, with_mission=True)

@@ -89,21 +89,19 @@ def inventory(
     with progress("Reading", lines=True) as tell:
         if (source / MISSION).is_file():
             from pavetwin.inventory.of_mission import flown, flown_together
-            from pavetwin.mission.look_table import names_no_detector
 
-            unnamed = any(map(names_no_detector, sources))
             _refuse(
-                model=None if unnamed else model,
+                model=model,
                 gsd_mm=gsd_mm,
                 height_m=height_m,
                 tiled=tiled,
                 overview=overview or None,
             )
-            error_m, looked = position_error_m or 0.0, None if model is None else named(model)
+            error_m = position_error_m or 0.0
             reading = (
-                flown_together(sources, position_error_m=error_m, fitted=fitted, model=looked)
+                flown_together(sources, position_error_m=error_m, fitted=fitted)
                 if others
-                else flown(source, position_error_m=error_m, fitted=fitted, model=looked)
+                else flown(source, position_error_m=error_m, fitted=fitted)
             )
         else:
             inner = sorted(path.parent.name for path in source.glob(f"*/{MISSION}"))

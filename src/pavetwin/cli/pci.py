@@ -39,7 +39,6 @@ def pci(
     """
     from pavetwin.draw.pci_map import save_pci_map
     from pavetwin.mission.condition import write_condition
-    from pavetwin.mission.look_table import names_no_detector
     from pavetwin.pci import rating_of
 
     if not folder.is_dir():
@@ -83,11 +82,6 @@ def pci(
     if small := sum(not condition.unit.has_usual_size for condition in report.true):
         units = "unit is" if small == 1 else "units are"
         out.line(f"{small} {units} smaller than the 135 m² of the standard, as the segments are.")
-    if report.detected is not None and names_no_detector(folder):
-        out.line(
-            "The mission does not say which detector looked at its images: all its detections count, as likely a "
-            "defect or not."
-        )
     for name, number in report.not_counted.items():
         defects = "a defect" if number == 1 else f"{number} defects"
         out.line(f"Not counted: {defects} of the class '{name}', for which the standard's distress is not known here.")
@@ -104,18 +98,19 @@ def _report(folder: Path) -> "ConditionReport":
     PaveTwinError: the folder is neither a world nor a mission.
     """
     from pavetwin.inventory.condition import with_detected
-    from pavetwin.inventory.of_mission import TABLE, flown
-    from pavetwin.mission.again import MISSION, mission_file, read_mission
+    from pavetwin.inventory.of_mission import flown
     from pavetwin.mission.condition import condition_of_mission, condition_of_world
+    from pavetwin.mission.folder import MissionFolder, mission_file
+    from pavetwin.mission.saving import DETECTIONS, MISSION
     from pavetwin.world.folder import DESCRIPTION
     from pavetwin.world.store import load_world
 
     if (folder / DESCRIPTION).is_file():
         return condition_of_world(load_world(folder))
-    file = mission_file(folder)
-    if folder.is_dir() and file.is_file():
-        report, table = condition_of_mission(read_mission(file)), file.parent / TABLE
-        return with_detected(report, flown(file.parent)) if table.is_file() else report
+    if folder.is_dir() and mission_file(folder).is_file():
+        mission = MissionFolder(folder)
+        report = condition_of_mission(mission)
+        return with_detected(report, flown(mission)) if (mission.folder / DETECTIONS).is_file() else report
     raise PaveTwinError(f"'{folder}' is neither the folder of a world nor of a mission (it has no {MISSION}).")
 
 

@@ -11,7 +11,7 @@ from pavetwin.memory import give_back
 
 if TYPE_CHECKING:
     from pavetwin.capture.mission_images import MissionImages
-    from pavetwin.mission.fly import MissionResult
+    from pavetwin.mission.result import MissionResult
 
 MISSION_FILES = (
     "streets.csv, defects.gpkg, defects.csv, captures.geojson, "

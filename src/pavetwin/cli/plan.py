@@ -89,7 +89,7 @@ def export(
     """
     from pavetwin.flightplan import PlanLimits, check_limits, save_plan
     from pavetwin.flightplan.save import check_folder, remark_on_parts
-    from pavetwin.mission.again import mission_file
+    from pavetwin.mission.folder import mission_file
     from pavetwin.world.folder import DESCRIPTION
 
     released_by, formats = checked(trigger, drone, format_, no_fly)
@@ -120,10 +120,10 @@ def _of_mission(folder: Path, chosen: "Mapping[str, Any]", trigger: "Trigger") -
     PaveTwinError: an option is for a world, or the mission cannot be read or has changed.
     """
     from pavetwin.flightplan import plan_of
-    from pavetwin.mission.again import mission_file, read_mission
+    from pavetwin.mission.folder import MissionFolder
     from pavetwin.mission.inputs import check_unchanged, world_of
 
-    former = read_mission(mission_file(folder), other_policy=True)
+    former = MissionFolder(folder, other_policy=True)
     if given := [name for name, value in chosen.items() if value is not None]:
         raise PaveTwinError(f"--{given[0]} is for a world; '{folder}' is a mission, which says it.")
     world = world_of(former.spec.world)
@@ -135,9 +135,9 @@ def _of_selection(
     folder: Path, chosen: "Mapping[str, Any]", trigger: "Trigger", tell: "Callable[[float], None]"
 ) -> "tuple[FlightPlan, World]":
     from pavetwin.config import load_settings
-    from pavetwin.config.altitude import check_altitude
+    from pavetwin.config.mission import check_altitude
     from pavetwin.flightplan import plan_of_selection
-    from pavetwin.mission.plan import base_point
+    from pavetwin.mission.planning import base_point
     from pavetwin.world.store import load_world
 
     given = {"altitude_m": chosen["altitude"], "aircraft": chosen["aircraft"]}

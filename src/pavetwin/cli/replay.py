@@ -49,7 +49,7 @@ def replay(
     from pavetwin.app.rerun_file import check_installed, write_rerun
     from pavetwin.app.street_map import packed_map
     from pavetwin.files import writing
-    from pavetwin.mission.again import read_mission
+    from pavetwin.mission.folder import MissionFolder
     from pavetwin.mission.inputs import world_of
 
     files = descriptions(folder)
@@ -57,7 +57,7 @@ def replay(
         raise PaveTwinError(f"'{folder}' holds no mission.yaml; name the folder of a mission.")
     if target.suffix == ".rrd":
         check_installed()
-    formers = [read_mission(file) for file in files]
+    formers = [MissionFolder(file) for file in files]
     world = world_of(formers[0].spec.world)
     with progress("Flying it again") as tell:
         results, inputs = again(files, world, tell)
@@ -74,5 +74,5 @@ def replay(
                 temporary.write_bytes(content)
     for former, result in zip(formers, results, strict=True):
         if former.is_contradicted_by(result):
-            out.line(f"{former.path}: {former.verdict(result)}")
+            out.line(f"{former.file}: {former.verdict(result)}")
     out.line(f"Written: {target}.")

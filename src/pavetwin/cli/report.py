@@ -11,7 +11,7 @@ from rich.text import Text
 
 from pavetwin.cli.console import err, out
 from pavetwin.mission.environment import INSPECT_MPS, capture_interval_s, inspect_speed_mps, window_m
-from pavetwin.mission.results import save_mission, save_missions
+from pavetwin.mission.saving import save_mission, save_missions
 from pavetwin.mission.summary import (
     TableColumn,
     comparison_columns,
@@ -25,9 +25,9 @@ from pavetwin.traffic.demand import density_named
 
 if TYPE_CHECKING:
     from pavetwin.config import MissionSettings
-    from pavetwin.mission.again import FormerMission
-    from pavetwin.mission.fly import MissionResult
+    from pavetwin.mission.folder import MissionFolder
     from pavetwin.mission.inputs import MissionInputs, OnProgress
+    from pavetwin.mission.result import MissionResult
     from pavetwin.mission.spec import MissionSpec
     from pavetwin.traffic.area import TrafficArea
     from pavetwin.world.model import World
@@ -125,7 +125,7 @@ def save(missions: Iterable["MissionResult"], folder: Path, *, several: bool) ->
     return result
 
 
-def tell(results: Sequence["MissionResult"], inputs: "MissionInputs", former: "FormerMission | None") -> None:
+def tell(results: Sequence["MissionResult"], inputs: "MissionInputs", former: "MissionFolder | None") -> None:
     """Print what came out, and how it compares with a former flight of the same mission."""
     recorder = inputs.replay.recorder
     for path in recorder.damaged if recorder is not None else ():
@@ -140,8 +140,6 @@ def tell(results: Sequence["MissionResult"], inputs: "MissionInputs", former: "F
     for line in (sentence(results), *remarks(results)):
         out.line(line)
     if former is not None:
-        if unnamed := former.unnamed_models():
-            out.print(f"[yellow]Note:[/] {unnamed}", soft_wrap=True)
         if changes := former.version_changes():
             out.print(f"[yellow]Note:[/] flown before with {', '.join(changes)}.", soft_wrap=True)
         out.print(former.verdict(results[0]), markup=False, soft_wrap=True)

@@ -34,8 +34,7 @@ def fit(
         str | None,
         typer.Option(
             metavar="NAME|FILE.onnx",
-            help="The detector that searches datasets, and that searched missions which do not name theirs: one that "
-            f"ships, or a file; for datasets {DEFAULT} unless given.",
+            help=f"The detector that searches datasets: one that ships, or a file; {DEFAULT} unless given.",
         ),
     ] = None,
     check: Annotated[
@@ -113,7 +112,7 @@ def _read(sources: Sequence[Path], model: str | None, confidence: float, tell: C
     PaveTwinError: there is no such folder, a dataset cannot be searched, or none of the missions can be used.
     """
     from pavetwin.capture.looks import is_capture, looks_of
-    from pavetwin.mission.look_table import read_looks
+    from pavetwin.mission.folder import MissionFolder
 
     read = _Read([], [], [])
     for source in sources:
@@ -130,7 +129,7 @@ def _read(sources: Sequence[Path], model: str | None, confidence: float, tell: C
             )
         for folder in missions:
             try:
-                read.looks.append(read_looks(folder, None if model is None else named(model)))
+                read.looks.append(MissionFolder(folder).looks())
                 read.missions.append(folder)
             except PaveTwinError as error:
                 read.left_out.append(str(error))

@@ -181,7 +181,7 @@ def _summary(world: "World", record: "BuildRecord") -> list[tuple[str, str]]:
     """What the table says: names and values."""
     from pavetwin.config.mission import UavSettings
     from pavetwin.defects.placement import PLACED
-    from pavetwin.navigation.base import with_roadside_base
+    from pavetwin.navigation.take_off import with_roadside_base
     from pavetwin.world.model import LaneKind
     from pavetwin.world.osm import paving_words
     from pavetwin.world.segments import outside_words

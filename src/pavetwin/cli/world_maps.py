@@ -39,7 +39,7 @@ def show(
     from pavetwin.draw.condition_map import save_condition_map
     from pavetwin.draw.world_html import save_world_html
     from pavetwin.draw.world_map import save_world_map
-    from pavetwin.navigation.base import with_roadside_base
+    from pavetwin.navigation.take_off import with_roadside_base
     from pavetwin.world.store import load_world
 
     if condition and (ids or html):
@@ -85,7 +85,7 @@ def navmesh(
     pavetwin world navmesh worlds/berlin --altitude 15 -o mesh.png --geopackage mesh.gpkg
     """
     from pavetwin.config import load_settings
-    from pavetwin.config.altitude import check_altitude
+    from pavetwin.config.mission import check_altitude
     from pavetwin.draw.navmesh_map import bake, save_navmesh_map
     from pavetwin.navigation.navmesh import save_geopackage
     from pavetwin.world.store import load_world

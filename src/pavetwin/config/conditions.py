@@ -11,7 +11,7 @@ from typing import Annotated, Any, Final
 
 from pydantic import BeforeValidator, Field
 
-from pavetwin.config.base import Settings
+from pavetwin.config.settings import Settings
 
 FIRST_YEAR: Final = 1950
 LAST_YEAR: Final = 2050

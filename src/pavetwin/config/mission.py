@@ -5,17 +5,78 @@ from functools import cache
 from importlib.resources import files
 from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
-from pavetwin.config.altitude import Altitude
-from pavetwin.config.base import NameOrFile, PluginFiles, Settings, overlay, with_overrides
 from pavetwin.config.conditions import Conditions
-from pavetwin.config.numbers import NonNegative, Positive, Share
 from pavetwin.config.options import Options
-from pavetwin.config.parking import ParkingSettings
+from pavetwin.config.settings import (
+    NameOrFile,
+    NonNegative,
+    PluginFiles,
+    Positive,
+    Settings,
+    Share,
+    overlay,
+    with_overrides,
+)
 from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.plugins import load_plugins
+
+VERTICAL_CLEARANCE_M: Final = 1.0
+"""Kept above and below the UAV: whatever reaches into altitude ± this is an obstacle."""
+
+TALLEST_VEHICLE_M: Final = 4.0
+"""What Council Directive 96/53/EC allows on the road; the recorded traffic knows of no UAV and gives no way."""
+
+LOWEST_M: Final = TALLEST_VEHICLE_M + VERTICAL_CLEARANCE_M
+
+CEILING_M: Final = 120.0
+"""Of the open category in the EU, (EU) 2019/947; 14 CFR 107.51 has 400 ft, 122 m."""
+
+
+def checked_altitude(altitude_m: float) -> float:
+    """The altitude, if the UAV may fly there.
+
+    Raises:
+        ValueError: it is too low or too high, or no number; the message says why, without naming the value.
+    """
+    if not altitude_m >= LOWEST_M:
+        raise ValueError(
+            f"the UAV flies at {LOWEST_M:g} m or higher, {VERTICAL_CLEARANCE_M:g} m clear of vehicles of up to "
+            f"{TALLEST_VEHICLE_M:g} m; choose a higher altitude"
+        )
+    if altitude_m > CEILING_M:
+        raise ValueError(
+            f"the UAV flies at {CEILING_M:g} m or lower, the legal ceiling in the EU and the US; choose a lower "
+            "altitude"
+        )
+    return altitude_m
+
+
+def check_altitude(altitude_m: float) -> None:
+    """Look whether the UAV may fly there.
+
+    Raises:
+        PaveTwinError: it may not; the message names the parameter.
+    """
+    try:
+        checked_altitude(altitude_m)
+    except ValueError as error:
+        raise PaveTwinError(f"`altitude_m` {altitude_m:g}: {error}.") from error
+
+
+Altitude = Annotated[float, AfterValidator(checked_altitude)]
+"""Of settings, in metres."""
+
+
+class ParkingSettings(Settings):
+    """Parked vehicles of a mission."""
+
+    enabled: bool = True
+    """Vehicles stand in the parking places."""
+    occupancy: Annotated[float, Field(ge=0, le=1)] | None = None
+    """Share of the places that are taken; null: the daily curve for type of street, day of the week and time."""
 
 
 class UavSettings(Settings):

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from yaml import YAMLError
 
-from pavetwin.config.base import PlacedValueError, Settings
+from pavetwin.config.settings import PlacedValueError, Settings
 from pavetwin.config.text import line_of, parse_yaml, why_unread
 from pavetwin.errors import PaveTwinError, no_such
 

@@ -18,8 +18,7 @@ from pydantic import model_validator
 from shapely import Point, Polygon
 
 from pavetwin.arrays import Float64Array
-from pavetwin.config.base import Settings
-from pavetwin.config.numbers import Share
+from pavetwin.config.settings import Settings, Share
 from pavetwin.defects.poses import ALONG_SPREAD_RAD, Poses, Position, RoadSection, anywhere, poses, positioned
 from pavetwin.defects.shapes import between
 from pavetwin.seeds import Stream, child

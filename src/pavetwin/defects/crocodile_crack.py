@@ -9,7 +9,7 @@ import numpy as np
 
 from pavetwin._core import relief_blocks, relief_largest_part, relief_noise
 from pavetwin.arrays import Float32Array, Float64Array, IndexArray, UInt16Array
-from pavetwin.config.base import Settings
+from pavetwin.config.settings import Settings
 from pavetwin.defects import poses
 from pavetwin.defects.heightfield import Heightfield, Lattice, Marking, Stains
 from pavetwin.defects.registry import LabelRule, defect_class

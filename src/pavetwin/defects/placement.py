@@ -24,7 +24,7 @@ import shapely
 from pydantic import Field, model_validator
 from shapely import Point, Polygon
 
-from pavetwin.config.base import NameOrFile, Settings
+from pavetwin.config.settings import NameOrFile, Settings
 from pavetwin.defects.context import Feature, poses_at, room_for
 from pavetwin.defects.heightfield import Heightfield
 from pavetwin.defects.measures import measure

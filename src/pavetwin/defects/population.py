@@ -22,9 +22,8 @@ from typing import Annotated, Final, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from pavetwin.config.base import PlacedValueError, Settings
 from pavetwin.config.named import names_in, read_named
-from pavetwin.config.numbers import NUMBER, Positive, Share, Title, Weight
+from pavetwin.config.settings import NUMBER, PlacedValueError, Positive, Settings, Share, Title, Weight
 from pavetwin.defects.context import STRAIGHT, CrackContext
 from pavetwin.defects.poses import Poses, Position, RoadSection, positioned
 from pavetwin.defects.registry import DEFECT_CLASSES, DefectKind, kinds

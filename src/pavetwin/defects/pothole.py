@@ -9,7 +9,7 @@ from pydantic import Field
 
 from pavetwin._core import relief_pebbles, relief_region
 from pavetwin.arrays import BoolArray, Float32Array, Float64Array, IndexArray
-from pavetwin.config.base import Settings
+from pavetwin.config.settings import Settings
 from pavetwin.defects import poses
 from pavetwin.defects.heightfield import Heightfield, Lattice, Marking, Stains
 from pavetwin.defects.maps import distances_px, mean_around

@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from shapely import affinity
 
-from pavetwin.config.base import Settings
+from pavetwin.config.settings import Settings
 from pavetwin.defects.heightfield import Heightfield
 from pavetwin.defects.measures import Measures, length_of, measure
 from pavetwin.defects.poses import PoseSampler, RoadSection

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from pavetwin._core import relief_pebbles
 from pavetwin.arrays import Float32Array, Float64Array, IndexArray
-from pavetwin.config.base import Settings
+from pavetwin.config.settings import Settings
 from pavetwin.defects import poses
 from pavetwin.defects.heightfield import Heightfield, Lattice, Marking, Stains
 from pavetwin.defects.poses import Position

@@ -13,7 +13,7 @@ from pavetwin.draw.film import Film
 from pavetwin.draw.mission_style import AGENT_COLOURS, OPEN_DEFECT, UAV, rgb, visibility_rgb
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
-from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.result import MissionResult
 
 SAMPLES = 12
 """Frames that the palette of a GIF is chosen from."""

@@ -17,7 +17,7 @@ from pavetwin.draw.shadows import SeenSurface, columns_near, shadows
 from pavetwin.draw.street_names import shown_label
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import window_m
-from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.result import MissionResult
 from pavetwin.mission.timeline import Timeline, TimelineState
 from pavetwin.twin import Place
 

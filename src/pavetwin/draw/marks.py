@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from pavetwin.arrays import Float64Array
 from pavetwin.mission.environment import window_m
-from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.inspected_defects import MissReason
+from pavetwin.mission.result import MissionResult
 from pavetwin.mission.timeline import Timeline
 from pavetwin.uav import camera_of
 

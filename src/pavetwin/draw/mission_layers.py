@@ -19,7 +19,7 @@ from pavetwin.draw.lettering import OccupiedSpace
 from pavetwin.draw.marks import DefectOutcome, outcomes, rectangles, windows
 from pavetwin.draw.turned import MapTransform
 from pavetwin.draw.world_map import ABOVE_WORLD, base_symbol
-from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.result import MissionResult
 from pavetwin.mission.track import HoverStop, avoiding, displacements, inspecting, revisits, runs, waits
 
 CAPTURED, GAP = "#CFE2EF", "#F3CDB4"

@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from pavetwin.draw import style
 from pavetwin.draw.marks import DefectOutcome, outcomes
 from pavetwin.draw.mission_layers import AVOID, BATTERY, CAPTURED, GAP, PARKED, PARKED_EDGE, REVISIT, STEP, WAIT
-from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.result import MissionResult
 from pavetwin.mission.track import avoiding, displacements, revisits, waits
 
 Handle = Artist | tuple[Artist, ...]

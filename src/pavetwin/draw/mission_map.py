@@ -20,7 +20,7 @@ from pavetwin.draw.turned import MapTransform
 from pavetwin.draw.world_map import ABOVE_WORLD, MapLayer, draw_world
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import window_m
-from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.result import MissionResult
 from pavetwin.traffic.demand import USER
 from pavetwin.world.ground import Bounds
 from pavetwin.world.model import World

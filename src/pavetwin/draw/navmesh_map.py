@@ -12,8 +12,7 @@ from pavetwin.draw import shapes, style
 from pavetwin.draw.extent import credit, world_bounds
 from pavetwin.draw.style import LegendEntry
 from pavetwin.draw.world_map import EVERYTHING, MapLayer, draw_world
-from pavetwin.navigation.domain import obstacles
-from pavetwin.navigation.navmesh import navmesh, part_at, polygons, segments_in_reach
+from pavetwin.navigation.navmesh import navmesh, obstacles, part_at, polygons, segments_in_reach
 from pavetwin.world.model import World
 from pavetwin.world.solids import solids
 

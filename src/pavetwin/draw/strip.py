@@ -20,8 +20,8 @@ from pavetwin.draw.mission_layers import (
 from pavetwin.draw.turned import MapTransform
 from pavetwin.draw.world_map import EVERYTHING, MapLayer, draw_world
 from pavetwin.mission.environment import window_m
-from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.metrics import SegmentMetrics
+from pavetwin.mission.result import MissionResult
 
 TALLEST_IN = 2.0
 GAP_IN = 0.1

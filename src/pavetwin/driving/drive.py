@@ -14,27 +14,118 @@ not react, and drives through the car. The same pedals give the same drive: `dri
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from math import hypot
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import shapely
 from shapely import STRtree
 
-from pavetwin._core import NadirCamera, Viewpoint
+from pavetwin._core import Ground, NadirCamera, Trace, Viewpoint
 from pavetwin.capture.platforms.car import REAR
 from pavetwin.config import MissionSettings
 from pavetwin.driving.car import CarLimits, CarState, Pedals, moved, speed_after, steering_after
-from pavetwin.driving.outcomes import DefectLooks
 from pavetwin.driving.road import ASIDE, DrivableRoad, body
-from pavetwin.driving.seen import SeenCells
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.by_hand import STEP_S
 from pavetwin.mission.detections import DetectionLog
 from pavetwin.mission.environment import MissionEnvironment, shutter_s
+from pavetwin.mission.inspected_defects import HIDDEN, MissReason
 from pavetwin.mission.mission import Traffic
 from pavetwin.sensing import Frame, Outcome, Sensor
+
+if TYPE_CHECKING:
+    from pavetwin._core import DefectShares
+
+
+@dataclass
+class DefectLooks:
+    """The captures with a defect's centre in them."""
+
+    captures: int = 0
+    visible: float = 0.0
+    """The largest visible share of its area."""
+    time_s: float | None = None
+    """Of the first capture that showed so much."""
+    _hidden: dict[MissReason, float] = field(default_factory=lambda: dict.fromkeys(HIDDEN, 0.0))
+
+    def add(self, shares: "DefectShares", time_s: float) -> None:
+        """One more capture."""
+        self.captures += 1
+        if self.time_s is None or shares["visible"] > self.visible:
+            self.visible, self.time_s = shares["visible"], time_s
+        for reason, column in HIDDEN.items():
+            self._hidden[reason] += shares[column]  # type: ignore[literal-required]
+
+    def hidden_by(self) -> dict[MissReason, float]:
+        """What hid it: shares of its area, as means over the captures."""
+        return {reason: share / self.captures for reason, share in self._hidden.items() if share}
+
+    def reason(self, least_visible: float) -> MissReason:
+        """Why it was missed.
+
+        Args:
+            least_visible: share that a capture must show of it, for a sensor to report it.
+        """
+        if not self.captures:
+            return MissReason.OUTSIDE_SWATH
+        if self.visible >= least_visible:
+            return MissReason.NOT_RECOGNISED
+        hidden = self.hidden_by()
+        return max(hidden, key=lambda reason: hidden[reason])
+
+
+UNIT_M: Final = 0.001
+"""Places of cells are told apart to this, which is far below a cell's side."""
+
+
+class SeenCells:
+    """Which cells of each segment were visible in at least one capture."""
+
+    def __init__(self, ground: Ground, camera: NadirCamera, height_m: float) -> None:
+        """Args:
+        camera: looks straight down; what is in its inspection window counts.
+        height_m: of the camera above the ground.
+        """
+        self._ground, self._camera, self._height_m = ground, camera, height_m
+        self._cells: dict[int, set[tuple[int, int]]] = {}
+        self._counts: dict[int, int] = {}
+
+    @property
+    def targets(self) -> list[int]:
+        """Indices of the segments of which something was in a capture, in the order of the first."""
+        return list(self._cells)
+
+    def share(self, segment: int) -> float:
+        """Of a segment's cells, those seen."""
+        if segment not in self._counts:
+            nowhere, north = np.zeros((0, 2)), np.zeros(0)
+            self._counts[segment] = self._ground.reach(segment, self._camera, self._height_m, nowhere, north)["cells"]
+        return len(self._cells.get(segment, ())) / max(1, self._counts[segment])
+
+    def look(
+        self, segments: list[int], trace: Trace, time_s: float, viewpoint: Viewpoint, *, counts: bool
+    ) -> float | None:
+        """Look at segments.
+
+        Args:
+            counts: whether it is a capture, so that what is visible counts as seen.
+
+        Returns:
+            o, the visible share of their cells in the window that nothing which stands still hides; None where there
+            are none.
+        """
+        candidates = visible = 0
+        for segment in segments:
+            look = self._ground.observe(segment, trace, time_s, self._camera, viewpoint)
+            candidates += len(look["candidates"])
+            visible += len(look["visible"])
+            if counts and len(look["candidates"]):
+                cells = np.round(look["visible"] / UNIT_M).astype(np.int64)
+                self._cells.setdefault(segment, set()).update(map(tuple, cells.tolist()))
+        return visible / candidates if candidates else None
+
 
 CAPTURE_EVERY_M: Final = 1.5
 """Driven between two captures: half of what an image shows along the road, so that each place is in two of them."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import polars as pl
 
-from pavetwin.config.base import ALIASES
+from pavetwin.config.settings import ALIASES
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import ENVIRONMENT
 from pavetwin.experiments.ground_view import GroundView, ground_view

@@ -19,8 +19,8 @@ from pydantic import (
 )
 
 from pavetwin.config import Conditions, MissionSettings, Settings
-from pavetwin.config.altitude import Altitude
-from pavetwin.config.base import ALIASES
+from pavetwin.config.mission import Altitude
+from pavetwin.config.settings import ALIASES
 from pavetwin.config.text import parse_yaml
 from pavetwin.defects import DefectOptions
 from pavetwin.defects.placement import as_written

@@ -43,13 +43,12 @@ from pavetwin.experiments.plan import (
     world_of_study,
 )
 from pavetwin.experiments.tours import MISSION_COLUMNS
-from pavetwin.mission.environment import MissionEnvironment, Surroundings, prepare
-from pavetwin.mission.fly import MissionResult, fly
+from pavetwin.mission.environment import MissionEnvironment, ParkingInput, Surroundings, prepare
+from pavetwin.mission.fly import fly
 from pavetwin.mission.inputs import MissionInputs
-from pavetwin.mission.metrics import SegmentMetrics
-from pavetwin.mission.parked import ParkingInput
+from pavetwin.mission.metrics import SegmentMetrics, totals
 from pavetwin.mission.replay import Replay
-from pavetwin.mission.results import totals
+from pavetwin.mission.result import MissionResult
 from pavetwin.mission.spec import DefectInput, MissionSpec, PolicyInput, WorldInput
 from pavetwin.mission.versions import renderer_of
 from pavetwin.sensing import ImageSource, Sensor, load_sensor, reused_sensor, sensor_class

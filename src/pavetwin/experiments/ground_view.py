@@ -6,8 +6,8 @@ from math import hypot
 from typing import Any, Final
 
 from pavetwin.config import MissionSettings, load_settings
-from pavetwin.config.base import ALIASES
 from pavetwin.config.mission import LEAST_PX
+from pavetwin.config.settings import ALIASES
 from pavetwin.defects.registry import DEFECT_CLASSES
 from pavetwin.mission.environment import inspect_speed_mps, shutter_s
 from pavetwin.reports.words import listed

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
-from pavetwin.config.base import ALIASES
 from pavetwin.config.mission import PolicySettings
+from pavetwin.config.settings import ALIASES
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
 from pavetwin.policies import policy_class, policy_names

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from pavetwin.config import MissionSettings, load_settings
-from pavetwin.config.base import ALIASES
 from pavetwin.config.options import OptionValue, options_of_one
+from pavetwin.config.settings import ALIASES
 from pavetwin.errors import PaveTwinError, naming
 from pavetwin.experiments.design import ALL, Design, Value, WorldEntry
 from pavetwin.experiments.owners import EVERYONE, Owners, has_setting

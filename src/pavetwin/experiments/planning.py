@@ -16,9 +16,8 @@ from pavetwin.experiments.owners import owners_of
 from pavetwin.experiments.plan import IN_DESIGN_FILE, Cell, Plan, cells_of, content_of, take_offs, traffic_area_m
 from pavetwin.files import file_sha256
 from pavetwin.mission.environment import Surroundings
-from pavetwin.mission.plan import check_distinct, check_names
+from pavetwin.mission.planning import check_distinct, check_names, short_tour
 from pavetwin.mission.spec import PolicyInput, files_of_settings
-from pavetwin.mission.targets import short_tour
 from pavetwin.mission.versions import packages_in_use
 from pavetwin.plugins import load_plugins, registered_in
 from pavetwin.reports.words import listed

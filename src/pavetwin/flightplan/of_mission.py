@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import groupby, pairwise
 from math import atan2, degrees, hypot
-from pathlib import Path
 from typing import Any, Final
 
 import polars as pl
@@ -15,15 +14,14 @@ from pavetwin._core import NavMesh
 from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.flightplan.model import LEAST_LEG_M, FlightPlan, PlannedFlight, Trigger, WayHome, Waypoint
-from pavetwin.mission.again import FormerMission
 from pavetwin.mission.environment import capture_interval_s, inspect_speed_mps
+from pavetwin.mission.folder import MissionFolder
+from pavetwin.mission.saving import TRACK
 from pavetwin.navigation.navmesh import navmesh
 from pavetwin.twin import Mode
 from pavetwin.world.georeference import DEFAULT_ANCHOR_DEG, GeoReference, anchored, from_wgs84
 from pavetwin.world.model import World
 from pavetwin.world.solids import solids
-
-TRACK: Final = "track.parquet"
 
 COLUMNS: Final = ("x_m", "y_m", "altitude_m", "mode", "segment")
 """Of a track, as far as a plan needs it."""
@@ -56,7 +54,7 @@ class _Sample:
         return hypot(other.x_m - self.x_m, other.y_m - self.y_m)
 
 
-def plan_of(mission: FormerMission, world: World, *, trigger: Trigger = Trigger.DISTANCE) -> FlightPlan:
+def plan_of(mission: MissionFolder, world: World, *, trigger: Trigger = Trigger.DISTANCE) -> FlightPlan:
     """The plan of a mission, from the track in its folder.
 
     Args:
@@ -66,11 +64,10 @@ def plan_of(mission: FormerMission, world: World, *, trigger: Trigger = Trigger.
         PaveTwinError: the world has no place on the earth, or the track is missing or damaged.
     """
     check_place(world)
-    rows = _read_track(mission.path.parent / TRACK)
-    name = mission.path.absolute().parent.name
-    plan = plan_of_track(rows, mission.spec.settings, world, name=name, trigger=trigger)
+    rows = _rows(mission)
+    plan = plan_of_track(rows, mission.spec.settings, world, name=mission.name, trigger=trigger)
     if not plan.flights:
-        raise PaveTwinError(f"'{mission.path.parent / TRACK}' holds no flight.")
+        raise PaveTwinError(f"'{mission.folder / TRACK}' holds no flight.")
     return plan
 
 
@@ -129,11 +126,11 @@ def check_place(world: World) -> None:
         )
 
 
-def _read_track(path: Path) -> Sequence[Mapping[str, Any]]:
+def _rows(mission: MissionFolder) -> Sequence[Mapping[str, Any]]:
     try:
-        return pl.read_parquet(path, columns=[*COLUMNS]).cast({"mode": pl.String}).to_dicts()
-    except (OSError, pl.exceptions.PolarsError) as error:
-        raise PaveTwinError(f"Cannot read '{path}', the track of the mission; fly it again: {error}") from error
+        return mission.track.select(COLUMNS).cast({"mode": pl.String}).to_dicts()
+    except pl.exceptions.PolarsError as error:
+        raise PaveTwinError(f"'{mission.folder / TRACK}' is damaged; fly the mission again: {error}") from error
 
 
 def _flights(rows: Sequence[Mapping[str, Any]]) -> Iterator[list[_Sample]]:

@@ -11,12 +11,11 @@ from shapely import Point
 from pavetwin.config import MissionSettings
 from pavetwin.flightplan.model import FlightPlan, Trigger
 from pavetwin.flightplan.of_mission import COLUMNS, check_place, plan_of_track
-from pavetwin.mission.empty_streets import EmptyStreets
 from pavetwin.mission.environment import prepare
+from pavetwin.mission.estimate import EmptyStreets
 from pavetwin.mission.fly import fly_over
-from pavetwin.mission.reach import check_reach
-from pavetwin.mission.results import track_table
-from pavetwin.mission.targets import choose_targets
+from pavetwin.mission.planning import check_reach, choose_targets
+from pavetwin.mission.saving import track_table
 from pavetwin.world.model import World
 
 

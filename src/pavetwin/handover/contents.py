@@ -15,8 +15,8 @@ from pavetwin.handover.streets import StreetAdvice
 from pavetwin.inventory.condition import with_detected
 from pavetwin.inventory.of_mission import flown
 from pavetwin.inventory.reading import Reading
-from pavetwin.mission.again import FormerMission
 from pavetwin.mission.condition import ConditionReport, condition_of_mission, street_condition, unit_table
+from pavetwin.mission.folder import MissionFolder
 from pavetwin.mission.inspected_defects import MissReason
 from pavetwin.policies import policy_class
 from pavetwin.world.model import Defect, World
@@ -46,7 +46,7 @@ class Handover:
 
     name: str
     """Of the mission, or of the study that recommends it."""
-    mission: FormerMission
+    mission: MissionFolder
     world: World
     plan: FlightPlan
     condition: ConditionReport
@@ -114,7 +114,7 @@ class Handover:
 
 
 def handover_of(
-    mission: FormerMission,
+    mission: MissionFolder,
     *,
     name: str = "",
     trigger: Trigger = Trigger.DISTANCE,
@@ -131,7 +131,7 @@ def handover_of(
         PaveTwinError: the world or a file of the mission is gone, damaged or not what it was, its files contradict each
             other, or the world has no place on the earth.
     """
-    folder, reading = mission.path.parent, flown(mission.path.parent)
+    folder, reading = mission.folder, flown(mission)
     condition = with_detected(condition_of_mission(mission), reading)
     world = condition.world
     if advice is not None:
@@ -149,7 +149,7 @@ def handover_of(
     if advice is not None:
         whole = whole.join(advice.table, on="street", how="left")
     return Handover(
-        *(name or mission.path.absolute().parent.name, mission, world, plan, condition, shapes, defects),
+        *(name or mission.name, mission, world, plan, condition, shapes, defects),
         units=unit_table(condition),
         streets=whole.sort("pci", "street"),
         reading=reading,
@@ -186,7 +186,7 @@ def _table(path: Path, columns: Mapping[str, Any]) -> pl.DataFrame:
     return table.select(*columns)
 
 
-def _matched(mission: FormerMission, defects: pl.DataFrame, condition: ConditionReport) -> list[Defect]:
+def _matched(mission: MissionFolder, defects: pl.DataFrame, condition: ConditionReport) -> list[Defect]:
     """The defects of the table's rows.
 
     Raises:
@@ -194,7 +194,8 @@ def _matched(mission: FormerMission, defects: pl.DataFrame, condition: Condition
     """
     placed = {defect.id: defect for defect in condition.defects}
     found = set(defects.filter(outcome="found")["id"])
-    captured = {int(feature["id"]) for feature in mission.detections["features"]}
+    assert mission.captures is not None
+    captured = {int(feature["id"]) for feature in mission.captures["features"]}
     outcomes = set(defects["outcome"].to_list()) | {"found", "missed"}
     known = {None, *map(str, MissReason)}
     fits = (
@@ -207,7 +208,7 @@ def _matched(mission: FormerMission, defects: pl.DataFrame, condition: Condition
     )
     if not fits:
         raise PaveTwinError(
-            f"'{mission.path.parent / DEFECTS}' is not of the same mission as {mission.path.name} and captures.geojson "
+            f"'{mission.folder / DEFECTS}' is not of the same mission as {mission.file.name} and captures.geojson "
             "beside it, or was changed; fly the mission again."
         )
     return [placed[number] for number in defects["id"]]

@@ -87,7 +87,7 @@ def write_handover(
     with writing_folder(folder, replace=True) as temporary:
         plans = save_plan(handover.plan, temporary / PLANS, formats)
         if with_mission:
-            shutil.copytree(handover.mission.path.parent, temporary / MISSION)
+            shutil.copytree(handover.mission.folder, temporary / MISSION)
         if handover.measured:
             write_inventory(entries_of(handover.reading), handover.reading.frame, temporary / INVENTORY)
         handover.defects.write_csv(temporary / "defects.csv")

@@ -16,9 +16,10 @@ from pavetwin.experiments.store import Store
 from pavetwin.flightplan.of_mission import check_place
 from pavetwin.handover.streets import StreetAdvice, street_advice
 from pavetwin.mission.environment import prepare
-from pavetwin.mission.fly import MissionResult, fly
+from pavetwin.mission.fly import fly
 from pavetwin.mission.inputs import MissionInputs, defects_of, load_inputs
-from pavetwin.mission.plan import defect_input, plan_mission, traffic_input
+from pavetwin.mission.planning import defect_input, plan_mission, traffic_input
+from pavetwin.mission.result import MissionResult
 from pavetwin.mission.spec import DefectInput, MissionSpec
 from pavetwin.policies import policy_class
 from pavetwin.sensing import ImageSource

@@ -10,8 +10,8 @@ from pavetwin.defects.placement import PLACED
 from pavetwin.experiments.statistics.summary import FEW
 from pavetwin.handover.contents import Handover
 from pavetwin.mission.environment import capture_interval_s, inspect_speed_mps
-from pavetwin.mission.found_share import found_share
 from pavetwin.mission.inspected_defects import missed_words
+from pavetwin.mission.metrics import found_share
 from pavetwin.pci import rating_of
 from pavetwin.policies import Pilot, policy_class, policy_names
 from pavetwin.reports.words import MISSING, counted, listed, number, percent

@@ -15,7 +15,7 @@ from pavetwin.inventory.of_mission import reported
 from pavetwin.inventory.probability import class_of
 from pavetwin.inventory.reading import Reading
 from pavetwin.mission.condition import ConditionReport
-from pavetwin.mission.fly import MissionResult
+from pavetwin.mission.result import MissionResult
 from pavetwin.pci import MeasuredDefect, SampleUnit, UnitCondition, mean_pci, measured_conditions, sample_units
 from pavetwin.sensing.entry_model import EntryModel
 from pavetwin.world.georeference import GeoReference, from_wgs84

@@ -16,13 +16,13 @@ from pavetwin.arrays import Float64Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.inventory.entry import SEVERITIES, entry_of
 from pavetwin.inventory.merging import merged
-from pavetwin.inventory.of_mission import TABLE, flown
+from pavetwin.inventory.of_mission import flown
 from pavetwin.inventory.probability import class_of, size_px_of
+from pavetwin.mission.folder import MissionFolder
+from pavetwin.mission.saving import DEFECTS
 from pavetwin.sensing import OTHER_CLASSES
 from pavetwin.sensing.entry_model import OF_ENTRY, EntryModel, entry_values
 from pavetwin.sensing.fitted_number import FittedNumber
-
-DEFECTS: Final = "defects.csv"
 
 _LEVEL: Final = 0.015
 _EFFECT: Final = 0.3
@@ -53,11 +53,12 @@ def judged_inventory(folder: Path) -> JudgedInventory:
     """The entries of a mission of the sensor `detector`, each compared with what is there.
 
     Raises:
-        PaveTwinError: a file of the mission is gone, damaged or of an earlier version.
+        PaveTwinError: a file of the mission is missing or damaged.
     """
-    reading = flown(folder)
+    mission = MissionFolder(folder)
+    reading = flown(mission)
     try:
-        table = pl.read_parquet(folder / TABLE).filter(~pl.col("class").is_in(list(OTHER_CLASSES)))
+        table = mission.detections.filter(~pl.col("class").is_in(list(OTHER_CLASSES)))
         is_matched = table["defect"].is_not_null().to_numpy()
         there = pl.read_csv(folder / DEFECTS, columns=["class", "severity"])
     except (OSError, pl.exceptions.PolarsError) as error:

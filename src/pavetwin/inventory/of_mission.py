@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from shlex import quote
 from typing import Any, Final
 
 import numpy as np
@@ -20,17 +19,15 @@ from pavetwin.inventory.observation import Observation
 from pavetwin.inventory.probability import entry_model
 from pavetwin.inventory.reading import Reading
 from pavetwin.labels.classes import label_name
-from pavetwin.mission.fly import MissionResult
-from pavetwin.mission.look_table import check_version, detector_of, detector_sha256, measures_sizes, names_no_detector
-from pavetwin.mission.results import detections_table
+from pavetwin.mission.folder import MissionFolder, detector_of
+from pavetwin.mission.result import MissionResult
+from pavetwin.mission.saving import detections_table
 from pavetwin.perception.classes import SIZES
 from pavetwin.perception.inference.pictures import pixels_of
 from pavetwin.perception.results.measuring import NOT_RESOLVABLE, check_size
 from pavetwin.perception.results.photograph import pose_of
 from pavetwin.sensing import OTHER_CLASSES
 from pavetwin.world.georeference import GeoReference, anchored, from_wgs84
-
-TABLE: Final = "detections.parquet"
 
 FRAMES: Final = "frames"
 
@@ -39,13 +36,8 @@ NO_CROPS: Final = "There are no crops; `pavetwin fly WORLD save_frames=hits` sav
 _OF_IMAGES: Final = {"capture": pl.Int64, "image": pl.String}
 """Columns of the table of images."""
 
-LATER: Final = ("footprint", "is_cut", "pixel_mm", "severity", *SIZES)
-"""Columns that missions of earlier versions do not have."""
 
-
-def flown_together(
-    folders: Sequence[Path], *, position_error_m: float = 0.0, fitted: str | None = None, model: Path | None = None
-) -> Reading:
+def flown_together(folders: Sequence[Path], *, position_error_m: float = 0.0, fitted: str | None = None) -> Reading:
     """What the sensors of several missions over one place reported, in the frame of the first; see `flown`.
 
     A mission that cannot be read is a remark.
@@ -58,7 +50,7 @@ def flown_together(
     frame: GeoReference | None = None
     for folder in folders:
         try:
-            mine = flown(folder, position_error_m=position_error_m, frame=frame, fitted=fitted, model=model)
+            mine = flown(folder, position_error_m=position_error_m, frame=frame, fitted=fitted)
         except PaveTwinError as error:
             wrong.append(error)
             continue
@@ -81,48 +73,36 @@ def flown_together(
 
 
 def flown(
-    folder: Path,
+    mission: MissionFolder | Path,
     *,
     position_error_m: float = 0.0,
     frame: GeoReference | None = None,
     fitted: str | None = None,
-    model: Path | None = None,
 ) -> Reading:
     """What the sensor of a mission reported: all its detections of defects, as an agency gets them, without the
     judgement of what is there.
 
     Args:
-        folder: of the mission.
+        mission: the mission, or its folder.
         position_error_m: standard deviation of the camera's position, east and north each; 0 in the simulation.
         frame: of the places; unless given, one whose origin is the first detection.
         fitted: the sensor that tells how likely entries are defects, see `pavetwin.inventory.probability.entry_model`.
-        model: the file of its detector, for a mission that does not name it.
 
     Raises:
-        PaveTwinError: its detections are gone, its table of images is damaged, the mission is of an earlier version,
-            the error is out of its bounds, or `fitted` does not fit.
+        PaveTwinError: its description, its detections or its table of images are missing or damaged, the error is out
+            of its bounds, or `fitted` does not fit.
     """
     check_size("position_error_m", position_error_m, may_be_zero=True)
-    if (folder / "mission.yaml").is_file():
-        check_version(folder)
-    path = folder / TABLE
-    try:
-        table = pl.read_parquet(path)
-    except (OSError, pl.exceptions.PolarsError) as error:
-        raise PaveTwinError(f"'{path}' cannot be read; fly the mission again.") from error
-    if gone := [name for name in LATER if name not in table.columns]:
-        raise PaveTwinError(f"'{path}' is of an earlier version (it has no column '{gone[0]}'); fly the mission again.")
+    mission = mission if isinstance(mission, MissionFolder) else MissionFolder(mission)
+    table = mission.detections
     rows = _of_defects(table)
-    images = _images(folder)
+    images = _images(mission.folder)
     captures = table["capture"].n_unique()
     remarks = () if images or not rows else (NO_CROPS,)
-    detector = detector_sha256(folder, model)
-    if detector is None and names_no_detector(folder):
-        remarks, known = (*remarks, _unnamed(folder)), None
-    else:
-        known = entry_model(detector, fitted)
+    detector = mission.detector
+    known = entry_model(detector, fitted)
     if not rows:
-        measures = measures_sizes(folder, model)
+        measures = mission.measures_sizes
         return Reading((), None, captures, remarks, detector=detector, entry_model=known, is_of_measuring=measures)
     frame = frame or anchored(rows[0]["latitude"], rows[0]["longitude"])
     observations = tuple(_observed(row, frame, images, position_error_m) for row in rows)
@@ -132,8 +112,8 @@ def flown(
 def reported(result: MissionResult) -> Reading:
     """What a sensor that measures sizes reported in a mission, without files: as `flown` reads it from the mission's
     folder."""
-    said, table = result.spec.as_values(), detections_table(result)
-    detector = detector_of(said) if said["settings"]["sensing"]["sensor"] == "detector" else None
+    table = detections_table(result)
+    detector = detector_of(result.settings.sensing, result.spec.plugins)
     frame = result.environment.world.georeference
     observations = tuple(_observed(row, frame, {}, 0.0) for row in _of_defects(table))
     return Reading(
@@ -148,13 +128,6 @@ def reported(result: MissionResult) -> Reading:
 
 def _of_defects(table: pl.DataFrame) -> list[dict[str, Any]]:
     return [row for row in table.iter_rows(named=True) if row["class"] not in OTHER_CLASSES]
-
-
-def _unnamed(folder: Path) -> str:
-    return (
-        f"'{folder}' does not say which detector looked at its images: its entries are without a probability; "
-        f"`pavetwin inventory {quote(str(folder))} model=NAME` tells."
-    )
 
 
 def _images(folder: Path) -> Mapping[int, Path]:

@@ -2,15 +2,15 @@
 
 from pavetwin._core import BatteryLow, Captured, Occluded
 from pavetwin.mission.environment import MissionEnvironment, prepare
-from pavetwin.mission.fly import MissionResult, fly, fly_over, result_of
+from pavetwin.mission.fly import fly, fly_over
 from pavetwin.mission.inputs import MissionInputs, load_inputs
-from pavetwin.mission.metrics import SegmentMetrics
+from pavetwin.mission.metrics import SegmentMetrics, Totals, totals
 from pavetwin.mission.mission import Mission
-from pavetwin.mission.plan import plan_mission
+from pavetwin.mission.planning import choose_targets, plan_mission
 from pavetwin.mission.replay import Replay, replay_of
-from pavetwin.mission.results import Totals, save_mission, save_missions, totals
+from pavetwin.mission.result import MissionResult, result_of
+from pavetwin.mission.saving import save_mission, save_missions
 from pavetwin.mission.spec import MissionSpec
-from pavetwin.mission.targets import choose_targets
 from pavetwin.mission.timeline import Timeline
 
 __all__ = [

@@ -25,9 +25,9 @@ from pavetwin._core import BatteryLow, Captured, Occluded, Paused, RecordingEnds
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import inspect_speed_mps
 from pavetwin.mission.events import BatteryRanLow, MissionEvent, OcclusionStarted, SegmentFinished, SegmentStarted
-from pavetwin.mission.fly import MissionResult, result_of, spec_of
 from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.mission import Event, Mission
+from pavetwin.mission.result import MissionResult, result_of, spec_of
 from pavetwin.mission.spec import HANDED_IN
 from pavetwin.sensing import Outcome, Sensor
 from pavetwin.twin import SegmentStatus

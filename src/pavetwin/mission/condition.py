@@ -9,7 +9,7 @@ import polars as pl
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
-from pavetwin.mission.again import FormerMission
+from pavetwin.mission.folder import MissionFolder
 from pavetwin.mission.inputs import check_unchanged, defects_of, world_of
 from pavetwin.pci import Survey, UnitCondition, mean_pci, not_counted, rating_of, sample_units
 from pavetwin.world.layers import columns_of, write_layer
@@ -52,15 +52,15 @@ def condition_of_world(world: World) -> ConditionReport:
     return ConditionReport(world, true, None, not_counted(world.defects), world.defects)
 
 
-def condition_of_mission(mission: FormerMission) -> ConditionReport:
+def condition_of_mission(mission: MissionFolder) -> ConditionReport:
     """The condition of the segments that a mission inspected.
 
     Raises:
         PaveTwinError: its world has changed, or its `captures.geojson` is gone or damaged.
     """
-    if mission.detections is None:
+    if mission.captures is None:
         raise PaveTwinError(
-            f"'{mission.path.parent}' has no captures.geojson, which says what was found; fly it again."
+            f"'{mission.folder}' has no readable captures.geojson with the defects found; fly it again."
         )
     world = world_of(mission.spec.world)
     check_unchanged(mission.spec, world)
@@ -70,11 +70,9 @@ def condition_of_mission(mission: FormerMission) -> ConditionReport:
     defects = tuple(defect for defect in placed if defect.segment in inspected)
     survey = Survey(sample_units(targets), defects)
     try:
-        found = [int(feature["id"]) for feature in mission.detections["features"]]
+        found = [int(feature["id"]) for feature in mission.captures["features"]]
     except (KeyError, TypeError, ValueError) as error:
-        raise PaveTwinError(
-            f"'{mission.path.parent / 'captures.geojson'}' is damaged; fly the mission again."
-        ) from error
+        raise PaveTwinError(f"'{mission.folder / 'captures.geojson'}' is damaged; fly the mission again.") from error
     return ConditionReport(world, survey.conditions(), survey.conditions(found), not_counted(defects), defects)
 
 

@@ -1,11 +1,12 @@
-"""From a world and settings to what the kernel flies over."""
+"""The environment of missions: a world at one altitude with its parked vehicles, ready for the kernel."""
 
 import datetime as dt
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import date, time
 from functools import cached_property
 from math import ceil, radians
-from typing import Final, Self
+from typing import TYPE_CHECKING, Final, Self
 
 import numpy as np
 import shapely
@@ -14,27 +15,118 @@ from shapely import Point
 from pavetwin._core import Battery, Flight, FlightSettings, Ground, Limits, NadirCamera, NavMesh, Trace
 from pavetwin.arrays import Float64Array
 from pavetwin.config import MissionSettings
-from pavetwin.config.altitude import VERTICAL_CLEARANCE_M
 from pavetwin.config.conditions import Conditions
-from pavetwin.config.mission import CameraSettings, PatternSettings, UavSettings
+from pavetwin.config.mission import VERTICAL_CLEARANCE_M, CameraSettings, ParkingSettings, PatternSettings, UavSettings
 from pavetwin.defects import sample_points
-from pavetwin.mission.parked import ParkingInput, parked_agents, parked_solids, permanently_hidden
-from pavetwin.navigation.base import check_base, roadside
 from pavetwin.navigation.navmesh import navmesh, segments_in_reach
-from pavetwin.navigation.patterns import passes
+from pavetwin.navigation.patterns import Pass, passes
+from pavetwin.navigation.take_off import check_base, roadside
 from pavetwin.pci import Survey, sample_units
 from pavetwin.scene.sun import sun_elevation_deg
 from pavetwin.sensing.frame import Sighting
 from pavetwin.sensing.resolution import orientations_of, smallest_extent_m
 from pavetwin.traffic.mix import DEFAULT_MIX
-from pavetwin.traffic.parked import ParkedVehicles
+from pavetwin.traffic.parked import ParkedVehicles, parked_vehicles
 from pavetwin.twin import Agent
+from pavetwin.twin.state import agents_of
 from pavetwin.uav import AircraftProfile, Camera, aircraft_of, camera_of, energy_curve
 from pavetwin.uav.energy import CURVE_STEP_MPS
 from pavetwin.uav.wind import check_wind
 from pavetwin.world.content import defects_hash
 from pavetwin.world.model import Defect, Segment, Surface, World
-from pavetwin.world.solids import SolidKind, Solids, solids
+from pavetwin.world.solids import SolidKind, Solids, parked_boxes, solids
+
+if TYPE_CHECKING:
+    from pavetwin._core import Ground, NadirCamera, PoseColumns
+
+
+FIRST_ID: Final = 2**31
+"""Ids of parked vehicles as agents begin here; those of recorded traffic are lower."""
+
+SAMPLE_M: Final = 0.5
+"""Viewpoints along a pass by which `permanently_hidden` is found are at most this far apart."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParkingInput:
+    """What decides which vehicles are parked where in a world."""
+
+    settings: ParkingSettings
+    date: date
+    time: time
+    seed: int
+    mix: str = DEFAULT_MIX
+    """Name of the mix of vehicles."""
+
+    @classmethod
+    def of(cls, settings: MissionSettings, seed: int, mix: str = DEFAULT_MIX) -> Self:
+        """Of a mission: its settings, and the seed and the mix of its parked vehicles."""
+        return cls(settings.parking, settings.conditions.date, settings.conditions.time, seed, mix)
+
+    def vehicles(self, world: World) -> ParkedVehicles:
+        """Those that stand in the world's parking places."""
+        conditions = Conditions(date=self.date, time=self.time)
+        return parked_vehicles(world, self.settings, conditions, self.seed, self.mix)
+
+    def is_as(self, other: Self, world: World) -> bool:
+        """Whether the same vehicles stand in a world by both."""
+        none = not world.parking or not (self.settings.enabled or other.settings.enabled)
+        return none or self == other
+
+
+def parked_columns(parked: ParkedVehicles) -> "PoseColumns":
+    """Parked vehicles as agents that stand still, one array a column, in their order: what is drawn, rendered and
+    labelled of them, just as the agents of a recording."""
+    still = np.zeros(len(parked))
+    return {
+        "agent": (FIRST_ID + parked.place).astype(np.uint32),
+        "x_m": parked.x,
+        "y_m": parked.y,
+        "yaw_rad": parked.yaw_rad,
+        "east_mps": still,
+        "north_mps": still,
+        "length_m": parked.length_m,
+        "width_m": parked.width_m,
+        "height_m": parked.height_m,
+        "is_pedestrian": np.zeros(len(parked), dtype=np.bool_),
+    }
+
+
+def parked_agents(parked: ParkedVehicles) -> tuple[Agent, ...]:
+    """As `parked_columns`, as values."""
+    return tuple(replace(agent, is_parked=True) for agent in agents_of(parked_columns(parked)))
+
+
+def parked_solids(parked: ParkedVehicles) -> Solids:
+    """The boxes of parked vehicles, which hide the ground."""
+    xy = np.column_stack([parked.x, parked.y])
+    return parked_boxes(xy, parked.yaw_rad, parked.length_m, parked.width_m, parked.height_m)
+
+
+def permanently_hidden(
+    ground: "Ground", segment: int, passes: list[Pass], camera: "NadirCamera", altitude_m: float
+) -> float:
+    """The share of a segment's cells that no capture along its passes can see because of parked vehicles.
+
+    A cell counts when it lies in the inspection window of some viewpoint with nothing built or grown before it, and is
+    seen from no viewpoint. Viewpoints are on the passes as planned, at both ends and `SAMPLE_M` or less apart, turned
+    along the pass. Moving agents are left out.
+    """
+    places, yaws = zip(*(_viewpoints(line) for line in passes), strict=True)
+    reach = ground.reach(segment, camera, altitude_m, np.concatenate(places), np.concatenate(yaws))
+    return reach["permanently_hidden"] / reach["cells"]
+
+
+def _viewpoints(line: Pass) -> tuple[Float64Array, Float64Array]:
+    """Places (n, 2) along a pass and the yaws (n,) there."""
+    path = shapely.LineString(line)
+    at = np.linspace(0.0, path.length, max(2, int(np.ceil(path.length / SAMPLE_M)) + 1))
+    places = shapely.get_coordinates(shapely.line_interpolate_point(path, at))
+    legs = np.diff(line, axis=0)
+    ends = np.cumsum(np.hypot(*legs.T))
+    ahead = legs[np.minimum(np.searchsorted(ends, at), len(legs) - 1)]
+    return places, np.arctan2(ahead[:, 1], ahead[:, 0])
+
 
 INSPECT_MPS: Final = 5.0
 """Speed of inspection unless set, where the camera keeps up: the paper's."""

@@ -11,11 +11,11 @@ from shapely import Point
 from pavetwin.defects import placed_on
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.airspace import Aircraft, load_airspace
-from pavetwin.mission.environment import MissionEnvironment, prepare
+from pavetwin.mission.environment import MissionEnvironment, ParkingInput, prepare
 from pavetwin.mission.mission import Traffic
-from pavetwin.mission.parked import ParkingInput
 from pavetwin.mission.replay import FIRST_DURATION_S, FIRST_PER_TARGET_S, Replay, replay_of
 from pavetwin.mission.spec import HANDED_IN, DefectInput, FileInput, MissionSpec, TrafficInput, WorldInput
+from pavetwin.mission.versions import packages_in_use, software_versions
 from pavetwin.traffic.area import TrafficArea
 from pavetwin.traffic.nearest_level import within_reach
 from pavetwin.traffic.recording_file import load_recording
@@ -48,14 +48,21 @@ class MissionInputs:
             raise TypeError(f"the traffic is {type(self.traffic).__name__}, not a Replay")
         return self.traffic
 
-    def flown(self, spec: MissionSpec) -> MissionSpec:
-        """A spec with the traffic that is recorded, where it allowed another than it names: also that of the whole town
-        in place of an area's."""
-        if not isinstance(self.traffic, Replay):
-            return spec
-        changes: dict[str, Any] = {"traffic": self.traffic.source()}
-        if self.traffic.area is None and spec.area(self.environment.world) is not None:
-            changes["settings"] = spec.settings.model_copy(update={"traffic_area_m": None})
+    def flown(self, spec: MissionSpec, *, images: bool = False) -> MissionSpec:
+        """The spec of the mission that is flown: with the recorded traffic and the present versions.
+
+        The recorded traffic differs from the spec's where that allows the nearest, or the whole town for an area.
+
+        Args:
+            images: the sensor looked at images.
+        """
+        kinds = {defect.kind for defect in self.environment.defects}
+        packages = packages_in_use(spec.settings, spec.policy.name, kinds)
+        changes: dict[str, Any] = {"versions": software_versions(images=images, packages=packages)}
+        if isinstance(self.traffic, Replay):
+            changes["traffic"] = self.traffic.source()
+            if self.traffic.area is None and spec.area(self.environment.world) is not None:
+                changes["settings"] = spec.settings.model_copy(update={"traffic_area_m": None})
         return spec.model_copy(update=changes)
 
     def on_extend(self, tell: Callable[[float], None]) -> None:
@@ -140,7 +147,7 @@ def load_inputs(
     )
     if spec.defects.content_hash not in ("", ready.defects_hash):
         raise PaveTwinError(
-            f"The mission's inputs are not what they were: seed {spec.defects.seed} places other defects than before."
+            f"The mission's inputs have changed: seed {spec.defects.seed} places other defects than before."
         )
     search = f"Finding the demand of {spec.traffic.density}, kept for the next time"
     traffic = traffic_of(
@@ -175,7 +182,7 @@ def check_unchanged(spec: MissionSpec, world: World) -> None:
     """Compare the inputs with what the spec knows of them.
 
     Raises:
-        PaveTwinError: some are not what they were; the message names each.
+        PaveTwinError: some have changed; the message names each.
     """
     changed = []
     if world.content_hash != spec.world.content_hash:
@@ -187,7 +194,7 @@ def check_unchanged(spec: MissionSpec, world: World) -> None:
         changed.append(f"the world '{world.name}' has other defects than those that were looked for")
     changed += [difference for file in spec.files() if (difference := file.difference())]
     if changed:
-        raise PaveTwinError(f"The mission's inputs are not what they were: {'; '.join(changed)}.")
+        raise PaveTwinError(f"The mission's inputs have changed: {'; '.join(changed)}.")
 
 
 def defects_of(world: World, source: DefectInput, targets: Sequence[str] = ()) -> tuple[Defect, ...]:

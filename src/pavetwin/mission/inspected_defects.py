@@ -5,21 +5,22 @@ is judged again, by the kernel, with the traffic of that moment: how much of the
 rest. A mission flies its plan to the end, with as many batteries as it takes, so no defect is missed because it ended.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache, cached_property, partial
 from math import hypot
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 
-from pavetwin.arrays import IndexArray
-from pavetwin.mission.defect_watch import captures_of, in_window, shares_of
-from pavetwin.mission.environment import shutter_s
-from pavetwin.mission.events import ActionTaken
-from pavetwin.mission.fly import MissionResult
-from pavetwin.mission.timeline import LATE_S
+from pavetwin._core import Trace, Viewpoint
+from pavetwin.arrays import Float64Array, IndexArray
+from pavetwin.config import MissionSettings
+from pavetwin.mission.environment import MissionEnvironment, shutter_s, window_m
+from pavetwin.mission.events import ActionTaken, MissionEvent
+from pavetwin.mission.metrics import SegmentMetrics
+from pavetwin.mission.track import LATE_S
 from pavetwin.sensing import Frame, JudgedDetection, sensor_class
 from pavetwin.sensing.resolution import sighted_share
 from pavetwin.twin import Place
@@ -28,7 +29,60 @@ from pavetwin.uav.wind import seen_velocity_mps
 from pavetwin.world.model import Defect
 
 if TYPE_CHECKING:
-    from pavetwin._core import DefectShares
+    from pavetwin._core import CaptureColumns, DefectShares, TrackColumns
+
+
+class DefectWatch:
+    """How much of defects captures show, worked out when the segment of the defects ends: the traffic of that time is
+    still in memory then, which is read again for whoever asks after landing."""
+
+    def __init__(self, environment: MissionEnvironment, settings: MissionSettings) -> None:
+        self._environment, self._settings = environment, settings
+        self.shares: dict[tuple[int, int], DefectShares] = {}
+        """Of a defect in a capture, by their numbers."""
+
+    def look_back(self, segment: int, captures: "CaptureColumns", confirmed: Container[int], trace: Trace) -> None:
+        """Note the defects of a segment that are not confirmed.
+
+        Args:
+            segment: its index.
+            captures: of the mission so far.
+            confirmed: ids of defects.
+        """
+        environment = self._environment
+        for number in environment.defects_by_segment.get(environment.world.segments[segment].id, ()):
+            if number not in confirmed:
+                for capture in captures_of(environment.defects[number], captures, segment, self._settings).tolist():
+                    self.shares[number, capture] = shares_of(number, capture, captures, environment, trace)
+
+
+def captures_of(defect: Defect, captures: "CaptureColumns", segment: int, settings: MissionSettings) -> IndexArray:
+    """Rows of the captures of a segment, by its index, with a defect's centre in the inspection window."""
+    rows = np.flatnonzero(captures["segment"] == segment)
+    return rows[in_window(defect, captures["x_m"][rows], captures["y_m"][rows], captures["yaw_rad"][rows], settings)]
+
+
+def in_window(
+    defect: Defect, x_m: Float64Array, y_m: Float64Array, yaw_rad: Float64Array, settings: MissionSettings
+) -> IndexArray:
+    """Indices of the places of the UAV from which a defect's centre is in the inspection window."""
+    across_m, along_m = window_m(settings)
+    east, north = defect.centre.x - x_m, defect.centre.y - y_m
+    ahead_east, ahead_north = np.cos(yaw_rad), np.sin(yaw_rad)
+    along, across = east * ahead_east + north * ahead_north, north * ahead_east - east * ahead_north
+    return np.flatnonzero((np.abs(along) <= along_m / 2) & (np.abs(across) <= across_m / 2))
+
+
+def shares_of(
+    defect: int, capture: int, captures: "CaptureColumns", environment: MissionEnvironment, trace: Trace
+) -> "DefectShares":
+    """What hides a defect in a capture."""
+    viewpoint = Viewpoint(
+        position=(float(captures["x_m"][capture]), float(captures["y_m"][capture])),
+        altitude_m=environment.altitude_m,
+        yaw_rad=float(captures["yaw_rad"][capture]),
+    )
+    return environment.ground.defect_shares(defect, trace, float(captures["t_s"][capture]), viewpoint)
 
 
 class MissReason(StrEnum):
@@ -129,12 +183,37 @@ class InspectedDefect:
         return self.reason is None
 
 
-def inspected_defects(result: MissionResult) -> tuple[InspectedDefect, ...]:
+class FlownMission(Protocol):
+    """The part of a mission's result that decides what became of its defects."""
+
+    @property
+    def environment(self) -> MissionEnvironment: ...
+    @property
+    def settings(self) -> MissionSettings: ...
+    @property
+    def rows(self) -> Sequence[SegmentMetrics]: ...
+    @property
+    def track(self) -> "TrackColumns": ...
+    @property
+    def captures(self) -> "CaptureColumns": ...
+    @property
+    def swept(self) -> Container[int]: ...
+    @property
+    def events(self) -> Sequence[MissionEvent]: ...
+    @property
+    def confirmed(self) -> Sequence[JudgedDetection]: ...
+    @property
+    def trace(self) -> Trace: ...
+    @property
+    def known_shares(self) -> Mapping[tuple[int, int], "DefectShares"]: ...
+
+
+def inspected_defects(result: FlownMission) -> tuple[InspectedDefect, ...]:
     """The outcome of every defect of the inspected segments, in the order of inspection."""
     return tuple(_Judge(result).outcomes())
 
 
-def captured_frame(result: MissionResult, capture: int) -> Frame:
+def captured_frame(result: FlownMission, capture: int) -> Frame:
     """A capture as its sensor had it, without sightings.
 
     Args:
@@ -156,7 +235,7 @@ def captured_frame(result: MissionResult, capture: int) -> Frame:
     )
 
 
-def _velocity_mps(result: MissionResult, capture: int) -> Place:
+def _velocity_mps(result: FlownMission, capture: int) -> Place:
     """Of the UAV over the ground at a capture: the speed of the track, in the direction in which its place changes.
 
     That is not always the yaw: displacements go sideways.
@@ -171,7 +250,7 @@ def _velocity_mps(result: MissionResult, capture: int) -> Place:
 
 @dataclass(frozen=True)
 class _Judge:
-    result: MissionResult
+    result: FlownMission
 
     def outcomes(self) -> Iterator[InspectedDefect]:
         environment = self.result.environment

@@ -1,13 +1,20 @@
-"""The metrics of a mission, segment by segment. Definitions: docs/explanation/definitions.md."""
+"""Metrics of a mission by segment, its totals, and the uncertainty of the share of defects found.
+
+Definitions: docs/explanation/definitions.md."""
 
 from collections import Counter
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, Protocol
+
+import numpy as np
 
 from pavetwin._core import Flight
+from pavetwin.arrays import Float64Array
 from pavetwin.mission.environment import MissionEnvironment
 from pavetwin.sensing import Outcome
 from pavetwin.twin import InspectionMemory
+from pavetwin.world.model import Segment
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,18 +102,10 @@ class SegmentMeter:
             **{"distance_m": flight.distance_m, "occlusions": flight.occlusions, "swaps": swaps},
         }
         before, self._last = self._last, now
+        swept = flight.swept()
         defects = self._environment.defects_by_segment.get(segment.id, ())
-        swept_flags = flight.swept()
-        swept = sum(bool(swept_flags[defect]) for defect in defects)
-        found = [memory.confirmed[defect] for defect in defects if defect in memory.confirmed]
-        recovered = sum(confirmation.on_revisit for confirmation in found)
-        here, self._judged = outcomes - self._judged, outcomes
-        matched = here[Outcome.CONFIRMED] + here[Outcome.DUPLICATE]
-        false_alarms = here[Outcome.FALSE_ALARM]
         surface_coverage = flight.surface_coverage(target)
-        seen_m2 = surface_coverage * segment.area_m2
-        survey = self._environment.survey_of(segment)
-        pci, pci_found = survey.pci(), survey.pci(defect for defect in defects if defect in memory.confirmed)
+        swept_count = sum(bool(swept[defect]) for defect in defects)
         return SegmentMetrics(
             order=order,
             segment=segment.id,
@@ -114,12 +113,7 @@ class SegmentMeter:
             length_m=segment.length_m,
             area_m2=segment.area_m2,
             defects=len(defects),
-            swept=swept,
-            confirmed=len(found),
-            recovered=recovered,
-            coverage=len(found) / len(defects) if defects else None,
-            swath_coverage=len(found) / swept if swept else None,
-            recovery=recovered / swept if swept else None,
+            swept=swept_count,
             surface_coverage=surface_coverage,
             permanently_hidden=permanently_hidden,
             inspected=inspected,
@@ -127,11 +121,210 @@ class SegmentMeter:
             end_s=now["time_s"],
             **{name: value - before[name] for name, value in now.items()},
             revisits=revisits,
-            duplicates=here[Outcome.DUPLICATE],
-            false_alarms=false_alarms,
-            precision=matched / (matched + false_alarms) if matched + false_alarms else None,
-            false_alarms_per_100_m2=100 * false_alarms / seen_m2 if seen_m2 else None,
-            pci=pci,
-            pci_found=pci_found,
-            pci_error=pci_found - pci,
+            **self._detected(segment, swept_count, surface_coverage, memory, outcomes),
         )
+
+    def with_detections(
+        self, row: SegmentMetrics, memory: InspectionMemory, outcomes: Counter[Outcome]
+    ) -> SegmentMetrics:
+        """The row of a closed segment with the detections that were judged after landing.
+
+        Args:
+            memory, outcomes: with the detections up to the end of the segment, as in `close`.
+        """
+        segment = self._environment.world.segment(row.segment)
+        return replace(row, **self._detected(segment, row.swept, row.surface_coverage, memory, outcomes))
+
+    def _detected(
+        self,
+        segment: Segment,
+        swept: int,
+        surface_coverage: float,
+        memory: InspectionMemory,
+        outcomes: Counter[Outcome],
+    ) -> dict[str, Any]:
+        """The metrics that follow from the detections since the segment before."""
+        defects = self._environment.defects_by_segment.get(segment.id, ())
+        found = [memory.confirmed[defect] for defect in defects if defect in memory.confirmed]
+        recovered = sum(confirmation.on_revisit for confirmation in found)
+        here, self._judged = outcomes - self._judged, outcomes
+        matched = here[Outcome.CONFIRMED] + here[Outcome.DUPLICATE]
+        false_alarms = here[Outcome.FALSE_ALARM]
+        seen_m2 = surface_coverage * segment.area_m2
+        survey = self._environment.survey_of(segment)
+        pci, pci_found = survey.pci(), survey.pci(defect for defect in defects if defect in memory.confirmed)
+        return {
+            "confirmed": len(found),
+            "recovered": recovered,
+            "coverage": len(found) / len(defects) if defects else None,
+            "swath_coverage": len(found) / swept if swept else None,
+            "recovery": recovered / swept if swept else None,
+            "duplicates": here[Outcome.DUPLICATE],
+            "false_alarms": false_alarms,
+            "precision": matched / (matched + false_alarms) if matched + false_alarms else None,
+            "false_alarms_per_100_m2": 100 * false_alarms / seen_m2 if seen_m2 else None,
+            "pci": pci,
+            "pci_found": pci_found,
+            "pci_error": pci_found - pci,
+        }
+
+
+_SUMMED = (
+    *("inspected", "defects", "swept", "confirmed", "recovered"),
+    *("wait_s", "occlusions", "revisits", "duplicates", "false_alarms"),
+)
+"""Totals that are sums over the segments."""
+
+
+class Measured(Protocol):
+    """A mission with its segments' metrics: a result, or a mission in flight."""
+
+    @property
+    def rows(self) -> Sequence[SegmentMetrics]: ...
+    @property
+    def swaps(self) -> int: ...
+    @property
+    def duration_s(self) -> float: ...
+    @property
+    def energy(self) -> float: ...
+    @property
+    def distance_m(self) -> float: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Totals:
+    """The totals of a mission. A share that is undefined is None."""
+
+    segments: int
+    inspected: int
+    """Segments of which enough was seen."""
+    defects: int
+    swept: int
+    confirmed: int
+    recovered: int
+    coverage: float | None
+    swath_coverage: float | None
+    recovery: float | None
+    surface_coverage: float | None
+    """Weighted by area, as the next."""
+    permanently_hidden: float | None
+    time_s: float
+    """From take-off to landing, swaps included."""
+    energy: float
+    """In batteries."""
+    wait_s: float
+    distance_m: float
+    occlusions: int
+    revisits: int
+    swaps: int
+    duplicates: int
+    false_alarms: int
+    precision: float | None
+    false_alarms_per_100_m2: float | None
+    """Of the surface that was seen."""
+
+    @property
+    def batteries(self) -> int:
+        """Full batteries to bring."""
+        return self.swaps + 1
+
+
+def totals(mission: Measured) -> Totals:
+    """The sums over a mission's segments, and the whole flight's time, energy and distance.
+
+    Args:
+        mission: a result, or a mission in flight: then the sums are over the closed segments.
+    """
+    rows = mission.rows
+    sums: dict[str, Any] = {name: sum(getattr(row, name) for row in rows) for name in _SUMMED}
+    defects, swept, confirmed, false_alarms = (sums[name] for name in ("defects", "swept", "confirmed", "false_alarms"))
+    area_m2, seen_m2 = sum(row.area_m2 for row in rows), sum(row.surface_coverage * row.area_m2 for row in rows)
+    hidden_m2 = sum(row.permanently_hidden * row.area_m2 for row in rows)
+    matched = confirmed + sums["duplicates"]
+    return Totals(
+        segments=len(rows),
+        **sums,
+        coverage=confirmed / defects if defects else None,
+        swath_coverage=confirmed / swept if swept else None,
+        recovery=sums["recovered"] / swept if swept else None,
+        surface_coverage=seen_m2 / area_m2 if area_m2 else None,
+        permanently_hidden=hidden_m2 / area_m2 if area_m2 else None,
+        time_s=mission.duration_s,
+        energy=mission.energy,
+        distance_m=mission.distance_m,
+        swaps=mission.swaps,
+        precision=matched / (matched + false_alarms) if matched + false_alarms else None,
+        false_alarms_per_100_m2=100 * false_alarms / seen_m2 if seen_m2 else None,
+    )
+
+
+LEVEL: Final = 0.95
+ALIKE: Final = 0.2
+"""Correlation of what becomes of two defects of one street: traffic hides them together."""
+WEIGHT: Final = 4.0
+"""Degrees of freedom that the usual variance counts for."""
+ASSUMED: Final = 10.0
+"""Degrees of freedom of Student's t beside those observed. With only `WEIGHT` nearly all intervals held the truth."""
+
+_TAIL: Final = (1 - LEVEL) / 2
+
+
+@dataclass(frozen=True, slots=True)
+class FoundShare:
+    """A share of defects found, as far as it is known."""
+
+    share: float
+    low: float
+    high: float
+    """95 % interval of the share that endless streets like these would have."""
+    defects: int
+    """That it rests on."""
+
+
+def found_share(found: Sequence[int], defects: Sequence[int]) -> FoundShare | None:
+    """The share of all defects of some streets or segments, None where there are no defects.
+
+    Args:
+        found, defects: of each street or segment.
+    """
+    m = np.array([count for count in defects if count], dtype=np.float64)
+    y = np.array([each for each, count in zip(found, defects, strict=True) if count], dtype=np.float64)
+    total = float(m.sum())
+    if not total:
+        return None
+    share, freedom = float(y.sum()) / total, len(m) - 1
+    # Of a ratio, linearised: streets with more defects weigh more.
+    variance = len(m) / freedom * float(((y - share * m) ** 2).sum()) / total**2 if freedom else 0.0
+    usual = float((m * (1 + (m - 1) * ALIKE)).sum()) / total**2
+    return FoundShare(share, *limits(share, variance, usual, freedom, round(total)), round(total))
+
+
+def usual_of_street(defects: Float64Array) -> Float64Array:
+    """The usual variance of the share of each street, as a multiple of p (1 − p).
+
+    Args:
+        defects: (streets,) each above 0.
+    """
+    return 1 / defects + (1 - 1 / defects) * ALIKE
+
+
+def limits(share: float, variance: float, usual: float, freedom: int, defects: int) -> tuple[float, float]:
+    """The 95 % interval of a share.
+
+    Args:
+        variance: of the estimate, as observed between streets.
+        usual: the usual variance, as a multiple of p (1 − p).
+        freedom: degrees of freedom of the observed one.
+        defects: that it rests on.
+    """
+    from scipy.special import betaincinv, stdtrit  # a fifth of a second that no other part of a mission waits for
+
+    spread = share * (1 - share)
+    pooled = (freedom * variance + WEIGHT * spread * usual) / (freedom + WEIGHT)
+    effective = spread / max(variance, pooled) if spread > 0 else 1 / usual
+    t, normal = stdtrit(freedom + ASSUMED, 1 - _TAIL), stdtrit(max(defects - 1, 1), 1 - _TAIL)
+    effective = min(effective, defects) * min(float(normal / t) ** 2, 1.0)
+    hits, misses = share * effective, (1 - share) * effective
+    low = float(betaincinv(hits, misses + 1, _TAIL)) if hits > 0 else 0.0
+    high = float(betaincinv(hits + 1, misses, 1 - _TAIL)) if misses > 0 else 1.0
+    return low, high

@@ -1,14 +1,26 @@
 """The mission: a plan flown segment by segment, as a stream of events that policies and sensors answer."""
 
+from collections import deque
 from collections.abc import Callable, Collection, Generator, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import atan2, inf
 from typing import Protocol
 
 import numpy as np
 from shapely import LineString, Point
 
-from pavetwin._core import Arrived, BatteryLow, Captured, Flight, Occluded, Paused, RecordingEnds, Trace
+from pavetwin._core import (
+    Arrived,
+    BatteryLow,
+    Captured,
+    DisplacementPredictor,
+    Flight,
+    Occluded,
+    Paused,
+    RecordingEnds,
+    Trace,
+)
+from pavetwin.arrays import Float64Array
 from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.detections import DetectionLog
@@ -28,12 +40,12 @@ from pavetwin.mission.events import (
     SegmentStarted,
 )
 from pavetwin.mission.metrics import SegmentMeter, SegmentMetrics
-from pavetwin.mission.moment import KernelMoment
 from pavetwin.mission.track import MODES
 from pavetwin.navigation.patterns import Pass, from_nearest_end, passes
 from pavetwin.policies import Action, Displace, GoOn, Revisit, Wait
 from pavetwin.sensing import Detection, Frame, ImageSource, JudgedDetection
 from pavetwin.twin import (
+    Agent,
     Confirmation,
     Episode,
     InspectionMemory,
@@ -44,8 +56,27 @@ from pavetwin.twin import (
     Snapshot,
     UavState,
 )
+from pavetwin.twin.state import agents_of
 from pavetwin.uav import camera_of
 from pavetwin.uav.wind import seen_velocity_mps
+
+
+class KernelMoment:
+    """Asks the kernel for what a snapshot does not hold ready. Immutable, like all it refers to."""
+
+    def __init__(self, predictor: DisplacementPredictor | None, time_s: float, trace: Trace) -> None:
+        self._predictor = predictor
+        self._time_s = time_s
+        self._trace = trace
+
+    def agents(self) -> tuple[Agent, ...]:
+        return agents_of(self._trace.agents_at(self._time_s))
+
+    def predict(self, displacements: Float64Array) -> Float64Array:
+        if self._predictor is None:  # nothing is under inspection, so nothing is hidden
+            return np.zeros(len(displacements))
+        return self._predictor.predict(displacements)
+
 
 Event = Captured | Occluded | BatteryLow
 """What a mission stops for and shows to those who fly it."""
@@ -62,6 +93,20 @@ class Traffic(Protocol):
     def extend(self, needed_s: float) -> Trace:
         """A recording that begins with the present one and reaches beyond `needed_s`."""
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class _Deferred:
+    """A frame that the sensor looks at after landing."""
+
+    frame: Frame
+    time_s: float
+    segment: int
+    on_revisit: bool
+    rows: int
+    """Number of segments closed before it."""
+    events: int
+    """Number of events before it."""
 
 
 @dataclass
@@ -118,6 +163,7 @@ class Mission:
         self.sighted: list[tuple[int, int, float]] = []
         """Of all frames that were asked for: capture, id of a defect that it sees, visible fraction of that."""
         self._frame: Frame | None = None
+        self._deferred: list[_Deferred] = []
         self._attempts: dict[int, int] = {}
         self._tried: set[int] = set()
         self._left: Pass = np.empty((0, 2))
@@ -244,6 +290,61 @@ class Mission:
                 for defect in confirmed:
                     self.flight.set_wanted(defect, False)
             self._tell(DefectsConfirmed(self.flight.time_s, tuple(confirmed), self._on_revisit))
+
+    def defer(self) -> None:
+        """Keep the last frame for `judge_deferred`, in place of `note`.
+
+        Raises:
+            PaveTwinError: no frame was asked for.
+        """
+        if self._frame is None or self._segment is None:
+            raise PaveTwinError("Call mission.frame(event) before mission.defer().")
+        self._deferred.append(
+            _Deferred(
+                self._frame, self.flight.time_s, self._segment, self._on_revisit, len(self.rows), len(self.events)
+            )
+        )
+
+    @property
+    def deferred_frames(self) -> list[Frame]:
+        """The frames kept by `defer`, in the order of time."""
+        return [each.frame for each in self._deferred]
+
+    def judge_deferred(self, detect: Callable[[Frame], Sequence[Detection]]) -> None:
+        """Judge after landing what a sensor reports of the deferred frames, with the same outcome as in flight.
+
+        The confirmed defects go into `memory` and `rows`, and each `DefectsConfirmed` to its place in `events`.
+        """
+        late: list[tuple[int, DefectsConfirmed]] = []
+        rows, waiting = self.rows, deque(self._deferred)
+        self.rows, self.sighted = [], []
+        for number, row in enumerate(rows):
+            while waiting and waiting[0].rows == number:
+                deferred = waiting.popleft()
+                if (event := self._judge_late(deferred, detect)) is not None:
+                    late.append((deferred.events, event))
+            self.rows.append(self._meter.with_detections(row, self.memory, self.detections.outcomes))
+        for number, event in reversed(late):
+            self.events.insert(number, event)
+        for _, event in late:
+            self.observer(event)
+
+    def _judge_late(
+        self, deferred: _Deferred, detect: Callable[[Frame], Sequence[Detection]]
+    ) -> DefectsConfirmed | None:
+        frame, known = deferred.frame, self.memory.confirmed
+        if not self.sees_confirmed or self.settings.sensing.attempts == "first_capture":  # as in `note` and `frame`
+            frame = replace(frame, sightings=tuple(each for each in frame.sightings if each.defect.id not in known))
+        if not frame.sightings and not self.every_capture:
+            return None
+        self.sighted += [(frame.number, each.defect.id, each.visible_fraction) for each in frame.sightings]
+        confirmed = self.detections.judge(
+            frame, detect(frame), known, segment=deferred.segment, on_revisit=deferred.on_revisit
+        )
+        if not confirmed:
+            return None
+        self.memory = self.memory.confirm(confirmed, Confirmation(deferred.time_s, deferred.on_revisit))
+        return DefectsConfirmed(deferred.time_s, tuple(confirmed), deferred.on_revisit)
 
     def __iter__(self) -> Iterator[Event]:
         """Fly on to the end, from event to event."""

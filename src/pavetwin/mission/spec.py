@@ -4,7 +4,7 @@ Whoever has a `MissionSpec` and the files it names can fly the same mission agai
 `mission.yaml` holds. Every file is named with its SHA-256, so that an input which is not what it was is noticed.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Self
 
@@ -12,11 +12,10 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat, NonNegativeInt
 
 from pavetwin.config import MissionSettings
-from pavetwin.config.base import Settings
 from pavetwin.config.options import option_files
+from pavetwin.config.settings import Settings
 from pavetwin.defects import DefectOptions
-from pavetwin.errors import PaveTwinError
-from pavetwin.files import file_sha256
+from pavetwin.files import FORMAT, file_sha256
 from pavetwin.mission.airspace import Aircraft
 from pavetwin.mission.versions import packages_in_use, software_versions
 from pavetwin.plugins import files_of, plugin_hashes
@@ -29,24 +28,8 @@ from pavetwin.uav.aircraft import camera_name
 from pavetwin.uav.entries import own_file
 from pavetwin.world.model import World
 
-FORMAT: Final = 5
-"""Of `mission.yaml`. Formats 3 and 4 knew no aircraft; of them, missions with the linear battery are read as well."""
-
-READABLE: Final = (3, 4, FORMAT)
-
 HANDED_IN: Final = "handed in"
 """The path of an input that a Python caller gave as a value: it cannot be found again from the spec alone."""
-
-
-def check_format(path: Path, given: Any) -> None:
-    """Raises:
-    PaveTwinError: a `mission.yaml` is of a format that this version does not read.
-    """
-    if given not in READABLE:
-        raise PaveTwinError(
-            f"'{path}' is not a mission.yaml of format {' or '.join(map(str, READABLE))}, which this version reads; "
-            "fly the mission again from its options."
-        )
 
 
 class FileInput(Settings):
@@ -239,7 +222,7 @@ def files_of_settings(settings: MissionSettings) -> tuple[FileInput, ...]:
 class MissionSpec(Settings):
     """Everything a mission depends on."""
 
-    format: Literal[5] = FORMAT
+    format: Literal[1] = FORMAT
     versions: Mapping[str, str] = Field(default_factory=software_versions)
     """Of the software that decides the numbers, installed packages whose policy, sensor or the like it names included;
     `fly` sets those that it flies with."""
@@ -267,7 +250,7 @@ class MissionSpec(Settings):
         """The same mission under another policy, as `load_policy` takes it.
 
         Args:
-            settings: with the options of that policy; unless given, it keeps those of its options that are set here.
+            settings: with the options of that policy; by default the options of `settings` that the policy has.
         """
         if name == self.policy.name:
             return self
@@ -276,35 +259,24 @@ class MissionSpec(Settings):
             has = policy_class(name).default_options
             options = {option: value for option, value in own.policy.options.items() if option in has}
             own = own.model_copy(update={"policy": own.policy.model_copy(update={"options": options})})
-        return self.model_copy(update={"policy": PolicyInput.of(name), "settings": own}).with_models().with_versions()
-
-    def with_models(self) -> Self:
-        """The same mission, with the names of the models that its settings leave to the sensor.
-
-        Raises:
-            PaveTwinError: there is no such sensor.
-        """
-        settings = self.settings.model_copy(update={"sensing": with_models(self.settings.sensing)})
-        return self.model_copy(update={"settings": settings})
-
-    def with_versions(self, *, images: bool = False, defect_classes: Iterable[str] = ()) -> Self:
-        """The same mission, with the versions of now.
-
-        Args:
-            images: its sensor looked at images.
-            defect_classes: names of the classes of its defects.
-        """
-        packages = packages_in_use(self.settings, self.policy.name, defect_classes)
-        return self.model_copy(update={"versions": software_versions(images=images, packages=packages)})
+        versions = software_versions(packages=packages_in_use(own, name))
+        return self.model_copy(update={"policy": PolicyInput.of(name), "settings": own, "versions": versions})
 
     @classmethod
-    def of(cls, settings: MissionSettings, **given: Any) -> Self:
-        """A spec with the hashes of the files that the settings name, and the names of the models of its sensor.
+    def of(cls, settings: MissionSettings, policy: PolicyInput, **given: Any) -> Self:
+        """A spec with the hashes of the files that the settings name, the sensor's models, and the present versions.
 
         Raises:
             PaveTwinError: a file cannot be read, or there is no such sensor.
         """
-        return cls(settings=settings, plugins=files_of_settings(settings), **given).with_models().with_versions()
+        named = settings.model_copy(update={"sensing": with_models(settings.sensing)})
+        return cls(
+            versions=software_versions(packages=packages_in_use(named, policy.name)),
+            policy=policy,
+            settings=named,
+            plugins=files_of_settings(settings),
+            **given,
+        )
 
     def as_values(self) -> dict[str, Any]:
         """In plain values, as `mission.yaml` holds them."""

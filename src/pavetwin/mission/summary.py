@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from typing import Final
 
 from pavetwin.defects.placement import PLACED
-from pavetwin.mission.fly import MissionResult
-from pavetwin.mission.found_share import found_share
 from pavetwin.mission.inspected_defects import missed_words
-from pavetwin.mission.metrics import SegmentMetrics
-from pavetwin.mission.results import Totals, totals
+from pavetwin.mission.metrics import SegmentMetrics, Totals, found_share, totals
+from pavetwin.mission.result import MissionResult
 from pavetwin.world.model import World
 from pavetwin.world.segments import outside_words
 

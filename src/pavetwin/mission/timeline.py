@@ -23,7 +23,7 @@ import numpy as np
 
 from pavetwin.arrays import Float64Array, UInt8Array
 from pavetwin.errors import PaveTwinError
-from pavetwin.mission.environment import MissionEnvironment
+from pavetwin.mission.environment import MissionEnvironment, parked_columns
 from pavetwin.mission.events import (
     ActionTaken,
     BatteryRanLow,
@@ -34,21 +34,17 @@ from pavetwin.mission.events import (
     OcclusionStarted,
     SegmentFinished,
 )
-from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.mission import Mission
-from pavetwin.mission.moment import agents_of
-from pavetwin.mission.parked import parked_columns
-from pavetwin.mission.track import MODE_NUMBER, MODES, activity, inspecting
+from pavetwin.mission.result import MissionResult
+from pavetwin.mission.track import LATE_S, MODE_NUMBER, MODES, activity, inspecting
 from pavetwin.policies import Revisit
 from pavetwin.sensing import JudgedDetection
 from pavetwin.twin import Agent, Confirmation, Mode, Note, Place, UavState
+from pavetwin.twin.state import agents_of
 from pavetwin.world.model import Segment
 
 if TYPE_CHECKING:
     from pavetwin._core import CaptureColumns, PoseColumns, TrackColumns
-
-LATE_S = 1e-9
-"""A sample this much later than a moment counts as of that moment: times are sums of time steps."""
 
 
 @dataclass(frozen=True)

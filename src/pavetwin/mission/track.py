@@ -16,6 +16,9 @@ from pavetwin.twin import Mode, Place
 if TYPE_CHECKING:
     from pavetwin._core import TrackColumns
 
+LATE_S = 1e-9
+"""Tolerance of sample times, which are sums of time steps."""
+
 SAME_PLACE_M = 1.5
 """Stops closer together than this are one."""
 

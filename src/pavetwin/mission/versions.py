@@ -16,7 +16,7 @@ from pavetwin.registry import packages_of
 from pavetwin.sensing.registered import SENSORS
 from pavetwin.uav.aircraft import AIRCRAFT, camera_name
 from pavetwin.uav.cameras import CAMERAS
-from pavetwin.uav.energy.base import ENERGY_MODELS
+from pavetwin.uav.energy import ENERGY_MODELS
 
 PYTHON: Final = "python"
 

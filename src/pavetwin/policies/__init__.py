@@ -1,12 +1,8 @@
-"""Π: what to do when traffic hides the road. One file a policy, one registry."""
+"""Π: what to do when traffic hides the road. The shipped policies and the registry for others."""
 
-from pavetwin.policies.base import Action, Displace, GoOn, Pilot, Policy, Revisit, Wait
-from pavetwin.policies.baseline import Baseline
-from pavetwin.policies.conformance import check_policy
-from pavetwin.policies.hover import Hover
-from pavetwin.policies.micro import Micro
-from pavetwin.policies.registered import POLICIES, load_policy, policy, policy_class, policy_names
-from pavetwin.policies.skip import Skip
+from pavetwin.policies.builtin import Baseline, Hover, Micro, Skip
+from pavetwin.policies.policy import Action, Displace, GoOn, Pilot, Policy, Revisit, Wait
+from pavetwin.policies.registered import POLICIES, check_policy, load_policy, policy, policy_class, policy_names
 
 __all__ = [
     "POLICIES",

@@ -10,8 +10,7 @@ from typing import Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
-from pavetwin.config.base import Settings
-from pavetwin.config.numbers import NonNegative, Share
+from pavetwin.config.settings import NonNegative, Settings, Share
 from pavetwin.sensing.fitted_number import FittedNumber
 
 OF_ENTRY: Final = ("confidence", "looks", "size")

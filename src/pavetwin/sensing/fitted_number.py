@@ -1,7 +1,6 @@
 """A number that was fitted."""
 
-from pavetwin.config.base import Settings
-from pavetwin.config.numbers import NonNegative
+from pavetwin.config.settings import NonNegative, Settings
 
 
 class FittedNumber(Settings):

@@ -26,8 +26,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from pavetwin.arrays import Float64Array
-from pavetwin.config.base import Settings
-from pavetwin.config.numbers import Positive, Share
+from pavetwin.config.settings import Positive, Settings, Share
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256, writing
 from pavetwin.sensing.entry_model import EntryModel

@@ -8,7 +8,7 @@ from typing import Annotated, Final, Self
 import yaml
 from pydantic import Field, model_validator
 
-from pavetwin.config.base import Settings
+from pavetwin.config.settings import Settings
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.traffic.kinds import KINDS, PEDESTRIANS, VEHICLES, Kind
 

@@ -11,9 +11,8 @@ from typing import Annotated, Final, Literal
 import numpy as np
 from pydantic import Field, PositiveFloat
 
-from pavetwin.config.base import Settings
 from pavetwin.config.conditions import Conditions
-from pavetwin.config.numbers import Share
+from pavetwin.config.settings import Settings, Share
 from pavetwin.config.text import parse_yaml
 
 SATURDAY: Final = 5

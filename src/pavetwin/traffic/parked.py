@@ -16,7 +16,7 @@ import numpy as np
 
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray, Int64Array
 from pavetwin.config.conditions import Conditions
-from pavetwin.config.parking import ParkingSettings
+from pavetwin.config.mission import ParkingSettings
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic.kinds import Kind
 from pavetwin.traffic.mix import DEFAULT_MIX, mix_named

@@ -1,9 +1,8 @@
 """D_t as values. Knows no loop: the mission makes these, policies and sensors read them."""
 
 from pavetwin.traffic.kinds import AgentClass
-from pavetwin.twin.memory import Confirmation, InspectionMemory, Note, SegmentStatus
 from pavetwin.twin.snapshot import Episode, Moment, Occlusion, Snapshot
-from pavetwin.twin.state import Agent, Mode, Place, UavState
+from pavetwin.twin.state import Agent, Confirmation, InspectionMemory, Mode, Note, Place, SegmentStatus, UavState
 
 __all__ = [
     "Agent",

@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pavetwin.arrays import Float64Array
-from pavetwin.twin.memory import InspectionMemory
-from pavetwin.twin.state import Agent, Place, UavState
+from pavetwin.twin.state import Agent, InspectionMemory, Place, UavState
 from pavetwin.world.model import Segment
 
 

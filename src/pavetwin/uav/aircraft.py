@@ -11,9 +11,8 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
-from pavetwin.config.base import Settings
 from pavetwin.config.mission import MissionSettings
-from pavetwin.config.numbers import NonNegative, Positive
+from pavetwin.config.settings import NonNegative, Positive, Settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.registry import Registry
 from pavetwin.uav.cameras import CAMERAS, Camera, find_camera
@@ -155,7 +154,7 @@ def _check_camera(profile: AircraftProfile, where: str) -> None:
 
 
 AIRCRAFT: Registry[AircraftProfile] = Registry(
-    "aircraft", key="aircraft", group="pavetwin.aircraft", home="pavetwin.uav.aircraft_database"
+    "aircraft", key="aircraft", group="pavetwin.aircraft", home="pavetwin.uav.database"
 )
 """The known profiles; a plugin adds one by `AIRCRAFT.add("name", AircraftProfile(...))`."""
 

@@ -5,8 +5,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from pavetwin.config.base import Settings
-from pavetwin.config.numbers import Positive
+from pavetwin.config.settings import Positive, Settings
 from pavetwin.registry import Registry
 from pavetwin.uav.entries import find_entry, parse_entries
 
@@ -104,7 +103,7 @@ def parse_cameras(text: str, where: str) -> dict[str, Camera]:
 
 
 CAMERAS: Registry[Camera] = Registry(
-    "camera", key="camera.model", group="pavetwin.cameras", home="pavetwin.uav.camera_database"
+    "camera", key="camera.model", group="pavetwin.cameras", home="pavetwin.uav.database"
 )
 """The cameras of the database; a plugin adds one by `CAMERAS.add("name", Camera(...))`."""
 

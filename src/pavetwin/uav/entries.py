@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 
 import yaml
 
-from pavetwin.config.base import Settings
+from pavetwin.config.settings import Settings
 from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError
 from pavetwin.registry import Registry

@@ -12,7 +12,7 @@ from pydantic import Field
 from shapely import MultiPoint, MultiPolygon, Point, Polygon
 from shapely.ops import nearest_points
 
-from pavetwin.config.base import NameOrFile, Settings
+from pavetwin.config.settings import NameOrFile, Settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256, hint
 from pavetwin.world.buildings import buildings_by_rule, clear_of_roads

@@ -18,7 +18,7 @@ from typing import Annotated, Any, Final
 from pydantic import Field
 from pyproj import Geod
 
-from pavetwin.config.base import Settings
+from pavetwin.config.settings import Settings
 from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.world.folder import NET_SUFFIXES, OSM_SUFFIXES
 from pavetwin.world.groups import groups

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pavetwin.mission.again import read_mission
-from pavetwin.mission.fly import MissionResult, fly
+from pavetwin.mission.fly import fly
+from pavetwin.mission.folder import MissionFolder
+from pavetwin.mission.result import MissionResult
 from pavetwin.mission.timeline import Timeline
 from pavetwin.uav import camera_of
 from scenes.browser import BrowserTab, Launch, tab_of
@@ -39,7 +40,7 @@ def flown(browser: Any, server: RunningPage, world: Path) -> Iterator[Flown]:
         tab.click_street(segment)
     tab.fly()
     (folder,) = (world / "missions").iterdir()
-    yield Flown(tab, folder, fly(read_mission(folder / "mission.yaml").spec))
+    yield Flown(tab, folder, fly(MissionFolder(folder / "mission.yaml").spec))
     tab.page.close()
     assert tab.errors == []
     assert tab.hosts == {f"127.0.0.1:{server.port}"}
@@ -246,7 +247,7 @@ def test_a_dropped_mission_is_flown_byte_for_byte(tab: BrowserTab, world: Path, 
 
 
 def test_what_was_missed_is_chosen_and_flown_again(flown: Flown) -> None:
-    tab, missed = flown.tab, read_mission(flown.folder / "mission.yaml").missed_segments()
+    tab, missed = flown.tab, MissionFolder(flown.folder / "mission.yaml").missed_segments()
     tab.page.click("#tab-defects")
     tab.page.click("#defects .again button:text-is('Choose')")
     assert tab.value("location.hash").endswith("segments=" + "%2C".join(missed))
@@ -256,9 +257,9 @@ def test_what_was_missed_is_chosen_and_flown_again(flown: Flown) -> None:
     tab.page.click("#tab-files")
     tab.wait("document.querySelector('#files .remark')?.textContent.includes('-missed')")
     assert tab.page.locator("#files .make small").inner_text() == f"pavetwin replay {flown.folder}-missed"
-    assert tab.value("pavetwin.mission.targets") == list(missed)
+    assert tab.value("pavetwin.mission.planning") == list(missed)
     again = flown.folder.with_name(f"{flown.folder.name}-missed")
-    assert read_mission(again / "mission.yaml").spec.targets == missed
+    assert MissionFolder(again / "mission.yaml").spec.targets == missed
 
 
 def test_a_flight_plan_that_is_made_again_is_listed_once(flown: Flown) -> None:

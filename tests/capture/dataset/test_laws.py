@@ -13,7 +13,7 @@ from pycocotools.coco import COCO
 
 from pavetwin.capture.record import Record
 from pavetwin.capture.run import capture
-from pavetwin.navigation.domain import flight_domain
+from pavetwin.navigation.navmesh import flight_domain
 from pavetwin.world.store import load_world
 from scenes.folders import contents
 from scenes.painted_captures import FEW, SPLITS, UAV

@@ -60,7 +60,7 @@ def test_a_mission_is_flown_again_from_its_description_alone(world: Path, tmp_pa
     assert "--seed" in plain_refusal(pavetwin(*again, "--seed", "1"))
     save_world(built("cross", seed=2), tmp_path / "elsewhere")
     line = plain_refusal(pavetwin("fly", tmp_path / "elsewhere", *again[1:]))
-    assert "inputs are not what they were" in line
+    assert "inputs have changed" in line
     assert "the world 'cross'" in line
     text = (tmp_path / "m" / "mission.yaml").read_text()
     for name, words, damage in (

@@ -32,7 +32,7 @@ def test_a_flight_writes_into_the_cache_and_not_into_the_world(world: Path, tmp_
 def test_a_world_that_cannot_be_written_is_flown_all_the_same(
     world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pavetwin.mission.naming.os.access", lambda _path, mode: mode != os.W_OK)
+    monkeypatch.setattr("pavetwin.mission.planning.os.access", lambda _path, mode: mode != os.W_OK)
     done = pavetwin("fly", world, *SHORT, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert [path.name for path in (tmp_path / "missions" / "cross").iterdir()] == [

@@ -14,7 +14,7 @@ from pavetwin.capture.defect_index import INNER
 from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.capture.platforms.base import CaptureContext, Platform, Pose, platform
 from pavetwin.capture.road_users import RoadUsers
-from pavetwin.config.altitude import CEILING_M, LOWEST_M
+from pavetwin.config.mission import CEILING_M, LOWEST_M
 from pavetwin.scene.view import View, look
 from pavetwin.uav.cameras import find_camera
 from pavetwin.world.model import Segment

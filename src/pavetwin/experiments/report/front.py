@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from pavetwin.config import load_settings
-from pavetwin.config.base import ALIASES
+from pavetwin.config.settings import ALIASES
 from pavetwin.experiments.metrics import metric_named
 from pavetwin.experiments.report.figures import overview
 from pavetwin.experiments.report.headline import defects_under

@@ -6,7 +6,7 @@ from typing import Any
 import polars as pl
 
 from pavetwin.config import load_settings
-from pavetwin.config.base import ALIASES
+from pavetwin.config.settings import ALIASES
 from pavetwin.experiments.advice import advise
 from pavetwin.experiments.metrics import EVERY_PAIR, FACTORS, REFERENCE, REPLICATE, metrics_in
 from pavetwin.experiments.report.study import Study

@@ -10,7 +10,7 @@ from pavetwin.arrays import Float64Array, IndexArray
 from pavetwin.experiments.metrics import METRICS, Metric
 from pavetwin.experiments.statistics.bootstrap import centres, intervals, strata, variance_of_mean
 from pavetwin.experiments.statistics.cells import Layout, failures, key_columns, layout, nullable, values_of
-from pavetwin.mission.found_share import limits, usual_of_street
+from pavetwin.mission.metrics import limits, usual_of_street
 
 FEW: Final = 5
 """Fewer values in a cell are too few to say how sure its mean is."""

@@ -18,7 +18,7 @@ from PIL import Image
 from pydantic import Field
 
 from pavetwin.arrays import Int64Array
-from pavetwin.config.base import Settings
+from pavetwin.config.settings import Settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import link_or_copy, staging_folder, working_in
 from pavetwin.seeds import Stream, child

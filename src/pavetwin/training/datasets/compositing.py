@@ -25,7 +25,7 @@ from PIL import Image
 from pydantic import Field, field_validator
 
 from pavetwin.arrays import BoolArray, UInt8Array
-from pavetwin.config.base import Settings
+from pavetwin.config.settings import Settings
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.files import link_or_copy, staging_folder, working_in
 from pavetwin.labels import CUT_OUT, SPLITS

@@ -12,7 +12,7 @@ from typing import Any, Final, Literal, Self
 from pydantic import Field, field_validator, model_validator
 from yaml import YAMLError
 
-from pavetwin.config.base import PlacedValueError, Settings
+from pavetwin.config.settings import PlacedValueError, Settings
 from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError, nearest_name, no_such
 from pavetwin.files import working_in

@@ -11,7 +11,7 @@ import shapely
 from PIL import Image, ImageOps
 from pydantic import Field
 
-from pavetwin.config.base import Settings
+from pavetwin.config.settings import Settings
 from pavetwin.labels.boxes import PixelBox, moved, scaled, share_within, to_pixels, within
 from pavetwin.training.datasets.common_form import AnnotatedImage, Annotation, Polygon
 from pavetwin.training.datasets.pictures import as_rgb, opened, orientation

@@ -10,8 +10,8 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
-from pavetwin.config.base import Settings
 from pavetwin.config.named import names_in, read_named
+from pavetwin.config.settings import Settings
 from pavetwin.world.parking.place import ParkingOrientation, ParkingPosition
 
 Metres = Annotated[float, Field(ge=0, le=100)]

@@ -6,8 +6,7 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
-from pavetwin.config.base import Settings
-from pavetwin.config.numbers import NUMBER, SOME, Share, Weight, Weights
+from pavetwin.config.settings import NUMBER, SOME, Settings, Share, Weight, Weights
 from pavetwin.scene.ground.looks.values import ValueRange, Within
 
 OWN: Final = "own"

@@ -9,9 +9,8 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field, field_validator
 
-from pavetwin.config.base import PlacedValueError, Settings
 from pavetwin.config.named import names_in, read_named
-from pavetwin.config.numbers import NUMBER, SOME, Title, Weight
+from pavetwin.config.settings import NUMBER, SOME, PlacedValueError, Settings, Title, Weight
 from pavetwin.scene.ground.looks.pavement import PACKAGE
 from pavetwin.scene.ground.looks.values import ValueRange, Within
 

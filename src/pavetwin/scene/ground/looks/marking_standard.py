@@ -7,9 +7,8 @@ from typing import Annotated, Literal, Self
 import shapely
 from pydantic import Field, field_validator, model_validator
 
-from pavetwin.config.base import PlacedValueError, Settings
 from pavetwin.config.named import names_in, read_named
-from pavetwin.config.numbers import NUMBER, SOME, Share, Title, Weight
+from pavetwin.config.settings import NUMBER, SOME, PlacedValueError, Settings, Share, Title, Weight
 from pavetwin.scene.ground.looks.mark import PaintName
 from pavetwin.scene.ground.looks.pavement import PACKAGE
 

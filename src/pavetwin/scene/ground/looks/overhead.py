@@ -4,8 +4,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator
 
-from pavetwin.config.base import Settings
-from pavetwin.config.numbers import Share
+from pavetwin.config.settings import Settings, Share
 from pavetwin.scene.ground.looks.values import ValueRange, Within, whole
 
 

@@ -6,9 +6,8 @@ from typing import Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
-from pavetwin.config.base import PlacedValueError, Settings
 from pavetwin.config.named import names_in, read_named
-from pavetwin.config.numbers import NUMBER, Share, Title
+from pavetwin.config.settings import NUMBER, PlacedValueError, Settings, Share, Title
 from pavetwin.scene.ground.looks.values import ValueRange, Within
 from pavetwin.scene.model import GroundKind
 

@@ -6,8 +6,7 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
-from pavetwin.config.base import Settings
-from pavetwin.config.numbers import SOME, Share, Weight
+from pavetwin.config.settings import SOME, Settings, Share, Weight
 from pavetwin.scene.ground.looks.values import ValueRange, Within
 from pavetwin.scene.ground.looks.weights import pick
 from pavetwin.scene.model import Finish, GroundKind

@@ -9,9 +9,8 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
-from pavetwin.config.base import PlacedValueError, Settings
 from pavetwin.config.named import names_in, read_named
-from pavetwin.config.numbers import NUMBER, SOME, Share, Title, Weight, Weights
+from pavetwin.config.settings import NUMBER, SOME, PlacedValueError, Settings, Share, Title, Weight, Weights
 from pavetwin.errors import PaveTwinError
 from pavetwin.scene.ground.looks.history import OWN, FormerMarkings, RepairMaterials
 from pavetwin.scene.ground.looks.mark import mark

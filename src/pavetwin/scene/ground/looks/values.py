@@ -6,8 +6,7 @@ from typing import Annotated, Any, Self
 from pydantic import AfterValidator, GetCoreSchemaHandler, GetJsonSchemaHandler, model_validator
 from pydantic.json_schema import JsonSchemaValue
 
-from pavetwin.config.base import Settings
-from pavetwin.config.numbers import Number
+from pavetwin.config.settings import Number, Settings
 
 
 class ValueRange(Settings):

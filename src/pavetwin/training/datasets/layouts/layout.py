@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from pavetwin.config.base import Settings
+from pavetwin.config.settings import Settings
 from pavetwin.labels.boxes import FloatBox
 from pavetwin.training.datasets.common_form import Polygon
 from pavetwin.training.datasets.pictures import PictureIndex

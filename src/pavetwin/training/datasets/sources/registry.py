@@ -9,7 +9,7 @@ from typing import Annotated, Final
 from pydantic import AfterValidator, Field, field_validator
 from yaml import YAMLError
 
-from pavetwin.config.base import Settings
+from pavetwin.config.settings import Settings
 from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.registry import Registry

@@ -1,6 +1,7 @@
-"""What a pattern is, where patterns are registered, and the passes that one gives along a segment."""
+"""Inspection patterns: the passes flown along a segment, and their registry."""
 
 from collections.abc import Callable, Sequence
+from math import ceil
 
 import numpy as np
 import shapely
@@ -69,3 +70,24 @@ def _parallel(line: LineString, offset_m: float) -> Pass:
     first = shapely.get_coordinates(plain)[0]
     backwards = np.hypot(*(points[-1] - first)) < np.hypot(*(points[0] - first))
     return points[::-1] if backwards else points
+
+
+@pattern("boustrophedon")
+def boustrophedon(left_m: float, right_m: float, window_m: float, settings: PatternSettings) -> Sequence[float]:
+    """As many parallel passes as the window's width and the side overlap need, at least one, evenly spaced."""
+    spare_m = left_m + right_m - window_m
+    if spare_m <= 0:
+        return [(left_m - right_m) / 2]
+    count = ceil(spare_m / (window_m * (1 - settings.side_overlap)) - 1e-9) + 1
+    return list(np.linspace(window_m / 2 - right_m, left_m - window_m / 2, count))
+
+
+@pattern("out_and_back")
+def out_and_back(
+    left_m: float,
+    right_m: float,
+    window_m: float,  # noqa: ARG001
+    settings: PatternSettings,  # noqa: ARG001
+) -> Sequence[float]:
+    """One pass over the middle of each half of the carriageway (arXiv 2606.20742)."""
+    return [-right_m / 2, left_m / 2]

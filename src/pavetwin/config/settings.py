@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 from yaml import YAMLError
 
 from pavetwin.config.text import line_of, parse_yaml
@@ -204,3 +204,36 @@ def overlay(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any
         inner = merged.get(key)
         merged[key] = overlay(inner, value) if isinstance(inner, Mapping) and isinstance(value, Mapping) else value
     return merged
+
+
+def _no_switch(value: Any) -> Any:
+    if isinstance(value, bool):
+        raise ValueError("it must be a number")
+    return value
+
+
+NUMBER: Final = BeforeValidator(_no_switch)
+"""Comes after the bounds of a number, so that its schema still has them."""
+
+Number = Annotated[float, NUMBER]
+Positive = Annotated[float, Field(gt=0), NUMBER]
+NonNegative = Annotated[float, Field(ge=0), NUMBER]
+Share = Annotated[float, Field(ge=0, le=1), NUMBER]
+
+Weight = Annotated[float, Field(ge=0, le=1e6), NUMBER]
+"""A relative frequency."""
+
+
+def _some(weights: Mapping[Any, float]) -> Mapping[Any, float]:
+    if not sum(weights.values()) > 0:
+        raise ValueError("the weights sum to 0")
+    return weights
+
+
+SOME: Final = AfterValidator(_some)
+"""Of a table of weights: at least one is above 0."""
+
+Title = Annotated[str, Field(min_length=1)]
+
+Weights = Annotated[Mapping[str, Weight], Field(min_length=1), SOME]
+"""Names with their relative frequencies."""

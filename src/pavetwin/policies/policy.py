@@ -1,4 +1,4 @@
-"""What a recovery policy is, and what it may answer."""
+"""Recovery policies: the base class and the actions that a policy can answer with."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping

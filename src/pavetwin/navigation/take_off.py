@@ -8,9 +8,9 @@ from shapely import Point
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import nearest_points
 
-from pavetwin.config.altitude import VERTICAL_CLEARANCE_M
+from pavetwin.config.mission import VERTICAL_CLEARANCE_M
 from pavetwin.errors import PaveTwinError
-from pavetwin.navigation.domain import CORRIDOR_MARGIN_M
+from pavetwin.navigation.navmesh import CORRIDOR_MARGIN_M
 from pavetwin.world.georeference import from_wgs84
 from pavetwin.world.model import LaneKind, World
 from pavetwin.world.solids import SolidKind, Solids, solids

@@ -1,5 +1,7 @@
-"""The power of a multicopter over airspeed, from its profile."""
+"""Energy models: the battery drained in flight, over airspeed and climb, and their registry."""
 
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import lru_cache
 from math import sqrt
 from typing import Final, NamedTuple
@@ -9,9 +11,77 @@ import numpy as np
 from pavetwin.arrays import Float64Array
 from pavetwin.config.mission import MissionSettings
 from pavetwin.errors import PaveTwinError
+from pavetwin.registry import Registry
 from pavetwin.uav.aircraft import AIR_KG_M3, GRAVITY_MPS2, AircraftProfile, aircraft_of
-from pavetwin.uav.energy.base import EnergyCurve, airspeeds, energy_model
-from pavetwin.uav.energy.capacity import usable_wh
+
+CURVE_STEP_MPS = 0.1
+CURVE_TOP_MPS = 60.0
+
+
+def airspeeds() -> Float64Array:
+    """(n,) the airspeeds of a curve's entries [m/s]."""
+    return np.arange(0, CURVE_TOP_MPS + CURVE_STEP_MPS, CURVE_STEP_MPS)
+
+
+def _no_lift() -> Float64Array:
+    return np.zeros_like(airspeeds())
+
+
+@dataclass(frozen=True)
+class EnergyCurve:
+    """Battery drained, as the kernel reads it: linear between entries."""
+
+    drain_per_s: Float64Array
+    """(n,) share of the battery per second in still air, at airspeeds 0, 0.1, 0.2 … m/s."""
+    drain_per_m_climbed: float
+    """Share of the battery per metre of climb, added to the above. A descent recovers nothing."""
+    lift_per_s: Float64Array = field(default_factory=_no_lift)
+    """(n,) the part of `drain_per_s` that moving through the air saves: it falls with airspeed. In wind it is read at
+    the ground speed where that is lower, so that wind alone saves nothing."""
+
+
+EnergyModel = Callable[[MissionSettings], EnergyCurve]
+
+ENERGY_MODELS: Registry[EnergyModel] = Registry(
+    "energy model", key="energy.model", group="pavetwin.energy_models", home="pavetwin.uav.energy"
+)
+energy_model = ENERGY_MODELS.register
+"""Register an energy model under a name, which `energy.model` then takes."""
+
+
+def energy_curve(settings: MissionSettings) -> EnergyCurve:
+    """The curve of the model that the settings name.
+
+    Raises:
+        PaveTwinError: there is no such model, or it lacks what it is computed from.
+    """
+    return ENERGY_MODELS.get(settings.energy.model)(settings)
+
+
+CAPACITY_AT_C: Final = ((-20.0, 0.35), (-10.0, 0.55), (0.0, 0.75), (10.0, 0.90), (20.0, 1.0))
+"""Share of the capacity that lithium polymer packs give at a temperature [°C], linear between. Operators and makers of
+packs name losses of 20 to 30 % at 0 °C and 40 to 50 % at −10 °C; these are the middles. The other points are ours."""
+
+
+def temperature_share(temperature_c: float) -> float:
+    """Share of the capacity that a battery gives at its temperature, 0 … 1; constant beyond the known points."""
+    temperatures, shares = zip(*CAPACITY_AT_C, strict=True)
+    return float(np.interp(temperature_c, temperatures, shares))
+
+
+def usable_wh(settings: MissionSettings, profile: AircraftProfile) -> float:
+    """Energy of one set of batteries between a full charge and where the UAV must be on the ground: the nominal energy
+    times the usable share, the health and what the temperature leaves."""
+    energy = settings.energy
+    nominal_wh = profile.capacity_wh if energy.capacity_wh is None else energy.capacity_wh
+    return nominal_wh * energy.usable * energy.health * temperature_share(settings.conditions.temperature_c)
+
+
+@energy_model("linear")
+def linear(settings: MissionSettings) -> EnergyCurve:
+    """The battery falls by 1/endurance per second whatever the UAV does (arXiv 2606.20742)."""
+    return EnergyCurve(np.full_like(airspeeds(), 1 / settings.energy.endurance_s), 0.0)
+
 
 TIP_MPS: Final = 120.0
 """Tip speed of the rotor blades, table I of Zeng, Xu and Zhang 2019; no data sheet states it."""

@@ -1,0 +1,195 @@
+"""The result of a mission: its specification, metrics, detections, track, captures and events."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pavetwin._core import Trace
+from pavetwin.config import MissionSettings
+from pavetwin.errors import PaveTwinError
+from pavetwin.mission.detections import DetectionLog
+from pavetwin.mission.environment import MissionEnvironment
+from pavetwin.mission.events import ActionTaken, BatteryRanLow, MissionEvent
+from pavetwin.mission.inspected_defects import InspectedDefect, inspected_defects
+from pavetwin.mission.metrics import SegmentMetrics
+from pavetwin.mission.mission import Mission, Traffic
+from pavetwin.mission.replay import Replay
+from pavetwin.mission.spec import (
+    HANDED_IN,
+    AircraftTrack,
+    DefectInput,
+    MissionSpec,
+    PolicyInput,
+    TrafficInput,
+    WorldInput,
+)
+from pavetwin.sensing import JudgedDetection, Outcome
+from pavetwin.traffic.flow import Flow, flow_of
+from pavetwin.traffic.recording import Recording
+from pavetwin.twin import InspectionMemory
+
+if TYPE_CHECKING:
+    from pavetwin._core import CaptureColumns, DefectShares, TrackColumns
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Where a policy did something other than going on, or a battery was swapped."""
+
+    time_s: float
+    position: tuple[float, float]
+    action: str
+    """`wait`, `displace`, `revisit` or `battery`."""
+
+
+@dataclass(frozen=True)
+class MissionResult:
+    """A mission that was flown to its end."""
+
+    spec: MissionSpec
+    environment: MissionEnvironment
+    policy: str
+    """What the policy calls itself."""
+    sensor: str
+    rows: tuple[SegmentMetrics, ...]
+    log: DetectionLog = field(repr=False)
+    """What the sensor reported."""
+    memory: InspectionMemory
+    track: "TrackColumns"
+    captures: "CaptureColumns"
+    swept: frozenset[int]
+    """Defects, by their id, whose centre the inspection window passed over."""
+    sighted: tuple[tuple[int, int, float], ...]
+    """Of the frames that the sensor was shown: capture, id of a defect that it sees, visible fraction of that."""
+    looked_px: int | None
+    """See `Sensor.looked_px`."""
+    trace: Trace
+    """The recorded traffic that it was flown against, from take-off on."""
+    duration_s: float
+    energy: float
+    """In batteries, over all swaps."""
+    distance_m: float
+    swaps: int
+    events: tuple[MissionEvent, ...]
+    """Everything that happened, in the order of time."""
+    recording: Recording | None = None
+    """The recorded traffic; None where it was handed in as a value."""
+    known_shares: Mapping[tuple[int, int], "DefectShares"] = field(default_factory=dict, repr=False)
+    """What hid a defect in a capture, by their numbers, as far as it was worked out in flight."""
+
+    @cached_property
+    def detections(self) -> tuple[JudgedDetection, ...]:
+        """All that the sensor reported, in the order of time."""
+        return tuple(self.log.all)
+
+    @cached_property
+    def flow(self) -> Flow | None:
+        """How the recorded traffic flows."""
+        return None if self.recording is None else flow_of(self.recording)
+
+    @cached_property
+    def inspected_defects(self) -> tuple[InspectedDefect, ...]:
+        """Every defect of the inspected segments: found, or missed and why. Computed once: it is slow."""
+        return inspected_defects(self)
+
+    @property
+    def settings(self) -> MissionSettings:
+        return self.spec.settings
+
+    @property
+    def seed(self) -> int:
+        """Of the sensor."""
+        return self.spec.seed
+
+    @property
+    def traffic(self) -> str:
+        """Name of the recording, such as `high-1`; empty where the traffic was handed in as a value."""
+        return "" if self.spec.traffic.density == HANDED_IN else self.spec.traffic.name
+
+    @cached_property
+    def confirmed(self) -> tuple[JudgedDetection, ...]:
+        """The detections that confirmed a defect, one for each confirmed defect."""
+        return tuple(each for each in self.detections if each.outcome is Outcome.CONFIRMED)
+
+    @cached_property
+    def actions(self) -> tuple[Decision, ...]:
+        """Where the policy acted, and where the UAV turned back for another battery."""
+        found = []
+        for event in self.events:
+            match event:
+                case ActionTaken():
+                    found.append(Decision(event.time_s, event.position, type(event.action).__name__.lower()))
+                case BatteryRanLow():
+                    found.append(Decision(event.time_s, event.position, "battery"))
+        return tuple(found)
+
+
+def result_of(mission: Mission, spec: MissionSpec | None = None) -> MissionResult:
+    """What a mission leaves behind, for one whose events you answered yourself.
+
+    Args:
+        spec: that it was made from; unless given, one over values, which cannot be flown again from its description.
+
+    Raises:
+        PaveTwinError: the mission is not over.
+    """
+    if not mission.is_over:
+        raise PaveTwinError("The mission is not over: iterate over it to its end before you ask for its result.")
+    if spec is None:
+        spec = spec_of(mission.environment, mission.traffic, mission.settings, mission.targets, HANDED_IN, seed=0)
+    flight = mission.flight
+    return MissionResult(
+        spec=spec,
+        environment=mission.environment,
+        policy=mission.policy,
+        sensor=mission.sensor,
+        rows=tuple(mission.rows),
+        log=mission.detections,
+        memory=mission.memory,
+        track=flight.track(),
+        captures=flight.captures(),
+        swept=frozenset(np.flatnonzero(flight.swept()).tolist()),
+        sighted=tuple(mission.sighted),
+        looked_px=mission.looked_px,
+        trace=mission.traffic.trace(),
+        duration_s=mission.duration_s,
+        energy=mission.energy,
+        distance_m=mission.distance_m,
+        swaps=mission.swaps,
+        events=tuple(mission.events),
+        recording=mission.traffic.recording if isinstance(mission.traffic, Replay) else None,
+    )
+
+
+def spec_of(
+    environment: MissionEnvironment,
+    traffic: Traffic,
+    settings: MissionSettings,
+    targets: Sequence[int],
+    policy: str,
+    seed: int,
+) -> MissionSpec:
+    """The spec of a mission over values; what was never a file is named as handed in."""
+    world = environment.world
+    return MissionSpec.of(
+        world=WorldInput.of(world),
+        defects=DefectInput(content_hash=environment.defects_hash),
+        traffic=traffic.source() if isinstance(traffic, Replay) else TrafficInput(density=HANDED_IN),
+        aircraft=_tracks(traffic),
+        base=(world.base.x, world.base.y),
+        targets=tuple(world.segments[index].id for index in targets),
+        policy=PolicyInput.of(policy),
+        seed=seed,
+        parking_seed=environment.parking.seed,
+        parking_mix=environment.parking.mix,
+        settings=settings,
+    )
+
+
+def _tracks(traffic: Traffic) -> tuple[AircraftTrack, ...] | None:
+    """The tracks of other aircraft in traffic that is a value."""
+    aircraft = traffic.aircraft if isinstance(traffic, Replay) else ()
+    return tuple(AircraftTrack.of(each) for each in aircraft) or None
