@@ -1,4 +1,4 @@
-"""Every command of the README, shortened, over towns with street names in four scripts: no library speaks up."""
+"""Every command of the README, shortened, over towns with street names in four scripts, prints no library messages."""
 
 import re
 import shlex
@@ -17,13 +17,13 @@ SHORTER = {
     "--segments 8": "--segments 2",
     "--images 500": "--images 2",
 }
-"""Options of the README, and what a test has time for."""
+"""Options of the README with their replacements in a test."""
 
 PROGRESS = re.compile(r".* …|.* \(\d+%\)")
 
 
 def readme_commands() -> list[str]:
-    """In the README's order; `…` and file names in running text are not commands."""
+    """Commands of the code blocks, in order."""
     blocks = re.findall(r"^```\w*\n(.*?)^```", (ROOT / "README.md").read_text("utf-8"), flags=re.MULTILINE | re.DOTALL)
     return [line for block in blocks for line in block.splitlines() if line.startswith("pavetwin ")]
 
@@ -43,7 +43,7 @@ def shortened(design: Path) -> None:
     design.write_text(yaml.safe_dump(values), "utf-8")
 
 
-def runs(folder: Path, script: str, commands: list[str]) -> None:
+def run_all(folder: Path, script: str, commands: list[str]) -> None:
     town = scripts.TOWNS[script]
     (folder / "my-town.osm").write_text(scripts.extract(town), encoding="utf-8")
     for typed in commands:
@@ -61,7 +61,7 @@ def runs(folder: Path, script: str, commands: list[str]) -> None:
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/how-to/study.md", "src/pavetwin/cli/experiment.py"])
-def test_what_is_recommended_is_in_the_study_that_is_begun(page: str) -> None:
+def test_recommended_traffic_is_in_the_initial_design(page: str) -> None:
     """`recommend studies/first --traffic NAME` names traffic that `experiment init` writes."""
     named = re.findall(r"recommend studies/first .*?--traffic (\S+)", (ROOT / page).read_text("utf-8"))
     written = yaml.safe_load(preset_text("default", "worlds/my-town"))
@@ -71,16 +71,16 @@ def test_what_is_recommended_is_in_the_study_that_is_begun(page: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.needs_adapter
-def test_the_readmes_commands_print_nothing_of_libraries(tmp_path: Path) -> None:
+def test_the_readmes_commands_print_no_library_messages(tmp_path: Path) -> None:
     commands = readme_commands()
     assert {shlex.split(typed)[1] for typed in commands} == {"world", "fly", "experiment", "capture"}
     more = ["pavetwin experiment report studies/first", "pavetwin world show worlds/my-town --ids --html"]
     more += ["pavetwin world navmesh worlds/my-town", "pavetwin capture show datasets/my-town"]
-    runs(tmp_path, "chinese", [*commands, *more])
+    run_all(tmp_path, "chinese", [*commands, *more])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("script", ["arabic", "cyrillic", "devanagari"])
-def test_other_scripts_are_flown_and_drawn_as_quietly(script: str, tmp_path: Path) -> None:
+def test_towns_in_other_scripts_print_no_library_messages(script: str, tmp_path: Path) -> None:
     commands = [typed for typed in readme_commands() if typed.split()[1] in ("world", "fly")]
-    runs(tmp_path, script, [*commands, "pavetwin world show worlds/my-town --ids --html"])
+    run_all(tmp_path, script, [*commands, "pavetwin world show worlds/my-town --ids --html"])
