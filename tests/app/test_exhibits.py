@@ -13,7 +13,7 @@ from pavetwin.app.session import Session
 from pavetwin.capture.settings import FILE as CAPTURED
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.store import DESIGN
-from pavetwin.training.datasets.common_form import DESCRIPTION as PHOTOGRAPHS
+from pavetwin.labels.common_form import DESCRIPTION as PHOTOGRAPHS
 from pavetwin.world.store import save_world
 from scenes import damaged
 from scenes.command_line import pavetwin

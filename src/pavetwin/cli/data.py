@@ -311,7 +311,7 @@ def stats(
     \b
     pavetwin data stats datasets/pdd datasets/china
     """
-    from pavetwin.training.datasets.common_form import count_images, read_description, read_images
+    from pavetwin.labels.common_form import count_images, read_description, read_images
 
     for folder in datasets:
         description = read_description(folder)

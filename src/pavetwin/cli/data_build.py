@@ -98,7 +98,7 @@ def _parts(path: Path) -> "tuple[Recipe | None, SyntheticRecipe | None, RecipePa
 
 
 def _photographs(recipe: "Recipe", beside: Path, output: Path) -> "BuildSummary":
-    from pavetwin.training.datasets.common_form import count_images, read_images
+    from pavetwin.labels.common_form import count_images, read_images
     from pavetwin.training.datasets.recipe import build as built
     from pavetwin.training.datasets.splitting import LISTS
 

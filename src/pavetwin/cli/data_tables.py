@@ -8,8 +8,8 @@ from pavetwin.cli.console import err
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from pavetwin.labels.common_form import DatasetCounts
     from pavetwin.training.datasets.allocation import CopyPlan
-    from pavetwin.training.datasets.common_form import DatasetCounts
     from pavetwin.training.datasets.report import Report
     from pavetwin.training.datasets.splitting import SplitShares
 
@@ -63,7 +63,7 @@ def balance_table(plan: "CopyPlan") -> "Table":
     """A row a class that the dataset shows: its instances before and after."""
     from rich.table import Table
 
-    from pavetwin.training.datasets.common_form import class_names
+    from pavetwin.labels.common_form import class_names
 
     table = Table(box=None, pad_edge=False, header_style="bold")
     table.add_column("instances of", no_wrap=True)
@@ -79,7 +79,7 @@ def counts_table(title: str, counts: "DatasetCounts") -> "Table":
     """A row a source, and the sums."""
     from rich.table import Table
 
-    from pavetwin.training.datasets.common_form import class_names
+    from pavetwin.labels.common_form import class_names
 
     several = len(counts.sources) > 1
     table = Table(title=title, title_justify="left", box=None, pad_edge=False, header_style="bold", show_footer=several)

@@ -12,14 +12,14 @@ import pytest
 from PIL import Image
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.training.datasets.common_form import read_images
+from pavetwin.labels.common_form import read_images
+from pavetwin.labels.safe_xml import parse_xml
 from pavetwin.training.datasets.importing import ImportSummary, convert, import_source
 from pavetwin.training.datasets.layouts.layout import RawImage, RawObject
 from pavetwin.training.datasets.layouts.yolo import names_in
 from pavetwin.training.datasets.pictures import picture_size
 from pavetwin.training.datasets.report import Finding, Report
 from pavetwin.training.datasets.resizing import ImageSize
-from pavetwin.training.datasets.safe_xml import parse_xml
 from pavetwin.training.datasets.sources import source_of
 from pavetwin.training.datasets.sources.registry import outcome, unknown_class
 from scenes.command_line import pavetwin, without_progress

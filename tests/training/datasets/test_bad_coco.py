@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pavetwin.training.datasets.common_form import read_images
+from pavetwin.labels.common_form import read_images
 from pavetwin.training.datasets.importing import import_source
 from pavetwin.training.datasets.resizing import ImageSize
 from pavetwin.training.datasets.sources import source_of

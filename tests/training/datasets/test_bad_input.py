@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pavetwin.training.datasets.common_form import read_images
+from pavetwin.labels.common_form import read_images
 from scenes.imports import told
 from scenes.photographs import picture, voc, yolo
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from pavetwin.labels.common_form import read_images
 from pavetwin.training.datasets import augmenting, balancing
 from pavetwin.training.datasets.balancing import BalanceSettings, balance, draw_change
-from pavetwin.training.datasets.common_form import read_images
 from pavetwin.training.datasets.importing import import_source
 from pavetwin.training.datasets.merging import merge
 from pavetwin.training.datasets.resizing import ImageSize

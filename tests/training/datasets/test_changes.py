@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from PIL import Image, ImageDraw
 
 from pavetwin.labels.boxes import flipped
+from pavetwin.labels.common_form import AnnotatedImage, Annotation
 from pavetwin.training.datasets.augmenting import (
     GONE_SHARE,
     ImageChange,
@@ -17,7 +18,6 @@ from pavetwin.training.datasets.augmenting import (
     moved_points,
     shown_window,
 )
-from pavetwin.training.datasets.common_form import AnnotatedImage, Annotation
 from pavetwin.training.datasets.resizing import CUT, LEAST_SHARE
 
 ANGLES = st.floats(-15, 15).map(lambda angle: round(angle, 1))

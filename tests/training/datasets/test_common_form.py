@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.training.datasets.common_form import (
+from pavetwin.labels.common_form import (
     AnnotatedImage,
     Annotation,
     as_xml,

@@ -7,7 +7,7 @@ import pytest
 import shapely
 from PIL import Image
 
-from pavetwin.training.datasets.common_form import (
+from pavetwin.labels.common_form import (
     AnnotatedImage,
     Annotation,
     annotation_path,

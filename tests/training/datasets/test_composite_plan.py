@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw
 
 from pavetwin.arrays import UInt8Array
 from pavetwin.labels.boxes import PixelBox
-from pavetwin.training.datasets.common_form import (
+from pavetwin.labels.common_form import (
     AnnotatedImage,
     Annotation,
     annotation_path,

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image, ImageDraw
 
+from pavetwin.labels.common_form import read_images
 from pavetwin.training.datasets import compositing
-from pavetwin.training.datasets.common_form import read_images
 from pavetwin.training.datasets.compositing import CompositeSettings, CompositeSummary, compose
 from pavetwin.training.datasets.cutouts import cut_out_all
 from pavetwin.training.datasets.importing import import_source

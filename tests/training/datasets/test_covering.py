@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from PIL import Image, ImageDraw
 
 from pavetwin.labels.boxes import of_mask
+from pavetwin.labels.common_form import AnnotatedImage, Annotation
 from pavetwin.labels.outlines import filled
 from pavetwin.training.datasets.augmenting import ImageChange, changed, changed_picture
-from pavetwin.training.datasets.common_form import AnnotatedImage, Annotation
 from pavetwin.training.datasets.covering import covered, pasted
 
 SIZE = (120, 90)

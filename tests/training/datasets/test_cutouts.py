@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pavetwin.arrays import UInt8Array
-from pavetwin.training.datasets.common_form import AnnotatedImage, Annotation
+from pavetwin.labels.common_form import AnnotatedImage, Annotation
 from pavetwin.training.datasets.cutouts import CutOut, cut_outs, ground_resolution
 from scenes.photographs import pavement, with_car
 

@@ -8,7 +8,7 @@ from pycocotools.coco import COCO
 from pycocotools.cocoeval import COCOeval
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.training.datasets.common_form import (
+from pavetwin.labels.common_form import (
     AnnotatedImage,
     Annotation,
     annotation_path,

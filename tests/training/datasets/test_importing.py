@@ -12,8 +12,8 @@ import pytest
 from PIL import Image
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.labels.common_form import AnnotatedImage, Annotation, read_description, read_images
 from pavetwin.training.datasets import importing
-from pavetwin.training.datasets.common_form import AnnotatedImage, Annotation, read_description, read_images
 from pavetwin.training.datasets.duplicates import FEATURES, signature
 from pavetwin.training.datasets.importing import ImportSummary, import_source
 from pavetwin.training.datasets.resizing import CUT, ImageSize, ImageView, seen_through, views
@@ -240,7 +240,7 @@ def test_memory_holds_a_few_pictures_at_a_time(tmp_path: Path, monkeypatch: pyte
 MANY = """
 import re, sys
 from pathlib import Path
-from pavetwin.training.datasets.common_form import class_names
+from pavetwin.labels.common_form import class_names
 from pavetwin.training.datasets.exporting import export
 from pavetwin.training.datasets.duplicates import signature
 from pavetwin.training.datasets.importing import import_source

@@ -15,9 +15,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.training.datasets import duplicates as overlaps
-from pavetwin.training.datasets import merging
-from pavetwin.training.datasets.common_form import (
+from pavetwin.labels.common_form import (
     AnnotatedImage,
     Annotation,
     annotation_path,
@@ -25,6 +23,8 @@ from pavetwin.training.datasets.common_form import (
     read_images,
     write_description,
 )
+from pavetwin.training.datasets import duplicates as overlaps
+from pavetwin.training.datasets import merging
 from pavetwin.training.datasets.duplicates import alike, read_grey, signature, thumbnail
 from pavetwin.training.datasets.importing import import_source
 from pavetwin.training.datasets.merging import merge

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pavetwin.labels.boxes import PixelBox, moved, scaled, share_within, within
-from pavetwin.training.datasets.common_form import AnnotatedImage, Annotation
+from pavetwin.labels.common_form import AnnotatedImage, Annotation
 from pavetwin.training.datasets.resizing import CUT, LEAST_SHARE, ImageSize, ImageView, seen_through, views
 
 SIDE = st.integers(20, 900)

@@ -6,8 +6,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from pavetwin.arrays import BoolArray, UInt8Array
+from pavetwin.labels.common_form import Annotation
 from pavetwin.training.datasets.blending import EDGE_PX, Sun, blended, turned
-from pavetwin.training.datasets.common_form import Annotation
 from pavetwin.training.datasets.covering import GONE_SHARE, KEPT_SHARE, covered, pasted
 from pavetwin.training.datasets.cutouts import CutOut
 from pavetwin.training.datasets.road import FreeRoad, Standing, road_direction_deg, road_mask

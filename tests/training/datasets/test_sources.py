@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pavetwin.training.datasets.common_form import AnnotatedImage, class_names, read_images
+from pavetwin.labels.common_form import AnnotatedImage, class_names, read_images
 from pavetwin.training.datasets.importing import import_source
 from pavetwin.training.datasets.recipe import backgrounds_in
 from pavetwin.training.datasets.report import Report

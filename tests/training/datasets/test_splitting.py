@@ -9,7 +9,7 @@ import pytest
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels import SPLITS
-from pavetwin.training.datasets.common_form import (
+from pavetwin.labels.common_form import (
     AnnotatedImage,
     Annotation,
     annotation_path,

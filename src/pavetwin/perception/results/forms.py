@@ -6,7 +6,8 @@ import json
 from collections.abc import Sequence
 from typing import Any, Final
 
-from pavetwin.perception.classes import CLASSES, SIZES, SUBTYPES
+from pavetwin.labels.coco import annotation_row, coco_file, image_row, rings
+from pavetwin.perception.classes import SIZES
 from pavetwin.perception.results.detected_image import DetectedImage, DetectedThing
 from pavetwin.perception.results.photograph import LonLat
 
@@ -22,40 +23,26 @@ COLUMNS: Final = (
 
 def coco(images: Sequence[DetectedImage]) -> str:
     """COCO's annotations. CVAT reads `attributes`; masks are polygons."""
-    rows: list[dict[str, Any]] = []
-    for number, image in enumerate(images, start=1):
-        for thing in image.things:
-            rows.append(_annotation(thing, len(rows) + 1, number))
-    held = [
-        {
-            "id": number,
-            "file_name": image.name,
-            "width": image.size_px[0],
-            "height": image.size_px[1],
-            **({"gsd_mm": image.gsd_mm} if image.gsd_mm else {}),
-        }
-        for number, image in enumerate(images, start=1)
-    ]
-    kinds = [
-        {"id": at + 1, "name": name, "supercategory": "defect" if at < len(SUBTYPES) else "traffic"}
-        for at, name in enumerate(CLASSES)
-    ]
-    return _json({"images": held, "annotations": rows, "categories": kinds})
-
-
-def _annotation(thing: DetectedThing, number: int, image: int) -> dict[str, Any]:
-    left, top, right, bottom = thing.box
-    return {
-        "id": number,
-        "image_id": image,
-        "category_id": thing.number + 1,
-        "bbox": [left, top, round(right - left, 2), round(bottom - top, 2)],
-        "area": round(thing.area_px, 1),
-        "segmentation": [[side for corner in thing.outline for side in corner]] if thing.outline else [],
-        "iscrowd": 0,
-        "score": round(thing.confidence, 4),
-        "attributes": thing.attributes,
-    }
+    numbered = list(enumerate(images, start=1))
+    things = [(number, thing) for number, image in numbered for thing in image.things]
+    rows = (
+        image_row(number, image.name, image.size_px, **({"gsd_mm": image.gsd_mm} if image.gsd_mm else {}))
+        for number, image in numbered
+    )
+    annotations = (
+        annotation_row(
+            at,
+            number,
+            thing.number,
+            thing.box,
+            area_px=round(thing.area_px, 1),
+            segmentation=rings(thing.outline) if thing.outline else [],
+            score=round(thing.confidence, 4),
+            attributes=thing.attributes,
+        )
+        for at, (number, thing) in enumerate(things, start=1)
+    )
+    return b"".join(coco_file("Detections by PaveTwin", rows, annotations)).decode()
 
 
 def label_studio(images: Sequence[DetectedImage]) -> str:

@@ -30,7 +30,7 @@ import shapely
 from pavetwin.arrays import Float32Array, Float64Array, UInt8Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import FloatBox, PixelBox, flipped
-from pavetwin.training.datasets.common_form import AnnotatedImage, Annotation, Polygon
+from pavetwin.labels.common_form import AnnotatedImage, Annotation, Polygon
 from pavetwin.training.datasets.resizing import CUT, LEAST_SHARE
 
 GONE_SHARE: Final = 0.05

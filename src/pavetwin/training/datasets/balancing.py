@@ -21,12 +21,7 @@ from pavetwin.arrays import Int64Array
 from pavetwin.config.settings import Settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import link_or_copy, staging_folder, working_in
-from pavetwin.seeds import Stream, child
-from pavetwin.training.datasets.allocation import TOLERANCE, CopyPlan, plan_copies
-from pavetwin.training.datasets.augmenting import COPY_OF, ImageChange, albumentations, changed, changed_picture
-from pavetwin.training.datasets.common_form import (
-    ANNOTATIONS,
-    PICTURES,
+from pavetwin.labels.common_form import (
     AnnotatedImage,
     annotation_path,
     as_xml,
@@ -35,6 +30,10 @@ from pavetwin.training.datasets.common_form import (
     read_image,
     write_description,
 )
+from pavetwin.labels.voc import ANNOTATIONS, PICTURES
+from pavetwin.seeds import Stream, child
+from pavetwin.training.datasets.allocation import TOLERANCE, CopyPlan, plan_copies
+from pavetwin.training.datasets.augmenting import COPY_OF, ImageChange, albumentations, changed, changed_picture
 from pavetwin.training.datasets.pictures import PictureError, opened
 from pavetwin.training.datasets.report import FILE as REPORT
 from pavetwin.training.datasets.report import Finding, Report

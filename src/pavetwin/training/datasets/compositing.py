@@ -30,11 +30,7 @@ from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.files import link_or_copy, staging_folder, working_in
 from pavetwin.labels import CUT_OUT, SPLITS
 from pavetwin.labels.classes import CAR
-from pavetwin.seeds import Stream, child
-from pavetwin.training.datasets.blending import Sun, blended, turned
-from pavetwin.training.datasets.common_form import (
-    ANNOTATIONS,
-    PICTURES,
+from pavetwin.labels.common_form import (
     AnnotatedImage,
     Annotation,
     annotation_path,
@@ -45,6 +41,9 @@ from pavetwin.training.datasets.common_form import (
     read_images,
     write_description,
 )
+from pavetwin.labels.voc import ANNOTATIONS, PICTURES
+from pavetwin.seeds import Stream, child
+from pavetwin.training.datasets.blending import Sun, blended, turned
 from pavetwin.training.datasets.covering import covered, filled, pasted
 from pavetwin.training.datasets.cutouts import (
     CUT_OUTS,

@@ -8,14 +8,8 @@ from pavetwin.draw.contact_sheet import CELL_PX, assembled, captioned, check_she
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.labels.classes import colours
-from pavetwin.training.datasets.common_form import (
-    PICTURES,
-    AnnotatedImage,
-    annotation_path,
-    image_names,
-    read_description,
-    read_image,
-)
+from pavetwin.labels.common_form import AnnotatedImage, annotation_path, image_names, read_description, read_image
+from pavetwin.labels.voc import PICTURES
 from pavetwin.training.datasets.pictures import PictureError, opened
 
 

@@ -15,8 +15,8 @@ import numpy as np
 from pavetwin.arrays import BoolArray
 from pavetwin.labels import CUT_OUT, outlines
 from pavetwin.labels.boxes import of_mask
+from pavetwin.labels.common_form import Annotation, Polygon
 from pavetwin.training.datasets.augmenting import GONE_SHARE
-from pavetwin.training.datasets.common_form import Annotation, Polygon
 
 KEPT_SHARE: Final = 0.6
 """Of an annotation's area."""

@@ -17,13 +17,10 @@ import numpy as np
 import shapely
 
 from pavetwin.errors import PaveTwinError, no_such
-from pavetwin.files import json_bytes, json_rows, link_or_copy, staging_folder, working_in, write_pieces
+from pavetwin.files import link_or_copy, staging_folder, working_in, write_pieces
 from pavetwin.labels.boxes import area
-from pavetwin.labels.classes import categories
-from pavetwin.labels.rle import encode
-from pavetwin.labels.yolo import box_line, data_yaml, polygon_line
-from pavetwin.training.datasets.common_form import (
-    PICTURES,
+from pavetwin.labels.coco import annotation_row, coco_file, image_row, rings, run_lengths
+from pavetwin.labels.common_form import (
     AnnotatedImage,
     Annotation,
     annotation_path,
@@ -31,6 +28,9 @@ from pavetwin.training.datasets.common_form import (
     read_image,
     write_description,
 )
+from pavetwin.labels.rle import encode
+from pavetwin.labels.voc import PICTURES
+from pavetwin.labels.yolo import box_line, data_yaml, polygon_line
 from pavetwin.training.datasets.resuming import check_same, described, move_in
 from pavetwin.training.datasets.splitting import split_names
 
@@ -105,56 +105,51 @@ def _write_image(folder: Path, output: Path, staging: Path, split: str, image: A
 
 
 def _coco(folder: Path, names: dict[str, list[str]], split: str) -> Iterator[bytes]:
-    """The file in pieces: the images are read twice, so that memory holds one at a time."""
+    """The content of a split's COCO file. Images are read twice, so that memory holds one at a time."""
     first = 1 + sum(len(names[other]) for other in list(names)[: list(names).index(split)])
-    kinds = [{"id": each.number + 1, "name": each.name, "supercategory": each.supercategory} for each in categories()]
-    yield b'{"info": ' + json_bytes({"description": folder.absolute().name, "version": "1"})
-    yield b',\n"licenses": [],\n"categories": ' + json_bytes(kinds) + b',\n"images": [\n'
-    yield from json_rows(_image(number, image) for number, image in _numbered(folder, names[split], first))
-    yield b'\n],\n"annotations": [\n'
-    yield from json_rows(
-        {"id": number * 10_000 + place, **row}
-        for number, image in _numbered(folder, names[split], first)
-        for place, row in enumerate(_rows(number, image))
+    images = (_coco_image(number, image) for number, image in _numbered(folder, names[split], first))
+    annotations = (
+        row for number, image in _numbered(folder, names[split], first) for row in _coco_annotations(number, image)
     )
-    yield b"\n]}\n"
+    return coco_file(folder.absolute().name, images, annotations)
 
 
 def _numbered(folder: Path, names: list[str], first: int) -> Iterator[tuple[int, AnnotatedImage]]:
     return ((number, read_image(annotation_path(folder, name))) for number, name in enumerate(names, first))
 
 
-def _image(number: int, image: AnnotatedImage) -> dict[str, Any]:
-    return {
-        "id": number,
-        "file_name": image.picture,
-        "width": image.size_px[0],
-        "height": image.size_px[1],
-        "gsd_mm": image.gsd_mm,
-        "source": image.source,
-        "group": image.group,
-        "is_background": image.is_background,
-        "attributes": dict(image.attributes),
-    }
+def _coco_image(number: int, image: AnnotatedImage) -> dict[str, Any]:
+    return image_row(
+        number,
+        image.picture,
+        image.size_px,
+        gsd_mm=image.gsd_mm,
+        source=image.source,
+        group=image.group,
+        is_background=image.is_background,
+        attributes=dict(image.attributes),
+    )
 
 
-def _rows(number: int, image: AnnotatedImage) -> Iterator[dict[str, Any]]:
-    """The annotations of an image, without their ids."""
-    ids = {name: at for at, name in enumerate(class_names(), start=1)}
-    for each in image.annotations:
-        left, top, right, bottom = each.box
-        row = {
-            "image_id": number,
-            "bbox": [left, top, right - left, bottom - top],
-            "area": _area_px(each),
-            "segmentation": _segmentation(each, image.size_px),
-            "iscrowd": int(each.ignored is not None),
-            "ignored": each.ignored,
-            "original": each.original,
-            "attributes": dict(each.attributes),
-        }
-        for category in class_names() if each.category is None else (each.category,):
-            yield {"category_id": ids[category], **row}
+def _coco_annotations(number: int, image: AnnotatedImage) -> Iterator[dict[str, Any]]:
+    """The rows of an image's annotations; a region without a class has one for each class."""
+    named = (
+        (each, name) for each in image.annotations for name in ((each.category,) if each.category else class_names())
+    )
+    numbers = {name: at for at, name in enumerate(class_names())}
+    for place, (each, name) in enumerate(named):
+        yield annotation_row(
+            number * 10_000 + place,
+            number,
+            numbers[name],
+            each.box,
+            area_px=_area_px(each),
+            segmentation=_segmentation(each, image.size_px),
+            is_ignored=each.ignored is not None,
+            ignored=each.ignored,
+            original=each.original,
+            attributes=dict(each.attributes),
+        )
 
 
 def _area_px(annotation: Annotation) -> float:
@@ -166,11 +161,10 @@ def _area_px(annotation: Annotation) -> float:
     return area(annotation.box)
 
 
-def _segmentation(annotation: Annotation, size_px: tuple[int, int]) -> Any:
+def _segmentation(annotation: Annotation, size_px: tuple[int, int]) -> object:
     if annotation.ignored is None:
-        return [] if annotation.outline is None else [[value for corner in annotation.outline for value in corner]]
-    width, height = size_px
+        return rings(annotation.outline) if annotation.outline is not None else []
     left, top, right, bottom = annotation.box
-    mask = np.zeros((height, width), dtype=np.bool_)
+    mask = np.zeros(size_px[::-1], dtype=np.bool_)
     mask[top:bottom, left:right] = True
-    return {"size": [height, width], "counts": encode(mask)}
+    return run_lengths(encode(mask), size_px)

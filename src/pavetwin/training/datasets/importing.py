@@ -30,16 +30,8 @@ from typing import Final
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.files import PICTURE_SUFFIXES, staging_folder, working_in
 from pavetwin.labels.boxes import FloatBox, PixelBox, area, ordered, scaled, to_pixels, within
-from pavetwin.training.datasets.common_form import (
-    ANNOTATIONS,
-    PICTURES,
-    AnnotatedImage,
-    Annotation,
-    Polygon,
-    annotation_path,
-    as_xml,
-    write_description,
-)
+from pavetwin.labels.common_form import AnnotatedImage, Annotation, Polygon, annotation_path, as_xml, write_description
+from pavetwin.labels.voc import ANNOTATIONS, PICTURES
 from pavetwin.training.datasets.layouts.layout import SWAPPED, RawImage, RawObject
 from pavetwin.training.datasets.pictures import PictureError, files_in, picture_size
 from pavetwin.training.datasets.report import FILE as REPORT

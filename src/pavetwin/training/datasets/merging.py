@@ -17,10 +17,8 @@ import numpy as np
 from pavetwin.arrays import Float32Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import link_or_copy, staging_folder, working_in
-from pavetwin.training.datasets.common_form import (
-    ANNOTATIONS,
+from pavetwin.labels.common_form import (
     DESCRIPTION,
-    PICTURES,
     annotation_path,
     as_xml,
     image_names,
@@ -28,6 +26,7 @@ from pavetwin.training.datasets.common_form import (
     read_image,
     write_description,
 )
+from pavetwin.labels.voc import ANNOTATIONS, PICTURES
 from pavetwin.training.datasets.duplicates import SAME, Features, Signature, alike, candidates, overlap, signature
 from pavetwin.training.datasets.importing import ImportSummary
 from pavetwin.training.datasets.pictures import PictureError

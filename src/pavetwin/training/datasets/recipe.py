@@ -16,10 +16,10 @@ from pavetwin.config.settings import PlacedValueError, Settings
 from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError, nearest_name, no_such
 from pavetwin.files import working_in
+from pavetwin.labels.common_form import write_description
 from pavetwin.training.datasets.allocation import CopyPlan
 from pavetwin.training.datasets.augmenting import albumentations
 from pavetwin.training.datasets.balancing import BalanceSettings, balance
-from pavetwin.training.datasets.common_form import write_description
 from pavetwin.training.datasets.compositing import CompositeSettings, check_masks, compose
 from pavetwin.training.datasets.exporting import FORMATS_OF_EXPORT, export
 from pavetwin.training.datasets.importing import import_source

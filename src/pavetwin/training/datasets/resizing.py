@@ -13,7 +13,7 @@ from pydantic import Field
 
 from pavetwin.config.settings import Settings
 from pavetwin.labels.boxes import PixelBox, moved, scaled, share_within, to_pixels, within
-from pavetwin.training.datasets.common_form import AnnotatedImage, Annotation, Polygon
+from pavetwin.labels.common_form import AnnotatedImage, Annotation, Polygon
 from pavetwin.training.datasets.pictures import as_rgb, opened, orientation
 
 LEAST_SHARE: Final = 0.3

@@ -10,7 +10,7 @@ from typing import Any, Final, TypeVar
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import PICTURE_SUFFIXES, file_sha256
-from pavetwin.training.datasets.common_form import DESCRIPTION, read_description
+from pavetwin.labels.common_form import DESCRIPTION, read_description
 from pavetwin.training.datasets.pictures import files_in
 
 THREADS: Final = 2

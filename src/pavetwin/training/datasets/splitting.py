@@ -19,8 +19,8 @@ from pavetwin.arrays import Float64Array, IndexArray
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.labels import CUT_OUT, SPLITS
+from pavetwin.labels.common_form import AnnotatedImage, class_names, read_description, read_images
 from pavetwin.seeds import Stream, child
-from pavetwin.training.datasets.common_form import AnnotatedImage, class_names, read_description, read_images
 from pavetwin.training.datasets.report import FILE as REPORT
 from pavetwin.training.datasets.report import Finding, Report
 

@@ -8,7 +8,7 @@ from typing import Final
 
 from pavetwin.config.settings import Settings
 from pavetwin.labels.boxes import FloatBox
-from pavetwin.training.datasets.common_form import Polygon
+from pavetwin.labels.common_form import Polygon
 from pavetwin.training.datasets.pictures import PictureIndex
 from pavetwin.training.datasets.report import Finding, Report
 

@@ -5,7 +5,7 @@ from math import isfinite
 from pathlib import PurePosixPath
 from typing import Any
 
-from pavetwin.training.datasets.common_form import class_names
+from pavetwin.labels.common_form import class_names
 from pavetwin.training.datasets.layouts import CocoLayout
 from pavetwin.training.datasets.layouts.coco import CocoEntryError
 from pavetwin.training.datasets.layouts.layout import RawObject

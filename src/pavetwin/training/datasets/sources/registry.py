@@ -12,8 +12,8 @@ from yaml import YAMLError
 from pavetwin.config.settings import Settings
 from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError, nearest_name
+from pavetwin.labels.common_form import class_names
 from pavetwin.registry import Registry
-from pavetwin.training.datasets.common_form import class_names
 from pavetwin.training.datasets.layouts import AnyLayout
 from pavetwin.training.datasets.layouts.layout import LabelLayout
 

@@ -6,14 +6,12 @@ written last. Boxes count pixels from 1 and include their last. Ignored annotati
 evaluation leaves out; a region without a class has the name `ignored`.
 """
 
-import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
-from xml.etree import ElementTree
 
 import yaml
 
@@ -22,7 +20,8 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.labels.boxes import PixelBox
 from pavetwin.labels.classes import categories
-from pavetwin.training.datasets.safe_xml import Element, XmlError, parse_xml
+from pavetwin.labels.safe_xml import Element, XmlError, parse_xml
+from pavetwin.labels.voc import ANNOTATIONS, VocObject, voc_file
 
 Polygon = tuple[tuple[float, float], ...]
 """Corners (column, row) in pixels of the image, whose first pixel reaches from 0 to 1, as in boxes; none is repeated at
@@ -111,15 +110,10 @@ class AnnotatedImage:
 
 
 DESCRIPTION: Final = "dataset.yaml"
-ANNOTATIONS: Final = "Annotations"
-PICTURES: Final = "JPEGImages"
 FORMAT: Final = 1
 """Of these files; a dataset of another format is not read."""
 
 NO_CLASS: Final = "ignored"
-
-_FORBIDDEN: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""What XML 1.0 cannot hold."""
 
 
 def annotation_path(folder: Path, name: str) -> Path:
@@ -128,45 +122,28 @@ def annotation_path(folder: Path, name: str) -> Path:
 
 def as_xml(image: AnnotatedImage) -> bytes:
     """The content of an image's file."""
-    root = ElementTree.Element("annotation")
-    _texts(root, folder=PICTURES, filename=image.picture)
-    _texts(ElementTree.SubElement(root, "source"), database=image.source, image=image.original)
-    width, height = image.size_px
-    _texts(ElementTree.SubElement(root, "size"), width=width, height=height, depth=3)
-    _texts(root, segmented=0)
-    for each in image.annotations:
-        _add(root, each)
-    extra = ElementTree.SubElement(root, "pavetwin")
-    _texts(extra, group=image.group, gsd_mm=image.gsd_mm, background=1 if image.is_background else None)
-    _attributes(extra, image.attributes)
-    ElementTree.indent(root)
-    return (ElementTree.tostring(root, encoding="unicode") + "\n").encode()
-
-
-def _add(root: ElementTree.Element, annotation: Annotation) -> None:
-    node = ElementTree.SubElement(root, "object")
-    name, is_ignored = annotation.category or NO_CLASS, annotation.ignored is not None
-    _texts(node, name=name, pose="Unspecified", truncated=0, difficult=int(is_ignored))
-    left, top, right, bottom = annotation.box
-    _texts(ElementTree.SubElement(node, "bndbox"), xmin=left + 1, ymin=top + 1, xmax=right, ymax=bottom)
-    extra = ElementTree.SubElement(node, "pavetwin")
-    outline = None
-    if annotation.outline is not None:
-        outline = " ".join(f"{x:.2f},{y:.2f}" for x, y in annotation.outline)
-    _texts(extra, original=annotation.original, ignored=annotation.ignored, outline=outline)
-    _attributes(extra, annotation.attributes)
-
-
-def _texts(node: ElementTree.Element, **values: object) -> None:
-    for tag, value in values.items():
-        if value is not None and value != "":
-            ElementTree.SubElement(node, tag).text = _FORBIDDEN.sub("\N{REPLACEMENT CHARACTER}", str(value))
-
-
-def _attributes(node: ElementTree.Element, attributes: Mapping[str, str]) -> None:
-    for key, value in sorted(attributes.items()):
-        held = ElementTree.SubElement(node, "attribute")
-        _texts(held, name=key, value=value)
+    objects = (
+        VocObject(
+            each.category or NO_CLASS,
+            each.box,
+            difficult=each.ignored is not None,
+            details={
+                "original": each.original or None,
+                "ignored": each.ignored,
+                "outline": None if each.outline is None else " ".join(f"{x:.2f},{y:.2f}" for x, y in each.outline),
+            },
+            attributes=each.attributes,
+        )
+        for each in image.annotations
+    )
+    return voc_file(
+        image.picture,
+        image.size_px,
+        {"database": image.source, "image": image.original},
+        objects,
+        details={"group": image.group, "gsd_mm": image.gsd_mm, "background": 1 if image.is_background else None},
+        attributes=image.attributes,
+    )
 
 
 def read_image(path: Path) -> AnnotatedImage:
