@@ -13,7 +13,7 @@ from benchmarks.browser import HARDWARE, Tab, browser, chromium, page_server, ta
 from benchmarks.measure import Kind, Line, Size
 from benchmarks.visitor import first_visit
 from pavetwin.scene.scene import LOOK_SEED, Scene
-from pavetwin.scene.web.levels import WEB_LEVELS
+from pavetwin.scene.web.packing import WEB_LEVELS
 from pavetwin.scene.web.town import FACADES, LEAVES, MODELS, WebTown, tile_name
 from pavetwin.world.model import World
 from pavetwin.world.segments import point_at

@@ -14,7 +14,7 @@ from pavetwin._core import Trace
 from pavetwin.cli.demo import TOWN_SEED
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.files import writing
-from pavetwin.render.exposure import METERED, Exposure, programme
+from pavetwin.render.frame import METERED, Exposure, programme
 from pavetwin.render.renderer import Renderer
 from pavetwin.scene.ground import GroundPlan, plan_ground
 from pavetwin.scene.ground.looks import DEFAULT_LOOK, street_look

@@ -11,8 +11,7 @@ import yaml
 from pavetwin.config.named import names_in
 from pavetwin.defects.population import population
 from pavetwin.errors import PaveTwinError
-from pavetwin.scene.ground.looks.mark import mark
-from pavetwin.scene.ground.looks.marking_standard import marking_standard
+from pavetwin.scene.ground.looks.marking_standard import mark, marking_standard
 from pavetwin.scene.ground.looks.pavement import PACKAGE, pavement
 from pavetwin.scene.ground.looks.street_look import street_look
 

@@ -19,7 +19,7 @@ from pavetwin.config import Conditions
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.replay import Replay
 from pavetwin.mission.saving import save_mission
-from pavetwin.scene.sun import centre_lonlat
+from pavetwin.scene.light import centre_lonlat
 from pavetwin.scene.view import View
 from scenes.recordings import recording
 from scenes.tiny import Scene, straight

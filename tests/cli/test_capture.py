@@ -31,8 +31,7 @@ from pavetwin.mission.result import MissionResult
 from pavetwin.mission.saving import detections_geojson, save_mission
 from pavetwin.mission.versions import software_versions
 from pavetwin.render.adapter import find_adapter
-from pavetwin.render.exposure import Exposure
-from pavetwin.render.frame import RenderedFrame
+from pavetwin.render.frame import Exposure, RenderedFrame
 from pavetwin.scene.model import defect_label
 from pavetwin.scene.view import View
 from pavetwin.world.model import Defect

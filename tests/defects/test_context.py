@@ -12,12 +12,10 @@ from pavetwin.defects import DefectOptions, place
 from pavetwin.defects.context import COVER_ROOM_M, Feature, room_for, start_of
 from pavetwin.errors import PaveTwinError
 from pavetwin.scene.ground.distractors.beside_cracks import SlabCracks
-from pavetwin.scene.ground.distractors.edge_plants import GROWS_FROM_AGE, WIDTH_M, edge_plants
 from pavetwin.scene.ground.distractors.fixtures import REACH_M
-from pavetwin.scene.ground.distractors.plants import plants
+from pavetwin.scene.ground.distractors.plants import EDGE_WIDTH_M, GROWS_FROM_AGE, edge_plants, plants
 from pavetwin.scene.ground.looks import street_look
-from pavetwin.scene.ground.markings.painter import Painter
-from pavetwin.scene.ground.markings.standard import paint
+from pavetwin.scene.ground.markings.painter import Painter, paint
 from pavetwin.scene.ground.plan import plan_ground
 from pavetwin.scene.patches import holes_of
 from pavetwin.world.model import Defect, World
@@ -261,7 +259,7 @@ def test_plants_grow_at_kerbs_and_in_joints_of_worn_streets_only(cracked: World)
         assert bool(tufts[street.key]) == (street in old)
     asphalt = [street for street in old if plan.pavement(street).slabs is None]
     for bar in (bar for street in asphalt for bar in tufts[street.key]):
-        assert edges.distance(Point(bar[:2])) < WIDTH_M[1]
+        assert edges.distance(Point(bar[:2])) < EDGE_WIDTH_M[1]
 
 
 def test_what_a_crack_starts_at_is_stored_and_counts_as_content(cracked: World, tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ from matplotlib.font_manager import fontManager
 from PIL import Image, ImageDraw
 
 from pavetwin.draw import fonts, lettering, style
+from pavetwin.draw.fonts import remark, shown_label, shown_names
 from pavetwin.draw.mission_style import write
-from pavetwin.draw.street_names import remark, shown_label, shown_names
 from pavetwin.draw.world_html import world_page
 from pavetwin.draw.world_map import save_world_map, world_bounds
 from scenes import scripts

@@ -15,8 +15,7 @@ from PIL import Image
 from pavetwin.draw import lettering, style
 from pavetwin.draw.lettering import OccupiedSpace
 from pavetwin.draw.marks import DefectOutcome, notable_segments, outcomes, rectangles, windows
-from pavetwin.draw.mission_layers import CLOSE, draw_reactions
-from pavetwin.draw.mission_legend import legend_of, main_numbers
+from pavetwin.draw.mission_layers import CLOSE, MapTransform, draw_reactions, legend_of, main_numbers
 from pavetwin.draw.mission_map import (
     _comparison_figure,
     _traffic_words,
@@ -26,7 +25,6 @@ from pavetwin.draw.mission_map import (
     save_mission_map,
 )
 from pavetwin.draw.strip import caption
-from pavetwin.draw.turned import MapTransform
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.detections import DetectionLog
 from pavetwin.mission.environment import window_m

@@ -14,9 +14,8 @@ from shapely import affinity
 
 from pavetwin.cli import main
 from pavetwin.draw import lettering, style
-from pavetwin.draw.carriageway import lane_lines
 from pavetwin.draw.shapes import shadow, stripes
-from pavetwin.draw.world_map import ABOVE_WORLD, draw_world
+from pavetwin.draw.world_map import ABOVE_WORLD, draw_world, lane_lines
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.model import World
 from pavetwin.world.store import attribution, load_world, save_world

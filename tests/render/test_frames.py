@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pavetwin.render.exposure import Exposure
-from pavetwin.render.frame import RenderedFrame
+from pavetwin.render.frame import Exposure, RenderedFrame
 from pavetwin.scene.light import Light
 from pavetwin.scene.view import View, look
 from pavetwin.uav.cameras import find_camera

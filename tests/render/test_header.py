@@ -15,7 +15,7 @@ from cffi import cparser
 
 parsed, parse = [], cparser.Parser.parse
 cparser.Parser.parse = lambda self, *given, **named: (parsed.append(1), parse(self, *given, **named))[1]
-from pavetwin.render.header import load_wgpu
+from pavetwin.render.adapter import load_wgpu
 
 given = cffi.FFI
 load_wgpu()

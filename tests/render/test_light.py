@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from pavetwin.render.exposure import Exposure
+from pavetwin.render.frame import Exposure
 from pavetwin.render.nearby import looks_down
 from pavetwin.render.renderer import Renderer
 from pavetwin.render.sensor import ImageProcessing

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import wgpu
 
-from pavetwin.render.exposure import Exposure, meter, programme
+from pavetwin.render.frame import Exposure, meter, programme
 from pavetwin.render.sensor import ImageProcessing, picture
 from pavetwin.render.tiles import TileCache
 from pavetwin.scene.light import Light, harmonics

@@ -8,7 +8,7 @@ import shapely
 from pavetwin.scene.coarser import closed
 from pavetwin.scene.model import Mesh
 from pavetwin.scene.models import BODY, library
-from pavetwin.scene.web.levels import MODEL_TRIANGLES
+from pavetwin.scene.web.packing import MODEL_TRIANGLES
 from pavetwin.scene.web.shared import _within
 
 SIDES = ((0, 0, 1), (0, 1, 0))

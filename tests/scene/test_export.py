@@ -277,7 +277,7 @@ def test_the_same_scene_gives_the_same_bytes(written: Written, tmp_path: Path) -
 @pytest.mark.slow
 def test_more_processes_write_the_same_file(written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pavetwin.scene.export.write.LEAST_TILES", 1)
-    monkeypatch.setattr("pavetwin.scene.export.pieces.RUN", 1)
+    monkeypatch.setattr("pavetwin.scene.export.glb_parts.RUN", 1)
     again, shares = tmp_path / "again.glb", []
     moment = TrafficSnapshot(traffic(), 0.5)
     options = {"bounds": BOUNDS, "detail": "high", "texel_m": TEXEL_M, "moment": moment, "jobs": 2}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pavetwin.render.levels import casting
+from pavetwin.render.gpu_scene import casting
 from pavetwin.scene.coarser import coarser
 from pavetwin.scene.foliage import CUT, SIDE_PX, SPRAY, cells, leaf_atlas, leaf_levels
 from pavetwin.scene.model import Mesh

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from pavetwin.config import Conditions
 from pavetwin.errors import PaveTwinError
-from pavetwin.scene.light import LUMINANCE, Light, harmonics
-from pavetwin.scene.sun import sun_position
+from pavetwin.scene.light import LUMINANCE, Light, harmonics, sun_position
 
 heights = st.floats(1, 89)
 covers = st.floats(0, 1)

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pavetwin.scene.agents import ParkedInstances, Wheels
 from pavetwin.scene.model import Instance, labelled_agent, labelled_defect, labelled_place, parked_label
 from pavetwin.scene.models import bounds, library
-from pavetwin.scene.parked import ParkedInstances, Wheels
 from pavetwin.scene.scene import Scene
 from pavetwin.traffic.kinds import KINDS
 from pavetwin.traffic.parked import PARKING_CLASSES, RIDERLESS_HEIGHT_M, ParkedVehicles

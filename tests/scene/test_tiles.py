@@ -8,7 +8,7 @@ import shapely
 from shapely import Point
 
 from pavetwin.defects import DefectOptions, place
-from pavetwin.scene.extras import APART_M, FROM_ROAD_M, HIGHEST_M, StreetObjects
+from pavetwin.scene.furniture import APART_M, FROM_ROAD_M, HIGHEST_M, StreetObjects
 from pavetwin.scene.model import TILE_M, Instance, Mesh, Tile
 from pavetwin.scene.models import bounds
 from pavetwin.scene.scene import Scene

@@ -8,11 +8,10 @@ import shapely
 from shapely import Point
 
 from pavetwin.scene.branches import FORMS, bare_tree_of, bare_trees, skeleton
-from pavetwin.scene.ground.looks.overhead import Overhead
+from pavetwin.scene.ground.looks.street_look import Overhead
 from pavetwin.scene.model import TILE_M
 from pavetwin.scene.scene import Scene, keys_of
-from pavetwin.scene.thin import shaded_strips
-from pavetwin.scene.wires import EAVES_M, Wires, wires_of
+from pavetwin.scene.wires import EAVES_M, Wires, shaded_strips, wires_of
 from pavetwin.world.model import Furniture, FurnitureKind, World
 from scenes import tiny
 

@@ -9,8 +9,7 @@ from PIL import Image, ImageDraw
 
 from pavetwin.capture.platforms import CaptureContext
 from pavetwin.capture.samples import CameraSample
-from pavetwin.render.exposure import Exposure
-from pavetwin.render.frame import RenderedFrame
+from pavetwin.render.frame import Exposure, RenderedFrame
 from pavetwin.scene.model import agent_label, defect_label, labelled_defect, parked_label
 from pavetwin.scene.view import View
 

@@ -22,8 +22,8 @@ from pavetwin.scene.model import (
     Model,
     Tile,
 )
-from pavetwin.scene.thin import shaded_strips
 from pavetwin.scene.view import View
+from pavetwin.scene.wires import shaded_strips
 from scenes.solids import BOX, solids
 
 GREY = 0.18

@@ -6,7 +6,7 @@ import pyogrio
 import pytest
 
 from pavetwin.defects import DefectOptions, add_defects
-from pavetwin.draw.condition_map import COLOURS, STEPS, save_condition_map, shade_of
+from pavetwin.draw.condition_maps import DENSITY_COLOURS, STEPS, save_condition_map, shade_of
 from pavetwin.world.condition import condition_columns, condition_of
 from pavetwin.world.store import save_world
 from scenes import built
@@ -40,9 +40,9 @@ def test_the_geopackage_has_it_as_a_layer(tmp_path: Path) -> None:
 
 def test_shades_go_from_sound_to_worn(tmp_path: Path) -> None:
     assert [shade_of(value) for value in (0.0, 0.99, 1.0, 3.9, 8.0, 100.0)] == [0, 0, 1, 2, 4, 4]
-    assert len(COLOURS) == len(STEPS) + 1
+    assert len(DENSITY_COLOURS) == len(STEPS) + 1
     save_condition_map(DAMAGED.world, tmp_path / "condition.svg")
     text = (tmp_path / "condition.svg").read_text(encoding="utf-8").lower()
-    used = {COLOURS[shade_of(each.per_100_m2)].lower() for each in condition_of(DAMAGED.world)}
+    used = {DENSITY_COLOURS[shade_of(each.per_100_m2)].lower() for each in condition_of(DAMAGED.world)}
     assert len(used) > 1
     assert all(text.count(colour) > 1 for colour in used), "each shade is on the map and in the legend"

@@ -8,8 +8,7 @@ import numpy as np
 
 from pavetwin.config import Conditions
 from pavetwin.config.conditions import solar_offset
-from pavetwin.scene.light import Light
-from pavetwin.scene.sun import centre_lonlat, sun_position
+from pavetwin.scene.light import Light, centre_lonlat, sun_position
 from pavetwin.world.model import World
 
 LEAST_ELEVATION_DEG: Final = 12.0

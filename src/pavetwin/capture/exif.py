@@ -13,7 +13,7 @@ from PIL import ExifTags, Image, PngImagePlugin
 from pavetwin.arrays import UInt8Array
 from pavetwin.capture.platforms import Pose
 from pavetwin.capture.resolution import image_gsd_mm
-from pavetwin.render.exposure import Exposure
+from pavetwin.render.frame import Exposure
 from pavetwin.world.georeference import GeoReference
 
 _FULL_FRAME_MM: Final = (36.0, 24.0)

@@ -11,7 +11,7 @@ from pavetwin.capture.platforms import Platform, Pose
 from pavetwin.capture.resolution import drawn_gsd_mm
 from pavetwin.config import Conditions
 from pavetwin.errors import PaveTwinError
-from pavetwin.scene.sun import centre_lonlat
+from pavetwin.scene.light import centre_lonlat
 from pavetwin.seeds import Stream, child
 
 PROPOSALS: Final = 300

@@ -19,8 +19,7 @@ from pavetwin.scene.ground.looks import DEFAULT_LOOK
 from pavetwin.scene.ground.plan import LAST_PART
 from pavetwin.scene.light import Light
 from pavetwin.scene.model import agent_label
-from pavetwin.scene.scene import LOOK_SEED, Scene
-from pavetwin.scene.scene_cache import SceneCache
+from pavetwin.scene.scene import LOOK_SEED, Scene, SceneCache
 from pavetwin.scene.view import View
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic.parked import ParkedVehicles

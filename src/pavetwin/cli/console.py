@@ -138,7 +138,7 @@ def progress(what: str, *, lines: bool = False) -> Iterator[Bar | Lines]:
 
 def note_fonts(*worlds: "World") -> None:
     """Say which package helps where pictures could not show the names of streets."""
-    from pavetwin.draw.street_names import remark
+    from pavetwin.draw.fonts import remark
 
     for words in dict.fromkeys(filter(None, map(remark, worlds))):
         out.line(f"Note: {words}")

@@ -37,7 +37,7 @@ def pci(
     as detector does, the index by these sizes stands beside it. Writes units.csv, streets.csv, pci.gpkg (for QGIS) and
     maps.
     """
-    from pavetwin.draw.pci_map import save_pci_map
+    from pavetwin.draw.condition_maps import save_pci_map
     from pavetwin.mission.condition import write_condition
     from pavetwin.pci import rating_of
 

@@ -36,7 +36,7 @@ def show(
     pavetwin world show worlds/berlin --condition
     """
     from pavetwin.config.mission import UavSettings
-    from pavetwin.draw.condition_map import save_condition_map
+    from pavetwin.draw.condition_maps import save_condition_map
     from pavetwin.draw.world_html import save_world_html
     from pavetwin.draw.world_map import save_world_map
     from pavetwin.navigation.take_off import with_roadside_base

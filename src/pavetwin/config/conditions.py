@@ -15,7 +15,7 @@ from pavetwin.config.settings import Settings
 
 FIRST_YEAR: Final = 1950
 LAST_YEAR: Final = 2050
-"""Within these the sun's position is known to 0.02°, see `pavetwin.scene.sun`."""
+"""Within these the sun's position is known to 0.02°, see `pavetwin.scene.light`."""
 
 
 def _read_date(value: Any) -> dt.date:

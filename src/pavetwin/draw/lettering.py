@@ -19,9 +19,8 @@ from shapely import Geometry, LineString, Polygon, affinity
 
 from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
-from pavetwin.draw.fonts import font_properties, joins, runs_left
+from pavetwin.draw.fonts import font_properties, joins, runs_left, shown_names
 from pavetwin.draw.shapes import fill, points_per_m
-from pavetwin.draw.street_names import shown_names
 from pavetwin.world.model import Segment, World
 
 SMALLEST_PT, LARGEST_PT = 4.4, 8.0

@@ -1,26 +1,99 @@
-"""Map layers of a mission: parked vehicles, route, captured windows, defects, waits, displacements and revisits.
+"""Map layers of a mission and their legend, also rotated so that a street is horizontal."""
 
-Every function draws into axes in metres, either of the world frame or of a page rotated along a street.
-"""
-
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from math import atan2, cos, sin
+from typing import Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 import shapely
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.patches import FancyArrowPatch
+from matplotlib.lines import Line2D
+from matplotlib.patches import FancyArrowPatch, Patch
+from shapely import Point
 
 from pavetwin.arrays import Float64Array
 from pavetwin.draw import shapes, style
 from pavetwin.draw.lettering import OccupiedSpace
 from pavetwin.draw.marks import DefectOutcome, outcomes, rectangles, windows
-from pavetwin.draw.turned import MapTransform
 from pavetwin.draw.world_map import ABOVE_WORLD, base_symbol
 from pavetwin.mission.result import MissionResult
 from pavetwin.mission.track import HoverStop, avoiding, displacements, inspecting, revisits, runs, waits
+from pavetwin.world.model import Segment, World
+
+Shape = TypeVar("Shape", bound=shapely.Geometry)
+Item = TypeVar("Item", bound=Any)
+
+
+@dataclass(frozen=True, slots=True)
+class MapTransform:
+    """From the world frame to the page: the place `origin` comes to (0, 0), the direction `angle_rad` to the right."""
+
+    origin: tuple[float, float]
+    angle_rad: float
+
+    @staticmethod
+    def along(segment: Segment) -> "MapTransform":
+        """With the middle of a segment's box at the origin, its ends level, running to the right or upwards."""
+        line = shapely.get_coordinates(segment.centre_line)
+        chord = line[-1] - line[0]
+        angle = atan2(float(chord[1]), float(chord[0]))
+        if cos(angle) < -1e-9:
+            angle += np.pi
+        plain = MapTransform((0.0, 0.0), angle)
+        low, high = np.reshape(plain.shape(segment.polygon).bounds, (2, 2))
+        middle = plain.back((low + high) / 2)
+        return MapTransform((float(middle[0]), float(middle[1])), angle)
+
+    @property
+    def _axes(self) -> Float64Array:
+        """(2, 2) the page's directions in the world, a column each."""
+        c, s = cos(self.angle_rad), sin(self.angle_rad)
+        return np.array([[c, -s], [s, c]])
+
+    def points(self, xy: npt.ArrayLike) -> Float64Array:
+        """World (..., 2) to page (..., 2), metres both."""
+        return (np.asarray(xy, dtype=np.float64) - self.origin) @ self._axes
+
+    def back(self, xy: npt.ArrayLike) -> Float64Array:
+        """Page (..., 2) to world (..., 2)."""
+        return np.asarray(xy, dtype=np.float64) @ self._axes.T + self.origin
+
+    def shape(self, geometry: Shape) -> Shape:
+        return shapely.transform(geometry, self.points)
+
+    def world(self, world: World, reach_m: float) -> World:
+        """The world within `reach_m` of the origin, on the page. Only its geometry may be used."""
+        disc = Point(self.origin).buffer(reach_m)
+
+        def near(items: Iterable[Item], *geometries: str) -> tuple[Item, ...]:
+            """Those whose first geometry touches the disc, on the page."""
+            return tuple(
+                replace(item, **{name: self.shape(getattr(item, name)) for name in geometries})
+                for item in items
+                if disc.intersects(getattr(item, geometries[0]))
+            )
+
+        return replace(
+            world,
+            streets=near(world.streets, "centre_line"),
+            segments=near(world.segments, "polygon", "centre_line"),
+            lanes=near(world.lanes, "centre_line"),
+            connections=near(world.connections, "centre_line"),
+            junctions=near(world.junctions, "polygon"),
+            crossings=near(world.crossings, "polygon"),
+            buildings=near(world.buildings, "polygon"),
+            furniture=tuple(
+                replace(item, yaw_rad=item.yaw_rad - self.angle_rad) for item in near(world.furniture, "position")
+            ),
+            parks=tuple(self.shape(park) for park in world.parks if disc.intersects(park)),
+            defects=near(world.defects, "centre", "polygon"),
+            base=self.shape(world.base),
+        )
+
 
 CAPTURED, GAP = "#CFE2EF", "#F3CDB4"
 """Pavement of an inspected segment inside and outside all captured windows."""
@@ -213,3 +286,81 @@ def _label_waits(
                     fontweight="bold", ha="center", va="center", zorder=_LABELS + 1, path_effects=style.halo(),
                 )  # fmt: skip
                 break
+
+
+Handle = Artist | tuple[Artist, ...]
+
+
+def main_numbers(result: MissionResult) -> list[tuple[str, str]]:
+    """The mission's results, as names and readable values."""
+    rows = result.rows
+    defects, confirmed = sum(row.defects for row in rows), sum(row.confirmed for row in rows)
+    area = sum(row.area_m2 for row in rows)
+    minutes, seconds = divmod(round(result.duration_s), 60)
+    recovered, seen = sum(row.recovered for row in rows), 100 * result.settings.visibility.inspected_share
+    covered = sum(row.surface_coverage * row.area_m2 for row in rows)
+    hidden = sum(row.permanently_hidden * row.area_m2 for row in rows)
+    numbers = (
+        (
+            True,
+            "Segments inspected" if hidden else f"Segments at least {seen:g} % seen",
+            f"{sum(row.inspected for row in rows)} of {len(rows)}",
+        ),
+        (defects, "Defects found", f"{confirmed} of {defects} ({100 * confirmed / max(1, defects):.0f} %)"),
+        (recovered, "Found on return", f"{recovered}"),
+        (area, "Surface seen", f"{100 * (covered / (area or 1)):.1f} %"),
+        (hidden, "Surface that can be seen", f"{100 * (1 - hidden / (area or 1)):.1f} %"),
+        (True, "Time", f"{minutes}:{seconds:02d} min"),
+        (True, "Waiting", f"{sum(row.wait_s for row in rows):.0f} s"),
+        (True, "Occlusions", f"{sum(row.occlusions for row in rows)}"),
+        (True, "Distance", f"{result.distance_m / 1000:.2f} km"),
+        (True, "Energy", f"{100 * result.energy:.0f} % of a battery"),
+        (result.swaps, "Batteries to bring", f"{result.swaps + 1}"),
+    )
+    return [(name, value) for applies, name, value in numbers if applies]
+
+
+def legend_of(results: Sequence[MissionResult], *, town: bool) -> tuple[list[Handle], list[str]]:
+    """Only what is on the map."""
+    ramp = tuple(Line2D([], [], color=style.VISIBILITY(o), linewidth=2.6) for o in (0.3, 0.7, 1.0))
+    parked = Patch(facecolor=PARKED, edgecolor=PARKED_EDGE, linewidth=0.5)
+    entries: list[tuple[object, Handle, str]] = [
+        (True, Line2D([], [], color=style.INK, linewidth=0.8), "Transit"),
+        (True, ramp, "Inspection, by visibility o"),
+        (True, Patch(facecolor=CAPTURED), "In a captured window"),
+        (True, Patch(facecolor=GAP), "In no captured window"),
+        (any(len(result.environment.parked) for result in results), parked, "Parked vehicle"),
+    ]
+    found = {outcome for result in results for outcome in outcomes(result).values()}
+    for outcome in DefectOutcome:
+        mark = _mark(style.OUTCOME_MARKERS[outcome], style.OUTCOME_COLOURS[outcome], 5, mec=style.PAPER, mew=0.4)
+        entries.append((outcome in found, mark, f"Defect {outcome}"))
+    tracks = [result.track for result in results]
+    gave_way = any(avoiding(track).any() for track in tracks)
+    entries += [
+        (any(map(waits, tracks)), _mark("o", WAIT, 8, mfc=WAIT + "38", mew=0.9), "Waiting; area by seconds"),
+        (any(map(displacements, tracks)), _mark("^" if town else ">", STEP, 5), "Displacement"),
+        (any(map(revisits, tracks)), _mark("s", REVISIT, 6, mfc="none", mew=0.9), "Place revisited"),
+        (gave_way, Line2D([], [], color=AVOID, linewidth=5, alpha=0.4), "Giving way to aircraft"),
+        (town and results[0].swaps, _mark("P", BATTERY, 6), "Battery low"),
+        (town, _mark("o", style.BASE, 7), "Base"),
+    ]
+    shown = [(handle, label) for is_shown, handle, label in entries if is_shown]
+    return [handle for handle, _ in shown], [label for _, label in shown]
+
+
+def _mark(marker: str, colour: str, size_pt: float, **look: Any) -> Line2D:
+    return Line2D([], [], marker=marker, color=colour, linestyle="", markersize=size_pt, **look)
+
+
+def visibility_ramp(axes: Axes, box: tuple[float, float, float, float], threshold: float) -> None:
+    """The colours of visibility with τ_o marked; `box` in shares of the axes."""
+    bar = axes.inset_axes(box)
+    bar.imshow(np.linspace(0, 1, 256)[None], cmap=style.VISIBILITY, aspect="auto", extent=(0, 1, 0, 1))
+    bar.set(yticks=[], xticks=[0, 0.5, threshold, 1], xticklabels=["0", "0.5", f"τ = {threshold:g}", "1"])
+    bar.axvline(threshold, color=style.INK, linewidth=1.0)
+    bar.tick_params(labelsize=7, length=2, pad=1.5)
+    bar.set_title("Visibility o", fontsize=7.5, fontweight="normal", color=style.INK_SOFT, pad=3)
+    bar.grid(False)
+    for spine in bar.spines.values():
+        spine.set_visible(False)

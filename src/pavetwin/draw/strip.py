@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from pavetwin.draw import style
 from pavetwin.draw.mission_layers import (
     CLOSE,
+    MapTransform,
     draw_defects,
     draw_parked,
     draw_reactions,
@@ -17,7 +18,6 @@ from pavetwin.draw.mission_layers import (
     draw_surfaces,
     draw_windows,
 )
-from pavetwin.draw.turned import MapTransform
 from pavetwin.draw.world_map import EVERYTHING, MapLayer, draw_world
 from pavetwin.mission.environment import window_m
 from pavetwin.mission.metrics import SegmentMetrics

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Final
 
 from pavetwin.draw import style
+from pavetwin.draw.condition_maps import RATING_COLOURS
 from pavetwin.draw.extent import credit
-from pavetwin.draw.pci_map import COLOURS
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing_folder
 from pavetwin.flightplan import PlanFormat, save_plan
@@ -39,7 +39,7 @@ HANDOVER_FILES: Final = (SHEET, PAGE, MAP, "defects.csv", "units.csv", "streets.
 STYLES: Final[Mapping[str, LayerStyle]] = {
     "defects": LayerStyle("outcome", {name: style.OUTCOME_COLOURS[name] for name in ("found", "missed")}, Symbol.AREA),
     "sample_units": LayerStyle(
-        "rating_found", {rating.value: colour for rating, colour in COLOURS.items()}, Symbol.AREA, opacity=0.6
+        "rating_found", {rating.value: colour for rating, colour in RATING_COLOURS.items()}, Symbol.AREA, opacity=0.6
     ),
 }
 """Of the GeoPackage's layers."""

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pavetwin.draw import shapes, style
+from pavetwin.draw.condition_maps import pci_shades
 from pavetwin.draw.mission_map import name_streets
-from pavetwin.draw.pci_map import pci_shades
 from pavetwin.draw.style import LegendEntry
 from pavetwin.draw.world_map import ABOVE_WORLD, MapLayer, base_symbol, draw_world
 from pavetwin.flightplan import PlannedFlight

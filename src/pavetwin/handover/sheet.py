@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from pavetwin.draw import style
-from pavetwin.draw.fonts import font_properties, readable
-from pavetwin.draw.street_names import shown_label
+from pavetwin.draw.fonts import font_properties, readable, shown_label
 from pavetwin.handover.contents import Handover
 from pavetwin.handover.map import draw_map, legend_of, map_bounds
 from pavetwin.handover.page import Page, PageTable, Paragraphs

@@ -22,7 +22,7 @@ from pavetwin.navigation.navmesh import navmesh, segments_in_reach
 from pavetwin.navigation.patterns import Pass, passes
 from pavetwin.navigation.take_off import check_base, roadside
 from pavetwin.pci import Survey, sample_units
-from pavetwin.scene.sun import sun_elevation_deg
+from pavetwin.scene.light import sun_elevation_deg
 from pavetwin.sensing.frame import Sighting
 from pavetwin.sensing.resolution import orientations_of, smallest_extent_m
 from pavetwin.traffic.mix import DEFAULT_MIX

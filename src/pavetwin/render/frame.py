@@ -1,12 +1,84 @@
-"""The renderer's result: the picture, and for every pixel its depth and label."""
+"""The renderer's result and its exposure: image, depth and labels; aperture, shutter time and ISO."""
 
+import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
-from pavetwin.arrays import Float32Array, UInt8Array, UInt32Array
-from pavetwin.render.exposure import Exposure
+from pavetwin.arrays import Float16Array, Float32Array, UInt8Array, UInt32Array
+from pavetwin.scene.light import LUMINANCE
 from pavetwin.scene.view import View
+from pavetwin.uav.cameras import Camera
+
+LENS_TRANSMISSION: Final = 0.9
+"""Transmission of a coated lens (ISO 12232 uses 0.65 including falloff and angle, which are modelled separately)."""
+
+METERED: Final = 0.185
+"""The mean of a picture as a share of what saturates the sensor. ISO 12232's 18 % grey lies at 0.127; drones expose
+roads half a stop brighter: with 0.135 frames had a median lightness L* of 51, 272 photographs of RDD2022's China drone
+subset have 61."""
+
+LONGEST_S: Final = 1 / 400
+"""Longest shutter time in flight: beyond it the ISO is raised instead."""
+
+_HIGHLIGHT: Final = 0.85
+"""The 99.5th percentile of a picture is kept below this share of saturation."""
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """Exposure settings of one picture."""
+
+    shutter_s: float
+    f_number: float
+    iso: float
+
+    def __post_init__(self) -> None:
+        if min(self.shutter_s, self.f_number, self.iso) <= 0:
+            raise ValueError(f"an exposure has a positive shutter time, f-number and ISO, not {self}")
+
+    @property
+    def share_per_light(self) -> float:
+        """Share of saturation for each kcd/m²: H = π/4 · L · T · t / N², and ISO 12232: H_sat = 78 lx·s / ISO."""
+        lux_seconds = math.pi / 4 * 1000 * LENS_TRANSMISSION * self.shutter_s / self.f_number**2
+        return lux_seconds * self.iso / 78
+
+    @property
+    def value(self) -> float:
+        """Exposure value at ISO 100: log₂(N² / t) − log₂(ISO / 100)."""
+        return math.log2(self.f_number**2 / self.shutter_s) - math.log2(self.iso / 100)
+
+
+def meter(radiance: Float16Array) -> float:
+    """The share of saturation for each kcd/m² that suits a picture (height, width, 4): its mean where a camera wants
+    it, its highlights kept unless they are few."""
+    seen = radiance[::8, ::8, :3].astype(np.float64) @ LUMINANCE
+    seen = seen[np.isfinite(seen)]
+    # Lamps and specular reflections of the sun say nothing about the scene's brightness.
+    mean = float(np.minimum(seen, 4 * np.median(seen) + 1e-9).mean())
+    bright = float(np.quantile(seen, 0.995))
+    return min(METERED / max(mean, 1e-6), 2.5 * METERED / max(mean, 1e-6), _HIGHLIGHT / max(bright, 1e-6))
+
+
+def programme(camera: Camera, share_per_light: float, *, longest_s: float = LONGEST_S) -> Exposure:
+    """Settings that give this share of saturation for each kcd/m², within what the camera can do.
+
+    At its lowest ISO and widest aperture first; where that needs a longer shutter than `longest_s` the ISO goes up,
+    where it needs a shorter one than the camera has the aperture closes.
+    """
+    lowest, highest = camera.iso
+    widest, narrowest = camera.f_numbers
+    shortest = camera.shortest_exposure_s or 1 / 8000
+    iso, f_number = float(lowest), widest
+    shutter = share_per_light / Exposure(1.0, f_number, iso).share_per_light
+    if shutter > longest_s:
+        iso = min(iso * shutter / longest_s, float(highest))
+        shutter = share_per_light / Exposure(1.0, f_number, iso).share_per_light
+    elif shutter < shortest:
+        f_number = min(f_number * math.sqrt(shortest / shutter), narrowest)
+        shutter = max(share_per_light / Exposure(1.0, f_number, iso).share_per_light, shortest)
+    return Exposure(shutter, f_number, iso)
 
 
 @dataclass(frozen=True)

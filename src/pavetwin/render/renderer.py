@@ -1,4 +1,4 @@
-"""Frames of a scene: rendered by the device, and imaged by a camera model."""
+"""Frames of a scene: rendered by the device under sun and sky, and imaged by a camera model."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,8 +12,7 @@ import wgpu
 from pavetwin.arrays import Float16Array, Float32Array, Float64Array, UInt32Array
 from pavetwin.render.adapter import open_device
 from pavetwin.render.amodal import AmodalAtlas, AmodalCount, AmodalObject
-from pavetwin.render.exposure import Exposure, meter, programme
-from pavetwin.render.frame import RenderedFrame
+from pavetwin.render.frame import Exposure, RenderedFrame, meter, programme
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.gpu_scene import GpuScene
 from pavetwin.render.instances import InstanceBatch, InstanceBuffer, instance_rows
@@ -21,13 +20,31 @@ from pavetwin.render.passes import DrawList, FramePasses, Materials, RenderTarge
 from pavetwin.render.pipelines import compile_pipelines
 from pavetwin.render.projection import FRAME_INFO, NEAR_M, corners, fit_shadow, frame_info
 from pavetwin.render.sensor import SHARP_PX, ImageProcessing, farthest_motion_px, picture, white_balance
-from pavetwin.render.sky import sky_levels
 from pavetwin.render.tiles import Drawable, group
 from pavetwin.scene.foliage import leaf_levels
 from pavetwin.scene.light import Light
 from pavetwin.scene.model import GroundKind, Instance
 from pavetwin.scene.view import View
 from pavetwin.uav.cameras import Camera
+
+ROWS: Final = 64
+COLUMNS: Final = 128
+
+
+def sky_levels(light: Light) -> list[Float16Array]:
+    """Luminances (rows, columns, 4) in kcd/m², from the zenith in row 0 to the nadir, columns anticlockwise from west;
+    and smaller ones, blurred for rougher surfaces. Below the horizon lies the light reflected by the ground."""
+    down = (np.arange(ROWS) + 0.5) / ROWS * np.pi
+    around = ((np.arange(COLUMNS) + 0.5) / COLUMNS - 0.5) * 2 * np.pi
+    polar, turn = np.meshgrid(down, around, indexing="ij")
+    directions = np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], axis=-1)
+    radiance = np.where(directions[..., 2:] >= 0, light.sky(directions), light.ground_radiance)
+    levels = [radiance]
+    while levels[-1].shape[0] > 2:
+        fine = levels[-1]
+        levels.append(fine.reshape(fine.shape[0] // 2, 2, fine.shape[1] // 2, 2, 3).mean(axis=(1, 3)))
+    return [np.concatenate([level, np.ones((*level.shape[:2], 1))], axis=-1).astype(np.float16) for level in levels]
+
 
 STYLE: Final = ImageProcessing()
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from pavetwin._core import expose
 from pavetwin.arrays import Float16Array, Float32Array, UInt8Array, UInt32Array
-from pavetwin.render.exposure import Exposure
+from pavetwin.render.frame import Exposure
 from pavetwin.scene.light import LUMINANCE, Light, harmonics
 from pavetwin.scene.view import View
 from pavetwin.uav.cameras import Camera

@@ -1,10 +1,13 @@
-"""The scene of a world: its tiles, made on demand, and its moving objects."""
+"""The scene of a world: its tiles, made on demand and kept in the cache, and its moving objects."""
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property, lru_cache
-from typing import Final
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import Final, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -13,12 +16,12 @@ from shapely import Polygon
 from pavetwin.arrays import Float64Array, UInt8Array
 from pavetwin.defects.registry import DEFECT_CLASSES
 from pavetwin.memory import keep_freed
-from pavetwin.scene import furniture, signals
-from pavetwin.scene.agents import Actors, upright
+from pavetwin.scene import furniture, model, signals
+from pavetwin.scene.agents import Actors, ParkedInstances, upright
 from pavetwin.scene.branches import FORMS as BARE_FORMS
 from pavetwin.scene.branches import bare_tree_of, bare_trees
 from pavetwin.scene.buildings import Buildings, HouseDetail, facade_textures
-from pavetwin.scene.extras import StreetObject, StreetObjects
+from pavetwin.scene.furniture import StreetObject, StreetObjects
 from pavetwin.scene.ground import (
     GroundPlan,
     details,
@@ -29,8 +32,12 @@ from pavetwin.scene.ground import (
     heights,
     plan_ground,
 )
-from pavetwin.scene.ground.looks import DEFAULT_LOOK, street_look
-from pavetwin.scene.ground.plan import LAST_PART
+from pavetwin.scene.ground.distractors.fixtures import Fixture
+from pavetwin.scene.ground.distractors.segment_marks import Repairs
+from pavetwin.scene.ground.layout.paved import PavedSurface
+from pavetwin.scene.ground.looks import DEFAULT_LOOK, look_sha256, street_look
+from pavetwin.scene.ground.markings.painter import Paint
+from pavetwin.scene.ground.plan import LAST_PART, made
 from pavetwin.scene.looks import tints
 from pavetwin.scene.model import (
     TILE_M,
@@ -46,16 +53,76 @@ from pavetwin.scene.model import (
     TileKey,
 )
 from pavetwin.scene.models import BODY, library
-from pavetwin.scene.parked import ParkedInstances
 from pavetwin.scene.patches import holes_of, part_on, patch_of
-from pavetwin.scene.scene_cache import SceneCache, kept_of_all
 from pavetwin.scene.shafts import shafts
-from pavetwin.scene.thin import shaded_strips
-from pavetwin.scene.wires import Wires, wire_instances, wires_of
+from pavetwin.scene.wires import Wires, shaded_strips, wire_instances, wires_of
 from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.traffic.recording import Recording
+from pavetwin.world.cache import ValueStore, made_by, mark_used, short_sha256, tile_folder
 from pavetwin.world.ground import Bounds
 from pavetwin.world.model import Furniture, FurnitureKind, World
+
+MADE_BY: Final = ("scene", "defects", "world")
+"""The folders of the package whose code and data decide what is kept here."""
+
+Value = TypeVar("Value")
+
+_STORE: Final = ValueStore(
+    "tiles of the ground",
+    (
+        *(model.Tile, model.GroundPiece, model.FacadePiece, model.Instance, model.Mesh, model.Finish),
+        *(model.GroundKind, model.GroundMaps, model.DefectPatch, model.Model),
+        *(Fixture, Paint, PavedSurface, Repairs, StreetObject),
+    ),
+)
+
+
+class SceneCache:
+    """What is kept of one scene."""
+
+    def __init__(self, world: World, *, seed: int, look: str) -> None:
+        """Args:
+        world: with its defects. Of one that was never built or loaded, and so has no content hash, nothing is kept.
+        look: of its streets: a name, or a YAML file.
+        """
+        self._folder: Path | None = None
+        if world.content_hash:
+            beside_hash = [(street.latin_name, street.bridges) for street in world.streets]
+            inputs = (world.content_hash, world.defects_hash, beside_hash, seed, look_sha256(look), street_look(look))
+            self._folder = tile_folder() / short_sha256(f"{inputs!r} {made_by(*MADE_BY)}")
+
+    def kept(self, name: str, make: Callable[[], Value], /) -> Value:
+        """A value: from its file, else made and written.
+
+        Args:
+            name: of the value in this scene; a path where there are many.
+            make: gives one of the classes that are listed in this module, or a container of such.
+        """
+        return made(name, make) if self._folder is None else _STORE.kept(self._folder / name, make)
+
+    @property
+    def keeps(self) -> bool:
+        """Whether what is made of this scene is kept: not where the cache cannot be written."""
+        if self._folder is None:
+            return False
+        with suppress(OSError):
+            self._folder.mkdir(parents=True, exist_ok=True)
+            with TemporaryFile(dir=self._folder):
+                return True
+        return False
+
+    def lacks(self, name: str) -> bool:
+        """Whether a value of a scene with a content hash is not there; one that is counts as used now."""
+        if self._folder is None:
+            return False
+        mark_used(self._folder / name)
+        return not (self._folder / name).exists()
+
+
+def kept_of_all(name: str, make: Callable[[], Value]) -> Value:
+    """A value that is the same in every scene, as `SceneCache.kept` keeps others."""
+    return _STORE.kept(tile_folder() / short_sha256(made_by(*MADE_BY)) / name, make)
+
 
 LOOK_SEED: Final = 0
 """Seed of what a world leaves open, such as colours of cars and stains of roads: a world looks the same in every

@@ -8,8 +8,8 @@ from scipy import ndimage
 
 from pavetwin.scene.ground import GroundPlan, ground_pieces, plan_ground
 from pavetwin.scene.ground.looks import StreetLook, street_look
-from pavetwin.scene.ground.looks.sidewalks import SidewalkLook, SidewalkPaving
-from pavetwin.scene.ground.materials.details import details
+from pavetwin.scene.ground.looks.street_look import SidewalkLook, SidewalkPaving
+from pavetwin.scene.ground.materials.detail_textures import details
 from pavetwin.scene.model import TILE_M, Finish, GroundKind
 from pavetwin.world.model import LaneKind
 from scenes import built

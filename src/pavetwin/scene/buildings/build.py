@@ -11,10 +11,9 @@ from shapely import Polygon, STRtree
 from shapely.geometry.polygon import orient
 
 from pavetwin.arrays import Float64Array
-from pavetwin.scene.buildings.detail import HouseDetail
 from pavetwin.scene.buildings.faces import Faces
 from pavetwin.scene.buildings.roofs import RoofPlan, build_roof, plan_roof
-from pavetwin.scene.buildings.styles import Situation, style_of
+from pavetwin.scene.buildings.styles import HouseDetail, Situation, style_of
 from pavetwin.scene.buildings.walls import Wall, WallBuilder
 from pavetwin.scene.model import FacadePiece
 from pavetwin.seeds import Stream, child

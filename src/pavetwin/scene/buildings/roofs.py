@@ -16,10 +16,9 @@ from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from pavetwin.arrays import Float64Array
-from pavetwin.scene.buildings.detail import HouseDetail
 from pavetwin.scene.buildings.faces import Faces, corners_of
 from pavetwin.scene.buildings.layers import FacadeTexture
-from pavetwin.scene.buildings.styles import TOWER, FacadeStyle, Roof
+from pavetwin.scene.buildings.styles import TOWER, FacadeStyle, HouseDetail, Roof
 from pavetwin.scene.palettes import Colour
 
 STEP_M: Final = 0.35

@@ -1,17 +1,23 @@
-"""The type and façade style of a building, from its size, height, neighbours and random numbers.
-
-The map gives a footprint and a height. Small and low is a garage or a shed, very tall and slender a tower; large is an
-office or a block of flats; the rest are houses, with shops on the ground floor where they stand right at a street.
-Storeys are about 3 m as in dwellings, 3.4 m in offices. Colours are reflectances of paints and plasters, ours.
-"""
+"""Type and façade style of a building from its size, height and neighbours, and the level of detail of buildings."""
 
 from dataclasses import dataclass, replace
-from enum import Enum, auto
+from enum import Enum, IntEnum, auto
 
 import numpy as np
 
 from pavetwin.scene.buildings.layers import FacadeTexture
 from pavetwin.scene.palettes import Colour
+
+
+class HouseDetail(IntEnum):
+    """All levels have the same walls, roofs and random choices."""
+
+    FULL = 0
+    """Openings set back into their walls, with reveals and sills; cornices, eaves, ridges."""
+    FLAT = 1
+    """Openings lie on their walls; roofs without eaves and ridge tiles."""
+    BLANK = 2
+    """Walls without openings; roofs without equipment, hipped ones in wide steps."""
 
 
 class Roof(Enum):

@@ -7,10 +7,9 @@ from itertools import pairwise
 import numpy as np
 
 from pavetwin.arrays import Float64Array
-from pavetwin.scene.buildings.detail import HouseDetail
 from pavetwin.scene.buildings.faces import Faces
 from pavetwin.scene.buildings.layers import CELL_M, CELLS, FACADE_REPEAT_M, FacadeTexture
-from pavetwin.scene.buildings.styles import FacadeStyle, GroundFloor, Windows
+from pavetwin.scene.buildings.styles import FacadeStyle, GroundFloor, HouseDetail, Windows
 
 SHORTEST_M = 1.3
 """A shorter wall has no openings."""

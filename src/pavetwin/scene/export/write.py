@@ -13,8 +13,7 @@ from pavetwin._core import __version__
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.scene.export.detail import USUAL, Estimate, estimated, level_named
-from pavetwin.scene.export.parts import SceneWriter
-from pavetwin.scene.export.pieces import Job, TilePiece, make_pieces
+from pavetwin.scene.export.glb_parts import Job, SceneWriter, TilePiece, make_pieces
 from pavetwin.scene.glb import LARGEST, GlbWriter
 from pavetwin.scene.model import TILE_M, Instance, TileKey
 from pavetwin.scene.scene import Scene, keys_of, tile_bounds

@@ -2,10 +2,9 @@
 
 from pavetwin.scene.ground.layout.relief import heights
 from pavetwin.scene.ground.maps.ground_maps import ground_maps
-from pavetwin.scene.ground.materials.details import details
-from pavetwin.scene.ground.mesh.fixture_instances import fixtures
-from pavetwin.scene.ground.mesh.fixture_models import fixture_models
-from pavetwin.scene.ground.mesh.pieces import ground_pieces
+from pavetwin.scene.ground.materials.detail_textures import details
+from pavetwin.scene.ground.mesh.fixtures import fixture_models, fixtures
+from pavetwin.scene.ground.mesh.ground_mesh import ground_pieces
 from pavetwin.scene.ground.plan import GroundPlan, plan_ground
 
 __all__ = [

@@ -17,17 +17,15 @@ from pavetwin.scene.ground.distractors.marks import marks
 from pavetwin.scene.ground.distractors.plants import plants
 from pavetwin.scene.ground.distractors.repairs import repairs
 from pavetwin.scene.ground.distractors.segment_marks import Repairs
-from pavetwin.scene.ground.layout.bays import GAP_M, bays_of, in_bays
+from pavetwin.scene.ground.layout.kerbside import GAP_M, bays_of, in_bays
 from pavetwin.scene.ground.layout.lines import boxes_of
 from pavetwin.scene.ground.layout.paved import PLAIN, PavedSurface
 from pavetwin.scene.ground.layout.streets import StreetPlan, streets_of
-from pavetwin.scene.ground.layout.surfaces import SpatialIndex, SurfaceLayout
-from pavetwin.scene.ground.layout.wear import Wear
+from pavetwin.scene.ground.layout.surfaces import SpatialIndex, SurfaceLayout, Wear
 from pavetwin.scene.ground.looks import DEFAULT_LOOK, StreetLook, street_look
 from pavetwin.scene.ground.looks.marking_standard import MarkingStandard, marking_standard
-from pavetwin.scene.ground.markings.painter import Paint
+from pavetwin.scene.ground.markings.painter import Paint, standard_of
 from pavetwin.scene.ground.markings.placement import markings
-from pavetwin.scene.ground.markings.standard import standard_of
 from pavetwin.world.model import Lane, Segment, Surface, World
 
 FORMER_M: Final = 0.012

@@ -1,12 +1,9 @@
-"""Meshes as small files: binary glTF with positions in 16 bits, normals, colours and layers in 8, gzipped.
-
-Positions are whole steps from a centre. A step is a power of two and a centre a multiple of half a tile, so that two
-tiles put a point of their common border on the same step, and no gap opens between them.
-"""
+"""Levels of detail of tiles for browsers, and meshes as small quantised files."""
 
 import gzip
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from io import BytesIO
 from typing import Any, Final
 
@@ -14,10 +11,59 @@ import numpy as np
 
 from pavetwin._core import __version__
 from pavetwin.arrays import Float64Array, FloatArray, Int16Array, UInt8Array
-from pavetwin.scene.buildings import FACADE_REPEAT_M
+from pavetwin.scene.buildings import FACADE_REPEAT_M, HouseDetail
 from pavetwin.scene.export.shared import indices_of
 from pavetwin.scene.glb import GlbWriter
-from pavetwin.scene.model import Mesh
+from pavetwin.scene.model import TILE_M, Mesh
+
+FORMAT: Final = 1
+"""Of the manifest and the files; it changes with what a client must know to read them."""
+
+
+@dataclass(frozen=True)
+class WebLevel:
+    """How finely the tiles of one level are made."""
+
+    number: int
+    """0 is the finest."""
+    side: int
+    """Of its squares, in tiles of the scene."""
+    texel_m: float | None
+    """Of the picture of its ground; None for a colour at each vertex."""
+    houses: HouseDetail
+    error_m: float
+    """Greatest distance between the surfaces of its ground and houses and those of the finest level, without defects.
+    Reveals and sills reach 0.3 m, equipment on flat roofs 1.4 m, and a hipped roof
+    in wide steps loses less."""
+    to_m: float
+    """Nearer than this a client shows it; the coarsest is shown at any distance."""
+    smallest_m: float
+    """Objects whose second largest dimension is less are left out."""
+
+    @property
+    def side_m(self) -> float:
+        return self.side * TILE_M
+
+
+WEB_LEVELS: Final = (
+    WebLevel(0, 1, 0.0625, HouseDetail.FULL, 0.0, 55.0, 0.0),
+    WebLevel(1, 1, 0.25, HouseDetail.FLAT, 0.5, 150.0, 0.1),
+    WebLevel(2, 2, None, HouseDetail.BLANK, 1.6, float("inf"), 1.5),
+)
+
+DEFECTS_A_PART: Final = 3
+"""Reliefs of defects in one file: each takes a tenth of a second or more."""
+
+DEFECT_TEXEL_M: Final = 0.012
+"""Of the pictures of defects."""
+
+DEFECTS_TO_M: Final = 40.0
+"""Nearer than this a client shows the relief of defects in place of the picture of the ground."""
+
+MODEL_TRIANGLES: Final = (2600, 460, 90)
+CROWN_TRIANGLES: Final = (1800, 450, 220)
+"""Most triangles of a part of a model at each level, and of a crown of leaves."""
+
 
 FINEST_STEP_M: Final = 2.0**-10
 FACADE_STEPS: Final = 512

@@ -18,8 +18,7 @@ from pavetwin.scene.model import Mesh
 from pavetwin.scene.models import SHADOW
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.texture_cache import kept
-from pavetwin.scene.web.levels import CROWN_TRIANGLES, MODEL_TRIANGLES
-from pavetwin.scene.web.packing import PackedFile
+from pavetwin.scene.web.packing import CROWN_TRIANGLES, MODEL_TRIANGLES, PackedFile
 
 _MOST_LEVELS: Final = 8
 _MOST_STEPS: Final = 32

@@ -1,4 +1,4 @@
-"""A town for browsers: a manifest, and files that are made when they are asked for and kept by content."""
+"""A town for browsers: a manifest with files made on demand, or a folder that any web server can serve."""
 
 import hashlib
 import json
@@ -6,28 +6,30 @@ import re
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from functools import cached_property
+from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
 from threading import Lock
 from typing import Any, Final
 
 from pavetwin.config import Conditions
 from pavetwin.errors import PaveTwinError
-from pavetwin.files import writing
+from pavetwin.files import writing, writing_folder
+from pavetwin.plugins import load_plugins
 from pavetwin.scene.buildings import FACADE_REPEAT_M
 from pavetwin.scene.export import tiles_of
 from pavetwin.scene.ground.looks import street_look
-from pavetwin.scene.light import Light
+from pavetwin.scene.light import Light, centre_lonlat
 from pavetwin.scene.model import TILE_M, TileKey
 from pavetwin.scene.scene import Scene
-from pavetwin.scene.sun import centre_lonlat
 from pavetwin.scene.texture_cache import code_hash
-from pavetwin.scene.web.levels import DEFECTS_TO_M, FORMAT, WEB_LEVELS, WebLevel
-from pavetwin.scene.web.packing import FACADE_STEPS
+from pavetwin.scene.web.packing import DEFECTS_TO_M, FACADE_STEPS, FORMAT, WEB_LEVELS, WebLevel
 from pavetwin.scene.web.shared import LEAVES_CUT, facades_file, leaves_file, light_values, models_file
 from pavetwin.scene.web.tiles import TileFiles
+from pavetwin.workers import OnTick, WorkerPool
 from pavetwin.world.cache import cached
 from pavetwin.world.ground import Bounds
+from pavetwin.world.model import World
 
 MANIFEST: Final = "manifest.json"
 MODELS, FACADES, LEAVES = "models.glb.gz", "facades.jpg", "leaves.png"
@@ -240,3 +242,85 @@ def _under(level: WebLevel, key: TileKey) -> Iterator[TileKey]:
     """The tiles of the scene in a square."""
     column, row = key[0] * level.side, key[1] * level.side
     return ((column + east, row + north) for north in range(level.side) for east in range(level.side))
+
+
+RUN: Final = 12
+"""Files that a process makes in one task: neighbours, which share maps and defects."""
+
+
+@dataclass(frozen=True, slots=True)
+class WebExport:
+    """Contents of an exported folder."""
+
+    tiles: int
+    """Over all levels."""
+    files: int
+    bytes: int
+
+
+def export_web(
+    scene: Scene,
+    target: Path,
+    *,
+    bounds: Bounds | None = None,
+    conditions: Conditions | None = None,
+    jobs: int = 1,
+    replace: bool = False,
+    plugins: tuple[str, ...] = (),
+    on_progress: Callable[[float], None] = lambda _: None,
+) -> WebExport:
+    """Write all files of a town into a folder, whole or not at all.
+
+    Args:
+        bounds: west, south, east, north in metres; everything when not given.
+        conditions: of the light.
+        jobs: number of processes; it does not change the files.
+        replace: whether an existing folder is replaced.
+        plugins: files that register the world's classes of defects, for those processes.
+        on_progress: called with the share done.
+
+    Raises:
+        PaveTwinError: the bounds hold no street, the sun is below the horizon, or the folder exists or cannot be
+            written.
+    """
+    with writing_folder(target, replace=replace) as folder:
+        town = WebTown(scene, bounds=bounds)
+        town.light(conditions or Conditions())
+        names = town.names()
+        made = 0
+
+        def on_file() -> None:
+            nonlocal made
+            made += 1
+            on_progress(made / (len(names) + 1))
+
+        if jobs > 1:
+            runs = [tuple(names[first : first + RUN]) for first in range(0, len(names), RUN)]
+            start = partial(_start, scene.world, scene.seed, scene.look, bounds, plugins)
+            with WorkerPool(jobs, start, on_file) as pool:
+                # What a process that died has left over is made below.
+                pool.run(runs, lambda _run, _made: None, give_up=lambda _run: None)
+        for name in names:
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(town.file(name))
+            if jobs == 1:
+                on_file()
+        (folder / MANIFEST).write_text(json.dumps(town.manifest(conditions), separators=(",", ":")), encoding="utf-8")
+        size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    return WebExport(sum(len(squares) for squares in town.squares), len(names) + 1, size)
+
+
+def _start(
+    world: World, seed: int, look: str, bounds: Bounds | None, plugins: tuple[str, ...], on_tick: OnTick
+) -> Callable[[tuple[str, ...]], None]:
+    """In a worker process: makes files into the cache."""
+    load_plugins(plugins)
+    town = WebTown(Scene(world, seed=seed, look=look), bounds=bounds)
+
+    def make(run: tuple[str, ...]) -> None:
+        for name in run:
+            town.file(name)
+            on_tick()
+
+    return make

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pavetwin.scene.ground import GroundPlan, plan_ground
-from pavetwin.scene.ground.distractors.bridge_joints import MODULE_M
+from pavetwin.scene.ground.distractors.fixtures import MODULE_M
 from pavetwin.scene.ground.distractors.segment_marks import SEAM_HALF_M
 from pavetwin.scene.ground.looks import pavement, street_look
 from pavetwin.scene.patches import holes_of

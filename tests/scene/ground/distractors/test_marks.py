@@ -13,11 +13,11 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.scene.ground import GroundPlan, fixture_models, fixtures, plan_ground
 from pavetwin.scene.ground.distractors.fixtures import LEAVES, LITTER, REACH_M
 from pavetwin.scene.ground.distractors.marks import marks
-from pavetwin.scene.ground.looks import mark, street_look
-from pavetwin.scene.ground.looks.mark import mark_names
-from pavetwin.scene.ground.markings.painter import Paint
+from pavetwin.scene.ground.looks import marking_standard as mark
+from pavetwin.scene.ground.looks import street_look
+from pavetwin.scene.ground.looks.marking_standard import mark_names
+from pavetwin.scene.ground.markings.painter import Paint, paint
 from pavetwin.scene.ground.markings.placement import markings
-from pavetwin.scene.ground.markings.standard import paint
 from pavetwin.scene.model import TILE_M
 from scenes import built, tiny
 

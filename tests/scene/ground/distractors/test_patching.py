@@ -11,7 +11,7 @@ import yaml
 from pavetwin.errors import PaveTwinError
 from pavetwin.scene.ground import GroundPlan, ground_pieces, plan_ground
 from pavetwin.scene.ground.looks import look_sha256, pavement, street_look
-from pavetwin.scene.ground.looks.history import RepairMaterials
+from pavetwin.scene.ground.looks.street_look import RepairMaterials
 from pavetwin.scene.model import GroundKind
 from pavetwin.scene.patches import holes_of
 from pavetwin.world.pavement_joints import joints_along

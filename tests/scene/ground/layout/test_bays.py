@@ -8,12 +8,12 @@ import pytest
 import shapely
 from shapely import Point
 
-from pavetwin.scene.extras import StreetObjects
+from pavetwin.scene.furniture import StreetObjects
 from pavetwin.scene.ground import GroundPlan, plan_ground
 from pavetwin.scene.ground.layout.relief import KERB_M, Relief, heights
 from pavetwin.scene.ground.layout.surfaces import tile_box
-from pavetwin.scene.ground.markings.parking_lines import parking_lines
-from pavetwin.scene.ground.mesh.regions import BAY_RIM_M, faces_of
+from pavetwin.scene.ground.markings.placement import parking_lines
+from pavetwin.scene.ground.mesh.ground_mesh import BAY_RIM_M, faces_of
 from pavetwin.scene.model import TILE_M, GroundKind
 from pavetwin.world.model import LaneKind
 from pavetwin.world.parking import ParkingPlace, ParkingPosition

@@ -13,9 +13,9 @@ from pavetwin.scene.ground import GroundPlan, ground_pieces, plan_ground
 from pavetwin.scene.ground.layout.relief import Relief
 from pavetwin.scene.ground.layout.surfaces import tile_box
 from pavetwin.scene.ground.looks import look_names, look_sha256, pavement, street_look
-from pavetwin.scene.ground.looks.history import RepairMaterials
 from pavetwin.scene.ground.looks.pavement import pavement_names
-from pavetwin.scene.ground.mesh.regions import faces_of
+from pavetwin.scene.ground.looks.street_look import RepairMaterials
+from pavetwin.scene.ground.mesh.ground_mesh import faces_of
 from pavetwin.scene.model import TILE_M, GroundKind
 from pavetwin.scene.patches import holes_of
 from pavetwin.scene.scene import Scene

@@ -9,8 +9,8 @@ import shapely
 from pavetwin.scene.ground import GroundPlan, details, ground_maps, plan_ground
 from pavetwin.scene.ground.distractors.segment_marks import SEAM_HALF_M, Repairs
 from pavetwin.scene.ground.layout.surfaces import tile_box
+from pavetwin.scene.ground.markings.painter import paint
 from pavetwin.scene.ground.markings.placement import markings
-from pavetwin.scene.ground.markings.standard import paint
 from pavetwin.scene.ground.materials.compose import PAINTS, surface
 from pavetwin.scene.ground.materials.grain import blurred
 from pavetwin.scene.ground.materials.sampling import Pyramid, linear_of_srgb, srgb_of_linear

@@ -8,7 +8,7 @@ import shapely
 
 from pavetwin.scene.ground import GroundPlan, ground_maps, plan_ground
 from pavetwin.scene.ground.looks import street_look
-from pavetwin.scene.ground.looks.history import FormerKind, FormerMarkings
+from pavetwin.scene.ground.looks.street_look import FormerKind, FormerMarkings
 from pavetwin.scene.ground.markings.painter import Paint
 from pavetwin.scene.ground.markings.placement import markings
 from pavetwin.scene.model import TILE_M

@@ -9,10 +9,10 @@ import shapely
 import yaml
 
 from pavetwin.scene.ground import GroundPlan, plan_ground
-from pavetwin.scene.ground.layout.ageing import ageing
+from pavetwin.scene.ground.layout.paved import ageing
 from pavetwin.scene.ground.looks import pavement, street_look
-from pavetwin.scene.ground.looks.history import FormerMarkings
 from pavetwin.scene.ground.looks.marking_standard import marking_standard
+from pavetwin.scene.ground.looks.street_look import FormerMarkings
 from pavetwin.scene.ground.markings.placement import markings
 from scenes import built
 

@@ -2,7 +2,7 @@
 
 import shapely
 
-from pavetwin.scene.ground.markings.parking_lines import parking_lines
+from pavetwin.scene.ground.markings.placement import parking_lines
 from pavetwin.world.model import LaneKind
 from scenes import built
 

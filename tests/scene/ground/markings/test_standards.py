@@ -11,7 +11,7 @@ from pavetwin.scene.ground import plan_ground
 from pavetwin.scene.ground.looks import look_sha256, street_look
 from pavetwin.scene.ground.looks.marking_standard import marking_standard, standard_names
 from pavetwin.scene.ground.looks.pavement import PACKAGE
-from pavetwin.scene.ground.markings.standard import FALLBACK, paint, standard_at, standard_of
+from pavetwin.scene.ground.markings.painter import FALLBACK, paint, standard_at, standard_of
 from scenes import built, tiny
 
 CITIES = {

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from pavetwin.scene.ground import plan_ground
-from pavetwin.scene.ground.markings.arrows import arrow
+from pavetwin.scene.ground.markings.placement import arrow
 from pavetwin.world.model import Direction
 from scenes import built
 from scenes.roads import parting_lanes

@@ -11,11 +11,11 @@ from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.layout.lines import LineFrame
 from pavetwin.scene.ground.layout.streets import StreetPlan
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
-from pavetwin.scene.ground.looks import Mark, mark
-from pavetwin.scene.ground.looks.mark import MarkPosition
-from pavetwin.scene.ground.looks.weights import pick
-from pavetwin.scene.ground.markings.painter import Paint, Painter
-from pavetwin.scene.ground.markings.standard import paint
+from pavetwin.scene.ground.looks import Mark
+from pavetwin.scene.ground.looks import marking_standard as mark
+from pavetwin.scene.ground.looks.marking_standard import MarkPosition
+from pavetwin.scene.ground.looks.values import pick
+from pavetwin.scene.ground.markings.painter import Paint, Painter, paint
 from pavetwin.seeds import Stream, child
 from pavetwin.world.ground import Nearby
 from pavetwin.world.model import Lane, LaneKind, Segment

@@ -13,22 +13,21 @@ from shapely import Polygon
 
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.distractors.beside_cracks import SlabCracks, lane_joints_cracked, patch_bars
-from pavetwin.scene.ground.distractors.bridge_joints import plugs
-from pavetwin.scene.ground.distractors.fixtures import Fixture
-from pavetwin.scene.ground.distractors.junction_repairs import junction_repairs
-from pavetwin.scene.ground.distractors.patching import Patching
-from pavetwin.scene.ground.distractors.seals import wander, wavering
+from pavetwin.scene.ground.distractors.fixtures import Fixture, plugs
+from pavetwin.scene.ground.distractors.patching import Patching, junction_repairs
 from pavetwin.scene.ground.distractors.segment_marks import (
     SEAL_HALF_M,
     SEALED_GAPS,
     SEAM_HALF_M,
     Repairs,
     SegmentMarks,
+    wander,
+    wavering,
 )
 from pavetwin.scene.ground.layout.paved import PavedSurface
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
 from pavetwin.scene.ground.looks import pavement
-from pavetwin.scene.ground.looks.weights import pick
+from pavetwin.scene.ground.looks.values import pick
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Lane
 from pavetwin.world.pavement_joints import joints_across, joints_along

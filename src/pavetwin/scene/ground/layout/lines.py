@@ -1,11 +1,13 @@
-"""Geometry of lines: stations, directions, bounds."""
+"""Geometry of lines: stations, directions, bounds, and positions along the kerbs of a carriageway."""
 
 from collections.abc import Iterable
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 import shapely
-from shapely import LineString
+from shapely import LineString, STRtree
+from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float64Array
 
@@ -46,3 +48,38 @@ class LineFrame:
         unit = span / np.maximum(np.hypot(span[..., 0], span[..., 1]), 1e-9)[..., None]
         foot = self._coords[leg] + unit * (s - self._ways[leg])[..., None]
         return np.asarray(foot + np.stack([-unit[..., 1], unit[..., 0]], axis=-1) * d[..., None])
+
+
+_CHUNK: Final = 12
+"""Segments of an edge that are indexed together."""
+
+
+class Edges:
+    """The rings around a surface in short pieces, the surface on their left, each with where it begins on its ring."""
+
+    def __init__(self, surface: BaseGeometry) -> None:
+        pieces: list[LineString] = []
+        begins: list[float] = []
+        lengths: list[float] = []
+        for polygon in shapely.get_parts(surface):
+            for number, ring in enumerate(shapely.get_rings(polygon)):
+                coords = shapely.get_coordinates(ring)
+                if shapely.is_ccw(ring) != (number == 0):
+                    coords = coords[::-1]
+                ways = ways_along(coords)
+                for first in range(0, len(coords) - 1, _CHUNK):
+                    pieces.append(LineString(coords[first : first + _CHUNK + 1]))
+                    begins.append(float(ways[first]))
+                    lengths.append(float(ways[-1]))
+        self.pieces = np.array(pieces, dtype=object)
+        self.begins = np.array(begins)
+        self._lengths = np.array(lengths)
+        self.tree = STRtree(pieces)
+
+    def locate(self, xy: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
+        """For points (n, 2) the way along the nearest ring, that ring's length, and the distance from it [m]."""
+        points = shapely.points(xy)
+        piece = self.tree.nearest(points)
+        lines = self.pieces[piece]
+        way = self.begins[piece] + shapely.line_locate_point(lines, points)
+        return way, self._lengths[piece], shapely.distance(lines, points)

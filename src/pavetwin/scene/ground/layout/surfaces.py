@@ -1,7 +1,7 @@
-"""Layout of a world's ground surfaces: computed once, looked up per tile."""
+"""Layout of a world's ground surfaces, and the wear of lanes: computed once, looked up per tile."""
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -11,16 +11,14 @@ import shapely
 from shapely import LineString, Polygon, STRtree
 from shapely.geometry.base import BaseGeometry
 
-from pavetwin.scene.ground.layout.ageing import Ageing, ageing
-from pavetwin.scene.ground.layout.bays import on_sidewalks
-from pavetwin.scene.ground.layout.edges import Edges
-from pavetwin.scene.ground.layout.gutters import gutters_of
-from pavetwin.scene.ground.layout.paved import PavedSurface
-from pavetwin.scene.ground.layout.streets import StreetPlan
-from pavetwin.scene.ground.layout.turns import Approach, Path, paths_of
+from pavetwin.arrays import Float32Array, Int32Array
+from pavetwin.scene.ground.layout.kerbside import gutters_of, on_sidewalks
+from pavetwin.scene.ground.layout.lines import Edges
+from pavetwin.scene.ground.layout.paved import Ageing, PavedSurface, ageing
+from pavetwin.scene.ground.layout.streets import Approach, Path, StreetPlan, paths_of
 from pavetwin.scene.ground.looks import Pavement, StreetLook
 from pavetwin.scene.model import TILE_M, Finish, GroundKind
-from pavetwin.world.model import Direction, FurnitureKind, Lane, LaneKind, World
+from pavetwin.world.model import Direction, FurnitureKind, Lane, LaneKind, Segment, World
 from pavetwin.world.pavement_joints import SLAB_SHARE, has_slabs
 
 CORNERS_TOUCH_M: Final = 0.6
@@ -249,3 +247,45 @@ def tile_box(key: tuple[int, int], margin_m: float = 0.0) -> Polygon:
     """The square of a tile, widened by a margin, world frame."""
     x, y = key[0] * TILE_M, key[1] * TILE_M
     return shapely.box(x - margin_m, y - margin_m, x + TILE_M + margin_m, y + TILE_M + margin_m)
+
+
+@dataclass(frozen=True)
+class Wear:
+    """Tables with one value in reserve at their end, for nothing's number −1."""
+
+    passes: Float32Array
+    """(lanes + 1,) factor on the reflectance, of the pass of the paver."""
+    wheel_paths: Float32Array
+    """(lanes + 1,) change of reflectance in them."""
+    oil: Float32Array
+    """(lanes + 1,) factor on oil."""
+    streaks: Float32Array
+    """(segments + 1,) factor on streaks along the street."""
+    blotches: Float32Array
+    """(segments + 1,) factor on slow changes."""
+    parts: Int32Array
+    """(segments + 1,) which part of the tables of noise a street has."""
+
+    @classmethod
+    def of(
+        cls,
+        layout: SurfaceLayout,
+        lanes: Sequence[tuple[Lane, StreetPlan]],
+        segments: Sequence[tuple[Segment, StreetPlan]],
+    ) -> "Wear":
+        """Of the lanes and segments of a layout, each with its street, in the order of their numbers."""
+        pavements = {street.key: layout.pavement(street) for _, street in (*lanes, *segments)}
+        polish = {street.key: layout.chance(f"polish {street.key}") for _, street in lanes}
+        parts = [layout.name_hash(f"part {street.name}") % 4096 for _, street in segments]
+        return cls(
+            passes=_table(0.97 + 0.06 * layout.chance(f"pass {lane.id}") for lane, _ in lanes),
+            wheel_paths=_table(pavements[street.key].wheel_paths.at(polish[street.key]) for _, street in lanes),
+            oil=_table(pavements[street.key].oil for _, street in lanes),
+            streaks=_table(pavements[street.key].streaks for _, street in segments),
+            blotches=_table(pavements[street.key].blotches for _, street in segments),
+            parts=np.array([*parts, 0], dtype=np.int32),
+        )
+
+
+def _table(values: Iterable[float]) -> Float32Array:
+    return np.array([*values, 1.0], dtype=np.float32)

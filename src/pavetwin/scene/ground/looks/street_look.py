@@ -1,24 +1,157 @@
-"""The look of a town's streets: which pavements they have, and what lies on them. A YAML file each."""
+"""The style of a town's streets: pavements, sidewalks, repairs, former markings and wires. A YAML file each."""
 
 import json
 from collections.abc import Callable, Mapping
+from enum import StrEnum
 from functools import cache, partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from pavetwin.config.named import names_in, read_named
 from pavetwin.config.settings import NUMBER, SOME, PlacedValueError, Settings, Share, Title, Weight, Weights
 from pavetwin.errors import PaveTwinError
-from pavetwin.scene.ground.looks.history import OWN, FormerMarkings, RepairMaterials
-from pavetwin.scene.ground.looks.mark import mark
-from pavetwin.scene.ground.looks.marking_standard import marking_standard
-from pavetwin.scene.ground.looks.overhead import Overhead
+from pavetwin.scene.ground.looks.marking_standard import mark, marking_standard
 from pavetwin.scene.ground.looks.pavement import PACKAGE, Factor, Pavement, pavement
-from pavetwin.scene.ground.looks.sidewalks import SidewalkLook
-from pavetwin.scene.ground.looks.weights import pick
+from pavetwin.scene.ground.looks.values import ValueRange, Within, pick, whole
+from pavetwin.scene.model import Finish, GroundKind
+
+OWN: Final = "own"
+"""The pavement of the street itself."""
+
+
+Per100M = Annotated[float, Field(ge=0, le=50), NUMBER]
+
+
+class RepairMaterials(Settings):
+    """What repairs are made of: pavements by name, or by a file beside the look, with their relative frequencies."""
+
+    patches: Weights = Field(default_factory=lambda: {OWN: 1.0})
+    """Pavements of cut-out rectangles; `own` is the street's own pavement, newer and darker or older and paler."""
+    trenches: Weights = Field(default_factory=lambda: {OWN: 1.0})
+    """Pavements of strips over pipes and cables, along and across."""
+    connections: Share = 0.0
+    """Share of the trenches along a street with branches to the kerb, where houses are connected."""
+    renewed: Share = 0.0
+    """Share of the patches partly covered by a later patch."""
+    cold_patches: Weights = Field(default_factory=lambda: {OWN: 1.0})
+    """Pavements of uncut patches with irregular outlines."""
+    cold_patches_per_100_m: Per100M = 0.0
+    """Number on a street of age 1; fewer on newer streets."""
+
+    @property
+    def tables(self) -> Mapping[str, Mapping[str, float]]:
+        """The weights of pavements by key."""
+        return {"patches": self.patches, "trenches": self.trenches, "cold_patches": self.cold_patches}
+
+
+class FormerKind(StrEnum):
+    """What became of the markings of an earlier layout."""
+
+    WORN = "worn"
+    """Left to wear off: a ghost beside today's."""
+    OVERPAINTED = "overpainted"
+    """Painted again some centimetres beside."""
+    REMOVED = "removed"
+    """Ground or blasted off: a scar in the pavement."""
+    MASKED = "masked"
+    """Covered with dark paint."""
+
+
+class FormerMarkings(Settings):
+    """Markings of an earlier layout that still show."""
+
+    share: Share = 0.0
+    """Share of the marked streets and crossings that have them."""
+    kinds: Annotated[Mapping[FormerKind, Weight], Field(min_length=1), SOME] = Field(
+        default_factory=lambda: dict.fromkeys(FormerKind, 1.0)
+    )
+    """Treatment: left to wear, repainted alongside, ground off, or covered with dark paint."""
+    wear: Annotated[ValueRange, Within(0.0, 0.98)] = ValueRange(least=0.7, most=0.93)
+    """Wear of paint that was left: 0 new, 1 gone."""
+    beside_m: Annotated[ValueRange, Within(0.0, 0.3)] = ValueRange(least=0.03, most=0.12)
+    """Distance of repainted lines from the old ones."""
+    moved_m: Annotated[ValueRange, Within(0.0, 3.0)] = ValueRange(least=0.25, most=0.8)
+    """Distance of all other old lines from today's."""
+    removed_tone: Annotated[ValueRange, Within(0.3, 1.8)] = ValueRange(least=0.84, most=1.16)
+    """Factor on the pavement's reflectance where markings were ground off."""
+    masked_tone: Annotated[ValueRange, Within(0.3, 1.8)] = ValueRange(least=0.5, most=0.72)
+    """Factor on the pavement's reflectance where markings were covered."""
+
+
+class Overhead(Settings):
+    """What hangs over streets and throws thin shadows on them."""
+
+    wired: Share = 0.0
+    """Share of the streets with poles that have wires between them."""
+    wires: Annotated[ValueRange, Within(1, 6), AfterValidator(whole)] = ValueRange(least=1, most=4)
+    """Number of wires on the poles of one street."""
+    diameter_m: Annotated[ValueRange, Within(0.005, 0.08)] = ValueRange(least=0.012, most=0.03)
+    """Diameter of a wire; bundles of insulated wires are the thickest."""
+    sag: Annotated[ValueRange, Within(0.0, 0.06)] = ValueRange(least=0.01, most=0.03)
+    """Sag at mid-span, relative to the span."""
+    connections: Share = 0.0
+    """Share of the poles with a wire to a house, mostly across the street."""
+    bare_trees: Share = 0.0
+    """Share of the trees without leaves."""
+
+
+class SidewalkPaving(StrEnum):
+    """Detail textures of sidewalks."""
+
+    SLABS = "slabs"
+    """Of concrete, 400 mm."""
+    CONCRETE = "concrete"
+    """Poured, with joints every 2 m."""
+    BLOCKS = "blocks"
+    """Bricks or concrete blocks in herringbone bond."""
+    TILES = "tiles"
+    """Of concrete, 250 mm, with grooves."""
+    SETTS = "setts"
+    """Of granite, in courses."""
+
+    @property
+    def ground(self) -> GroundKind:
+        return _GROUND[self]
+
+
+_GROUND: Final = {
+    SidewalkPaving.SLABS: GroundKind.PAVING,
+    SidewalkPaving.CONCRETE: GroundKind.CONCRETE,
+    SidewalkPaving.BLOCKS: GroundKind.BLOCKS,
+    SidewalkPaving.TILES: GroundKind.TILES,
+    SidewalkPaving.SETTS: GroundKind.SETTS,
+}
+
+COLOURED: Final = frozenset({SidewalkPaving.BLOCKS, SidewalkPaving.TILES})
+"""Made with iron oxide or of clay in some streets."""
+
+RED: Final = (1.38, 0.66)
+"""Factors on red and blue of pieces of clay or iron oxide; ours, after photographs from drones."""
+
+RED_TONE: Final = 0.8
+"""Factor on their reflectance."""
+
+
+class SidewalkLook(Settings):
+    """What sidewalks are paved with, street by street."""
+
+    pavings: Annotated[Mapping[SidewalkPaving, Weight], Field(min_length=1), SOME] = {SidewalkPaving.SLABS: 1}
+    """Concrete slabs (400 mm), poured concrete, blocks in herringbone bond, grooved tiles (250 mm), granite setts."""
+    red: Share = 0.0
+    """Share of the streets with blocks or tiles whose paving is red."""
+    tone: Annotated[ValueRange, Within(0.4, 1.6)] = ValueRange(least=1.0, most=1.0)
+    """Reflectance relative to the mean of the paving."""
+
+    def surface(self, *, paving: float, colour: float, tone: float) -> tuple[GroundKind, Finish]:
+        """What a street's sidewalks are made of, for three random numbers 0 … 1."""
+        found = pick(self.pavings, paving)
+        red = found in COLOURED and colour < self.red
+        factors = (*(RED if red else (1.0, 1.0)), 1.0, self.tone.at(tone) * (RED_TONE if red else 1.0))
+        return found.ground, Finish.rounded(*factors)
+
 
 DEFAULT_LOOK: Final = "varied"
 

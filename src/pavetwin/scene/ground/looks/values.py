@@ -1,7 +1,10 @@
-"""Ranges of values in data files."""
+"""Ranges of values and relative frequencies in data files."""
 
+from bisect import bisect
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Self
+from itertools import accumulate
+from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import AfterValidator, GetCoreSchemaHandler, GetJsonSchemaHandler, model_validator
 from pydantic.json_schema import JsonSchemaValue
@@ -54,3 +57,12 @@ class Within:
         if values.least < self.low or values.most > self.high:
             raise ValueError(f"least and most lie between {self.low:g} and {self.high:g}")
         return values
+
+
+Chosen = TypeVar("Chosen")
+
+
+def pick(weights: Mapping[Chosen, float], chance: float) -> Chosen:
+    """One key of a table of weights, for a random number 0 … 1."""
+    bounds = list(accumulate(weights.values()))
+    return list(weights)[bisect(bounds, chance * bounds[-1], hi=len(bounds) - 1)]

@@ -1,34 +1,159 @@
-"""Road markings of a world: lines between lanes and at edges, stop and give-way lines, crossings, arrows.
+"""Road markings of a world: lines, crossings, arrows, parking places, and traces of former markings."""
 
-Which of them a street has depends on its class and a random number: many residential streets have none.
-"""
-
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache
 from typing import Final
 
 import numpy as np
 import shapely
 import shapely.ops
-from shapely import LineString, Polygon, STRtree
+from shapely import LineString, Point, Polygon, STRtree
 from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float64Array
-from pavetwin.scene.ground.layout.ageing import Ageing
 from pavetwin.scene.ground.layout.lines import direction
-from pavetwin.scene.ground.layout.streets import StreetPlan
+from pavetwin.scene.ground.layout.paved import Ageing
+from pavetwin.scene.ground.layout.streets import Approach, StreetPlan
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
-from pavetwin.scene.ground.layout.turns import Approach
-from pavetwin.scene.ground.looks.history import FormerKind
-from pavetwin.scene.ground.looks.mark import PaintName
-from pavetwin.scene.ground.looks.marking_standard import CrossingKind, MarkingStandard
-from pavetwin.scene.ground.looks.weights import pick
+from pavetwin.scene.ground.looks.marking_standard import CrossingKind, MarkingStandard, PaintName
+from pavetwin.scene.ground.looks.street_look import FormerKind
+from pavetwin.scene.ground.looks.values import pick
 from pavetwin.scene.ground.markings.areas import box_lines, corners, hatch, islands
-from pavetwin.scene.ground.markings.arrows import arrow
-from pavetwin.scene.ground.markings.former import LEAST_AGE, former_kind, left_of
 from pavetwin.scene.ground.markings.painter import Paint, Painter
-from pavetwin.scene.ground.markings.parking_lines import parking_lines
-from pavetwin.world.model import CARRIAGEWAY_LANES, Crossing, Direction, Lane, LaneKind
-from pavetwin.world.parking import ParkingPlace, ParkingPosition
+from pavetwin.world.model import CARRIAGEWAY_LANES, Crossing, Direction, Lane, LaneKind, World
+from pavetwin.world.parking import ParkingOrientation, ParkingPlace, ParkingPosition
+
+LENGTH_M: Final = 5.0
+SHAFT_M: Final = 0.15
+
+
+@cache
+def arrow(turns: frozenset[Direction]) -> tuple[Float64Array, ...]:
+    """The outline of an arrow whose heads point straight on, left or right.
+
+    (n, 2): x ahead from the shaft's foot, y to the left, metres.
+    """
+    parts = []
+    if Direction.STRAIGHT in turns:
+        parts += [_box(0.0, 3.4, 0.0), shapely.Polygon([(3.3, -0.45), (LENGTH_M, 0.0), (3.3, 0.45)])]
+    for turn, side in ((Direction.LEFT, 1.0), (Direction.RIGHT, -1.0)):
+        if turn in turns:
+            parts += _branch(side, 1.4 if Direction.STRAIGHT in turns else 2.6)
+            parts.append(_box(0.0, 2.0 if Direction.STRAIGHT in turns else 3.0, 0.0))
+    whole = shapely.union_all(parts)
+    return tuple(shapely.get_coordinates(shapely.get_exterior_ring(part))[:-1] for part in shapely.get_parts(whole))
+
+
+def _branch(side: float, at: float) -> list[shapely.Polygon]:
+    """A shaft that bends away and its head."""
+    bend = [(at, 0.0), (at + 0.55, 0.10), (at + 0.95, 0.40), (at + 1.15, 0.75)]
+    shaft = shapely.LineString([(x, side * y) for x, y in bend]).buffer(SHAFT_M, cap_style="flat", quad_segs=3)
+    head = [(at + 0.55, 0.62), (at + 1.75, 0.62), (at + 1.35, 1.18)]
+    return [shaft, shapely.Polygon([(x, side * y) for x, y in head])]
+
+
+def _box(start: float, end: float, y: float) -> shapely.Polygon:
+    return shapely.box(start, y - SHAFT_M / 2, end, y + SHAFT_M / 2)
+
+
+SHARED_M: Final = 0.3
+"""Lines of neighbouring places that are nearer to each other are one [m]."""
+
+MARGIN_M: Final = 0.1
+"""The lines end this far before the driven lane [m]."""
+
+GUTTER_FREE_M: Final = 0.45
+"""And this far before the kerb, where gutters and grates are [m]."""
+
+
+def parking_lines(world: World) -> Iterator[tuple[LineString, ParkingPlace]]:
+    """Each line with a place that it ends, in the order of the world's places; metres, world frame."""
+    drawn: dict[str, list[tuple[float, float]]] = {}
+    for place in world.parking:
+        if place.position not in (ParkingPosition.LANE, ParkingPosition.STREET_SIDE):
+            continue
+        taken = drawn.setdefault(place.street, [])
+        middle_line = world.segment(place.segment).centre_line
+        for ends in _sides(place):
+            kerb, inner = sorted(ends, key=lambda end: -middle_line.distance(Point(end)))
+            towards = (inner - kerb) / np.hypot(*(inner - kerb))
+            x, y = (kerb + inner) / 2
+            if all((x - other[0]) ** 2 + (y - other[1]) ** 2 > SHARED_M**2 for other in taken):
+                taken.append((x, y))
+                yield LineString([kerb + GUTTER_FREE_M * towards, inner - MARGIN_M * towards]), place
+
+
+def _sides(place: ParkingPlace) -> Iterator[tuple[Float64Array, Float64Array]]:
+    """The ends of the two sides of a place that run across the street."""
+    ahead = np.array([np.cos(place.yaw_rad), np.sin(place.yaw_rad)])
+    left = np.array([-ahead[1], ahead[0]])
+    parallel = place.orientation is ParkingOrientation.PARALLEL
+    across, along = (left, ahead) if parallel else (ahead, left)
+    reach, apart = (place.width_m, place.length_m) if parallel else (place.length_m, place.width_m)
+    centre = np.array([place.centre.x, place.centre.y])
+    for side in (-0.5, 0.5):
+        middle = centre + side * apart * along
+        yield middle - reach / 2 * across, middle + reach / 2 * across
+
+
+NARROWED: Final = 0.96
+"""Factor on the width of what is left of a line: its edges wear off first. Ours."""
+
+SCAR_M: Final = 0.03
+"""Removal and masking reach this far beside a line. Ours."""
+
+AHEAD: Final = 6.0
+"""A layout that was given up is moved along its lines by up to this factor on the distance to their side; one that was
+painted over by no more than to their side. Ours."""
+
+LEAST_AGE: Final = 0.2
+"""Newer pavements have no earlier markings."""
+
+KERB_M: Final = 0.15
+"""Nothing of it lies nearer to a kerb."""
+
+
+def former_kind(plan: SurfaceLayout, name: str) -> FormerKind | None:
+    """What became of the earlier markings of a street or a crossing; None where there were none."""
+    rules = plan.look.former_markings
+    return (
+        pick(rules.kinds, plan.chance(f"former kind {name}")) if plan.chance(f"former {name}") < rules.share else None
+    )
+
+
+def left_of(plan: SurfaceLayout, name: str, kind: FormerKind, earlier: Paint) -> Paint:
+    """What an earlier layout left.
+
+    Args:
+        name: of the street or crossing.
+        kind: what became of it.
+        earlier: its bars, as if it were today's.
+    """
+    rules = plan.look.former_markings
+
+    def chance(what: str) -> float:
+        return plan.chance(f"former {what} {name}")
+
+    over = kind is FormerKind.OVERPAINTED
+    reach = (rules.beside_m if over else rules.moved_m).at(chance("left"))
+    left = reach if chance("side") < 0.5 else -reach
+    ahead = (1.0 if over else AHEAD) * reach * (2 * chance("ahead") - 1)
+    _, _, to_kerb = plan.edges.locate(earlier.bars[:, :2])
+    inside = to_kerb > reach + KERB_M
+    bars, looks = earlier.bars[inside].copy(), earlier.bar_looks[inside].copy()
+    cos, sin = np.cos(bars[:, 2]), np.sin(bars[:, 2])
+    bars[:, 0] += ahead * cos - left * sin
+    bars[:, 1] += ahead * sin + left * cos
+    none = np.zeros((0, 2))
+    if kind in (FormerKind.WORN, FormerKind.OVERPAINTED):
+        bars[:, 4] *= NARROWED
+        looks[:, 1] = rules.wear.at(chance("wear"))
+        return Paint(bars, looks, (), none, np.ones(len(bars), dtype=np.bool_), np.zeros((0, 6)))
+    bars[:, 3:] += SCAR_M
+    tone = (rules.removed_tone if kind is FormerKind.REMOVED else rules.masked_tone).at(chance("tone"))
+    scars = np.column_stack([bars, np.full(len(bars), tone)])
+    return Paint(np.zeros((0, 5)), none, (), none, np.zeros(0, dtype=np.bool_), scars)
+
 
 ENDS_FREE_M: Final = 0.6
 """Lines end this far before a junction."""

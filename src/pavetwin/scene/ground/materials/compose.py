@@ -37,7 +37,7 @@ from typing import Final
 import numpy as np
 
 from pavetwin.arrays import Float32Array, FloatArray
-from pavetwin.scene.ground.materials.details import details
+from pavetwin.scene.ground.materials.detail_textures import details
 from pavetwin.scene.ground.materials.sampling import Pyramid, linear_of_srgb, smoothstep
 from pavetwin.scene.model import MAP_MARGIN_M, PLAIN_FINISH, SIGNED_DISTANCE_M, TILE_M, Finish, GroundKind, GroundMaps
 

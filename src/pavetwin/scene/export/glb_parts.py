@@ -1,7 +1,8 @@
-"""The parts of a scene as meshes, materials and nodes of a binary glTF file."""
+"""Parts of a scene in a binary glTF file: geometry of each tile, as meshes, materials and nodes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from io import BytesIO
 from typing import Any, Final
 
@@ -9,14 +10,134 @@ import numpy as np
 from PIL import Image
 
 from pavetwin.arrays import Float64Array, FloatArray, UInt8Array, UInt32Array
+from pavetwin.errors import PaveTwinError
+from pavetwin.plugins import load_plugins
 from pavetwin.scene.buildings import FACADE_REPEAT_M, FacadeTexture
-from pavetwin.scene.export.baking import jpeg
-from pavetwin.scene.export.pieces import PatchPiece, Picture, TilePiece
+from pavetwin.scene.export.baking import BakedTexture, bake_patch, bake_tile, jpeg
+from pavetwin.scene.export.detail import PATCH_FINER, LevelOfDetail
 from pavetwin.scene.export.shared import SharedModels, attributes_of, indices_of
 from pavetwin.scene.glb import TO_FILE, GlbWriter
-from pavetwin.scene.model import TILE_M, Instance, Mesh, Model, Tile, labelled_defect
+from pavetwin.scene.ground.materials.compose import MapPyramids
+from pavetwin.scene.model import TILE_M, Instance, Mesh, Model, Tile, TileKey, labelled_defect
 from pavetwin.scene.models import merged
-from pavetwin.world.model import Defect
+from pavetwin.scene.scene import Scene
+from pavetwin.workers import OnTick, WorkerPool
+from pavetwin.world.model import Defect, World
+
+RUN: Final = 6
+"""Neighbouring tiles that a process makes in one task: they share patches at their borders."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A surface's pictures as JPEG files."""
+
+    colour: bytes
+    normal: bytes | None
+
+
+@dataclass(frozen=True)
+class PatchPiece:
+    """A defect's patch, or the part of it that lies on one tile."""
+
+    label: int
+    mesh: Mesh
+    transform: Float64Array
+    """(4, 4) from the defect's frame to the world's."""
+    picture: Picture
+
+
+@dataclass(frozen=True)
+class TilePiece:
+    """One tile."""
+
+    tile: Tile
+    ground: Picture
+    patches: tuple[PatchPiece, ...]
+
+
+@dataclass(frozen=True)
+class Job:
+    """What every process must know."""
+
+    texel_m: float
+    level: LevelOfDetail
+    plugins: tuple[str, ...] = ()
+    """Files that register the world's classes of defects."""
+
+
+def make_pieces(
+    scene: Scene, keys: Sequence[TileKey], job: Job, jobs: int, write: Callable[[TilePiece], None], on_tile: OnTick
+) -> None:
+    """Make all tiles with `jobs` processes, and hand them to `write` in the order of `keys`.
+
+    Raises:
+        PaveTwinError: a process dies several times.
+    """
+    if jobs == 1:
+        for key in keys:
+            write(_piece(scene, key, job))
+            on_tile()
+        return
+    runs = [tuple(keys[first : first + RUN]) for first in range(0, len(keys), RUN)]
+    made: dict[tuple[TileKey, ...], list[TilePiece]] = {}
+    waiting = iter([*runs, ()])
+    due = next(waiting)
+
+    def on_result(run: tuple[TileKey, ...], pieces: list[TilePiece]) -> None:
+        nonlocal due
+        made[run] = pieces
+        while due in made:
+            for piece in made.pop(due):
+                write(piece)
+            due = next(waiting)
+
+    with WorkerPool(jobs, partial(_start, scene.world, scene.seed, scene.look, job), on_tile) as pool:
+        pool.run(runs, on_result, give_up=_give_up)
+
+
+def _start(
+    world: World, seed: int, look: str, job: Job, on_tile: OnTick
+) -> Callable[[tuple[TileKey, ...]], list[TilePiece]]:
+    """In a worker process."""
+    load_plugins(job.plugins)
+    scene = Scene(world, seed=seed, look=look)
+
+    def made(run: tuple[TileKey, ...]) -> list[TilePiece]:
+        pieces = []
+        for key in run:
+            pieces.append(_piece(scene, key, job))
+            on_tile()
+        return pieces
+
+    return made
+
+
+def _give_up(run: tuple[TileKey, ...]) -> None:
+    raise PaveTwinError(
+        f"Processes that made the tiles from {run[0]} on died several times, perhaps for want of memory; give fewer "
+        "`jobs`."
+    )
+
+
+def _piece(scene: Scene, key: TileKey, job: Job) -> TilePiece:
+    tile, maps, level = scene.tile(key), MapPyramids.of(scene.maps(key)), job.level
+    patches = tuple(
+        PatchPiece(
+            patch.label,
+            patch.mesh if level.has_fine_defects else patch.coarse,
+            patch.transform,
+            _picture(bake_patch(patch, tile.origin, maps, job.texel_m * PATCH_FINER), level),
+        )
+        for patch in scene.patches_on(key)
+    )
+    return TilePiece(tile, _picture(bake_tile(tile, maps, job.texel_m), level), patches)
+
+
+def _picture(baked: BakedTexture, level: LevelOfDetail) -> Picture:
+    normal = jpeg(baked.normal, level.quality + 2, level.subsampling) if level.has_normals else None
+    return Picture(jpeg(baked.colour, level.quality, level.subsampling), normal)
+
 
 _ROUGH_GROUND: Final = 0.92
 _GLASSY: Final = frozenset({FacadeTexture.WINDOWS, FacadeTexture.GLAZING, FacadeTexture.DOORS})

@@ -1,4 +1,4 @@
-"""Manhole covers, grates, valve caps and leaves as small meshes that lie on the ground, millimetres thick."""
+"""Manhole covers, grates, valve caps and leaves: small meshes on the ground, and their instances in a tile."""
 
 from collections.abc import Mapping, Sequence
 from functools import cache
@@ -12,9 +12,12 @@ from shapely import Point, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float64Array
-from pavetwin.scene.ground.distractors.bridge_joints import MODULE_M
-from pavetwin.scene.ground.distractors.fixtures import LEAVES, LITTER
-from pavetwin.scene.model import Mesh, Model
+from pavetwin.scene.agents import upright
+from pavetwin.scene.ground.distractors.fixtures import LEAVES, LITTER, MODULE_M
+from pavetwin.scene.ground.layout.surfaces import tile_box
+from pavetwin.scene.ground.plan import GroundPlan
+from pavetwin.scene.looks import tints
+from pavetwin.scene.model import TILE_M, Instance, Mesh, Model
 from pavetwin.scene.models import BODY
 from pavetwin.seeds import Stream, child
 
@@ -301,4 +304,14 @@ def _mesh(positions: Float64Array, colours: Float64Array, surface: Float64Array)
         indices=np.asarray(indices, dtype=np.uint32).reshape(-1, 3),
         colours=rows[:, 3:6].astype(np.float32),
         surface=rows[:, 6:].astype(np.uint8),
+    )
+
+
+def fixtures(plan: GroundPlan, key: tuple[int, int]) -> tuple[Instance, ...]:
+    """Manhole covers, grates, valve caps and leaves whose middles lie in a tile."""
+    near = [plan.fixtures[index] for index in plan.fixture_index.near(tile_box(key))]
+    return tuple(
+        Instance(each.model, BODY, upright(each.x, each.y, each.yaw_rad, z_m=each.z), tints())
+        for each in near
+        if (np.floor(each.x / TILE_M), np.floor(each.y / TILE_M)) == key
     )
