@@ -17,10 +17,9 @@ from matplotlib.axes import Axes
 from pavetwin.cli.console import fail, out, progress
 from pavetwin.draw import style
 from pavetwin.errors import PaveTwinError
+from pavetwin.traffic.demand import DEFAULT_MIX, LevelOfService
 from pavetwin.traffic.demand_search import DemandSearch, Trial
 from pavetwin.traffic.flow import Flow, flow_of
-from pavetwin.traffic.level_of_service import LevelOfService
-from pavetwin.traffic.mix import DEFAULT_MIX
 from pavetwin.traffic.record import record
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world

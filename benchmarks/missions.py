@@ -170,7 +170,7 @@ def main(folder: Path, segments: int) -> None:
     """Fly once over what was recorded; print the peak resident memory before and after, in MiB."""
     libraries = peak_mib()
     world = load_world(folder)
-    recording = load_recording(next(cached(world, f"traffic/high-{SEED}.parquet")))
+    recording = load_recording(cached(world, f"traffic/high-{SEED}.parquet"))
     Course.over(world, Replay(world, recording), segments).fly("hover")
     print(libraries, peak_mib())
 

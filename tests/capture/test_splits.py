@@ -15,9 +15,8 @@ from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.splits import split_streets, street_splits
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels import SPLITS
-from pavetwin.traffic.pose_rows import PoseRows
 from pavetwin.traffic.record import record
-from pavetwin.traffic.tracks import AgentTracks
+from pavetwin.traffic.tracks import AgentTracks, PoseRows
 from pavetwin.world.folder import CACHE_VARIABLE
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world, save_world

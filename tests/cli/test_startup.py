@@ -58,9 +58,9 @@ import pavetwin.cli.pictures, pavetwin.cli.report, pavetwin.draw.mission_map, pa
 from pavetwin.defects.severity import Distress
 from pavetwin.mission.metrics import found_share
 from pavetwin.pci.curves import deduct_value
-from pavetwin.traffic.part_file import PackedPart
-from pavetwin.traffic.pose_rows import PoseRows
-from pavetwin.traffic.track_part import TrackPart
+from pavetwin.traffic.tracks import PackedPart
+from pavetwin.traffic.tracks import PoseRows
+from pavetwin.traffic.tracks import TrackPart
 from pavetwin.uav import find_aircraft
 from pavetwin.uav.energy import rotor_power
 from pavetwin.world.model import Severity

@@ -25,7 +25,7 @@ def test_recording_says_what_it_did_and_then_that_it_is_done(world: Path, tmp_pa
     assert first.returncode == 0, first.stderr
     assert "× real time" in first.stdout
     assert "vehicles per lane-km" in first.stdout
-    file = next(cached(load_world(world), "traffic/low-1.parquet"))
+    file = cached(load_world(world), "traffic/low-1.parquet")
     assert str(file) in first.stdout
     assert load_recording(file).duration_s == 30.0
     assert not (world / "traffic").exists()

@@ -30,8 +30,7 @@ from pavetwin.defects.shapes import turned
 from pavetwin.errors import PaveTwinError
 from pavetwin.seeds import Stream, child
 from pavetwin.world.build import BuildRecord
-from pavetwin.world.content import defects_hash
-from pavetwin.world.model import Defect, Segment, Severity
+from pavetwin.world.model import Defect, Segment, Severity, defects_hash
 from pavetwin.world.segments import segment_key
 from pavetwin.world.store import load_world, save_world
 from scenes import built

@@ -352,18 +352,6 @@ def test_the_design_of_a_study_s_folder_is_a_design(tmp_path: Path, values: dict
     assert read.model_dump() == placed_at(made, tmp_path).model_dump()
 
 
-def test_a_study_from_before_there_were_populations_has_the_papers_defects(tmp_path: Path) -> None:
-    """A design of the user's own that names none has those of `survey`."""
-    plain = {"worlds": ["town"], "defects": {"per_segment": 4}}
-    flown = {"format": 2, "versions": {}, "worlds": {}, "design": plain}
-    found = []
-    for name, values in (("mine.yaml", plain), ("design.yaml", flown)):
-        (tmp_path / name).write_text(yaml.safe_dump(values), encoding="utf-8")
-        found.append(read_design(tmp_path / name).defects)
-    assert found == [DefectOptions(population=each, per_segment=4) for each in ("survey", "paper")]
-    assert Store(tmp_path).design().defects == found[1]
-
-
 def test_a_study_over_a_world_s_own_defects_notices_that_they_changed(tmp_path: Path) -> None:
     made = design(worlds=[str(tmp_path / "cross")], altitudes_m=[10], densities=["low"], defects="world")
     placed = made.model_copy(update={"defects": "placed"})

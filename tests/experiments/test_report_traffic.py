@@ -29,8 +29,8 @@ def rows_of(world: World, traffic: str, entry: object) -> list[list[str]]:
     return [[cell.text for cell in row] for part in section.blocks if isinstance(part, Table) for row in part.rows]
 
 
-def said(recording: Recording, world: World) -> list[str]:
-    flow = flow_of(recording, world)
+def numbers_of(recording: Recording) -> list[str]:
+    flow = flow_of(recording)
     return [
         f"{flow.speed_kmh:.0f}", f"{100 * (flow.ratio or 0):.0f} %", str(flow.level),
         f"{100 * (flow.standing or 0):.0f} %", f"{flow.flow_per_lane_h:.0f}", f"{flow.removed_per_vehicle_hour:.2f}",
@@ -41,7 +41,7 @@ def test_a_density_is_told_from_the_recordings_of_its_seeds(cross: World) -> Non
     recording = record(cross, "low", 1, 30.0)
     ((world, traffic, count, *numbers),) = rows_of(cross, "low", str(cross.folder))
     assert (world, traffic, count) == (cross.name, "low", "1")
-    assert numbers == said(recording, cross)
+    assert numbers == numbers_of(recording)
 
 
 def test_recordings_of_ones_own_are_told_too(cross: World, tmp_path: Path) -> None:
@@ -49,7 +49,7 @@ def test_recordings_of_ones_own_are_told_too(cross: World, tmp_path: Path) -> No
     entry = {"path": str(cross.folder), "routes": [], "recordings": [str(tmp_path / "rush.parquet")]}
     ((_, traffic, count, *numbers),) = rows_of(cross, "rush", entry)
     assert (traffic, count) == ("rush", "1")
-    assert numbers == said(recording, cross)
+    assert numbers == numbers_of(recording)
 
 
 def test_routes_of_ones_own_are_told_too(cross: World, tmp_path: Path) -> None:
@@ -61,7 +61,7 @@ def test_routes_of_ones_own_are_told_too(cross: World, tmp_path: Path) -> None:
     entry = {"path": str(cross.folder), "routes": [str(routes)], "recordings": []}
     ((_, _, count, *numbers),) = rows_of(cross, "routes", entry)
     assert count == "1", "the recording of seed 1 is of other routes of the same name"
-    assert numbers == said(recording, cross)
+    assert numbers == numbers_of(recording)
 
 
 def test_without_recordings_at_hand_nothing_is_said(

@@ -3,8 +3,8 @@
 from math import exp
 from unittest.mock import patch
 
+from pavetwin.traffic.demand import LevelOfService
 from pavetwin.traffic.demand_search import DemandSearch, Trial
-from pavetwin.traffic.level_of_service import LevelOfService
 from pavetwin.world.model import World
 
 EMPTY_RATIO = 0.72

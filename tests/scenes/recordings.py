@@ -1,18 +1,13 @@
 """Hand-written recordings of traffic."""
 
-import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
-from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from pavetwin.traffic.demand import Capacity
 from pavetwin.traffic.kinds import KINDS
-from pavetwin.traffic.pose_rows import COLUMNS, PoseRows
 from pavetwin.traffic.recording import Agents, Origin, Recording
+from pavetwin.traffic.tracks import PoseRows
 
 STEP_S = 0.5
 Pose = tuple[float, float, float, float]
@@ -44,22 +39,3 @@ def recording(kinds: Sequence[str], poses: Callable[[int, float], Pose], frames:
         ),
         signals={},
     )
-
-
-def save_first_version(made: Recording, path: Path) -> None:
-    """Write a recording as the first version did: a row for every pose, sorted by step and agent."""
-    rows, agents = made.tracks.rows, made.agents
-    columns = {"step": rows.frame.astype(np.int32), "agent": rows.agent.astype(np.int32)}
-    sizes = {name: getattr(agents, name).tolist() for name in ("length_m", "width_m", "height_m")}
-    classes = [agents.agent_class(agent) for agent in range(len(agents))]
-    metadata = {
-        "format": 1,
-        "origin": asdict(made.origin),
-        "step_s": made.step_s,
-        "frames": made.frames,
-        "removals": made.removals,
-        "signals": made.signals,
-        "agents": {"id": agents.id, "class": classes, "kind": agents.kind, **sizes},
-    }
-    table = pa.table({**columns, **{name: getattr(rows, name) for name in COLUMNS}})
-    pq.write_table(table.replace_schema_metadata({b"pavetwin": json.dumps(metadata).encode()}), path)

@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 
 from pavetwin.arrays import Float64Array
 from pavetwin.traffic.agent_states import PARTS_KEPT, AgentStateReader
-from pavetwin.traffic.pose_rows import PoseRows
 from pavetwin.traffic.recording import Recording
-from pavetwin.traffic.tracks import PART_STEPS, AgentTracks
+from pavetwin.traffic.tracks import PART_STEPS, AgentTracks, PoseRows
 from scenes.recordings import recording
 
 AGENTS = 7

@@ -163,7 +163,7 @@ def test_trips_are_observed_once_for_all_seeds_and_areas(grid: World, monkeypatc
     found = with_area_traffic(first).area_traffic
     assert found is not None
     assert found.trips
-    path = next(cached(grid, "traffic/trips-v3-p0.npz"))
+    path = cached(grid, "traffic/trips-v3-p0.npz")
     kept = path.read_bytes()
     with monkeypatch.context() as patch:
         patch.setattr(town_trips, "SimulationProcess", None)
@@ -200,7 +200,7 @@ def test_in_a_city_they_are_observed_on_the_streets_around_it(grid: World, monke
     assert everywhere is not None
     assert {edge for trip in found.trips for edge in trip.edges} <= set(around.edges)
     assert found.vehicles == pytest.approx(everywhere.vehicles, rel=0.35)
-    assert next(cached(grid, f"traffic/trips-v20-p0-{around.name}.npz")).is_file()
+    assert cached(grid, f"traffic/trips-v20-p0-{around.name}.npz").is_file()
 
 
 def test_a_recording_of_an_area_is_repeated_extended_and_read_as_such(

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pavetwin.traffic.area_traffic import SLOWEST_MPS, AreaTraffic, Trip
+from pavetwin.traffic.job import SLOWEST_MPS, AreaTraffic, Trip
 
 LENGTH_M = dict.fromkeys("ABCDEF", 100.0)
 

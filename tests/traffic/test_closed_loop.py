@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pavetwin.traffic.closed_loop import TRIP_M, ClosedLoop
+from pavetwin.traffic.closed_loop import TRIP_M, ClosedLoop, Roads, Sidewalks
 from pavetwin.traffic.demand import density_named
 from pavetwin.traffic.inputs import Inputs
-from pavetwin.traffic.network import Roads, Sidewalks
 from scenes import tiny
 
 EXITS = 6

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pavetwin.traffic.body_pose import centre_of_front, yaw_of_heading
+from pavetwin.traffic.job import centre_of_front, yaw_of_heading
 
 degrees = st.floats(0.0, 360.0)
 metres = st.floats(-1e4, 1e4)

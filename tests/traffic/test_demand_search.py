@@ -9,16 +9,14 @@ from pathlib import Path
 import pytest
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.traffic.convert import to_recording
-from pavetwin.traffic.demand import density_named
+from pavetwin.traffic.demand import LevelOfService, density_named
 from pavetwin.traffic.demand_search import NEAR, DemandSearch, Trial, _fitted, found
-from pavetwin.traffic.flow import MOST_REMOVALS_PER_HOUR, flow_of
+from pavetwin.traffic.flow import MOST_REMOVALS_PER_HOUR, flow_of, to_recording
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.job import SimulationJob
-from pavetwin.traffic.level_control import EVERY_S, LARGEST, LevelControl
-from pavetwin.traffic.level_of_service import LevelOfService
 from pavetwin.traffic.record import Recorder, record
 from pavetwin.traffic.runner import SimulationProcess, workplace
+from pavetwin.traffic.sumo_run import EVERY_S, LARGEST, LevelControl
 from pavetwin.world.model import World
 from scenes.demand import EMPTY_RATIO, SCALE_PER_LANE_KM, know_demand, on_the_curve
 from scenes.traffic import bytes_of, scene_world
@@ -51,7 +49,7 @@ def fresh(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_the_search_converges_and_the_recording_holds_the_level(cross: World) -> None:
     _, target = DemandSearch(cross, "europe").target(LevelOfService.D)
     recording = record(cross, "los-D", 1, 600.0)
-    flow = flow_of(recording, cross)
+    flow = flow_of(recording)
     assert flow.level == "D"
     assert flow.ratio == pytest.approx(target, rel=NEAR)
     assert flow.ratio == pytest.approx(recording.speed_ratio or 0.0)
@@ -100,7 +98,7 @@ def test_an_arterial_without_signals_flows_at_level_a(tmp_path: Path) -> None:
     arterial = scene_world("arterial", tmp_path, sidewalks=False)
     empty, target = DemandSearch(arterial, "europe").target(LevelOfService.A)
     assert empty.ratio > 0.9
-    flow = flow_of(record(arterial, "los-A", 1, 300.0), arterial)
+    flow = flow_of(record(arterial, "los-A", 1, 300.0))
     assert flow.level == "A"
     assert flow.ratio == pytest.approx(target, rel=NEAR)
     assert flow.removed_per_vehicle_hour == 0.0

@@ -7,9 +7,8 @@ import polars as pl
 import pytest
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.traffic.fcd import export_fcd
 from pavetwin.traffic.recording import Recording
-from pavetwin.traffic.recording_file import save_recording
+from pavetwin.traffic.recording_file import export_fcd, save_recording
 from scenes.command_line import pavetwin, plain_refusal
 from scenes.recordings import Pose, recording
 

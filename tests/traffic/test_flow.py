@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from pavetwin.traffic.flow import as_values, flow_of, with_limits
+from pavetwin.traffic.flow import as_values, at_limits, flow_of
+from pavetwin.traffic.job import SpeedLimits
+from pavetwin.traffic.recording import Recording
 from pavetwin.traffic.recording_file import load_recording, save_recording
-from pavetwin.traffic.speed_limits import SpeedLimits
 from pavetwin.world.model import World
 from scenes.recordings import Pose, recording
 from scenes.traffic import scene_world
@@ -21,6 +22,12 @@ def street(tmp_path_factory: pytest.TempPathFactory) -> World:
     return scene_world("straight", tmp_path_factory.mktemp("worlds"), sidewalks=False)
 
 
+def with_limits(made: Recording, world: World) -> Recording:
+    """A recording with the speed limits of a world."""
+    samples = at_limits(made.tracks.rows, made.agents.is_pedestrian, SpeedLimits.of(world), made.step_s)
+    return replace(made, at_limits=samples)
+
+
 def half_and_standing(agent: int, time_s: float) -> Pose:
     """A car at half the limit, and one that stands."""
     speed = LIMIT_MPS / 2 if agent == 0 else 0.0
@@ -29,7 +36,7 @@ def half_and_standing(agent: int, time_s: float) -> Pose:
 
 def test_a_hand_made_trace_has_the_ratio_that_one_can_compute(street: World) -> None:
     made = replace(recording(["compact", "suv"], half_and_standing), removals=((3, 2),))
-    flow = flow_of(made, street)
+    flow = flow_of(with_limits(made, street))
     assert flow.ratio == pytest.approx(0.25, rel=1e-3)  # one at a half, one at 0: their free-flow time over their time
     assert flow.free_flow_kmh == pytest.approx(3.6 * LIMIT_MPS, rel=1e-3)
     assert flow.speed_kmh == pytest.approx(3.6 * LIMIT_MPS / 4, rel=1e-3)
@@ -46,15 +53,15 @@ def test_a_hand_made_trace_has_the_ratio_that_one_can_compute(street: World) -> 
 
 
 def test_people_are_no_traffic(street: World) -> None:
-    alone = flow_of(recording(["compact"], half_and_standing), street)
-    beside = flow_of(recording(["compact", "man"], half_and_standing), street)
+    alone = flow_of(with_limits(recording(["compact"], half_and_standing), street))
+    beside = flow_of(with_limits(recording(["compact", "man"], half_and_standing), street))
     assert beside.speed_kmh == alone.speed_kmh
     assert beside.ratio == pytest.approx(0.5, rel=1e-3)
     assert beside.standing == 0.0
 
 
 def test_without_vehicles_there_is_no_speed(street: World) -> None:
-    flow = flow_of(recording(["man"], half_and_standing), street)
+    flow = flow_of(with_limits(recording(["man"], half_and_standing), street))
     assert (flow.speed_kmh, flow.ratio, flow.level, flow.removed_per_vehicle_hour) == (None, None, None, None)
     assert flow.sentence == "There are no vehicles."
 
@@ -70,18 +77,13 @@ def _slower(lane):  # type: ignore[no-untyped-def]
     return replace(lane, speed_limit_mps=5.0) if lane.edge == "ba" else lane
 
 
-def test_a_recording_knows_its_free_flow_speed_and_an_old_one_asks_for_its_world(street: World, tmp_path: Path) -> None:
-    made = recording(["compact", "suv"], half_and_standing)
-    old = load_recording(save_recording(made, tmp_path / "old.parquet").path or "")
-    assert flow_of(old).ratio is None
-    assert flow_of(old).speed_kmh is not None
-    assert flow_of(old, street).ratio == pytest.approx(0.25, rel=1e-3)
-    limited = with_limits(made, SpeedLimits.of(street))
-    new = load_recording(save_recording(limited, tmp_path / "new.parquet").path or "")
-    assert flow_of(new).ratio == pytest.approx(0.25, rel=1e-3)
-    assert new.speed_ratio == flow_of(new).ratio
+def test_a_saved_recording_has_its_free_flow_speed(street: World, tmp_path: Path) -> None:
+    made = with_limits(recording(["compact", "suv"], half_and_standing), street)
+    saved = load_recording(save_recording(made, tmp_path / "saved.parquet").path or "")
+    assert flow_of(saved).ratio == pytest.approx(0.25, rel=1e-3)
+    assert saved.speed_ratio == flow_of(saved).ratio
 
 
 def test_in_a_world_without_lanes_there_is_no_free_flow(street: World) -> None:
     bare = replace(street, lanes=())
-    assert flow_of(recording(["compact"], half_and_standing), bare).ratio is None
+    assert flow_of(with_limits(recording(["compact"], half_and_standing), bare)).ratio is None

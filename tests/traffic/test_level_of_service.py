@@ -6,13 +6,14 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.traffic.demand import (
     DENSITIES,
     HOURLY_SHARES,
-    PEDESTRIANS,
+    LEVEL_PEDESTRIANS,
+    LevelOfService,
     density_named,
     hour_density,
     level_density,
+    level_of,
     share_of_busiest,
 )
-from pavetwin.traffic.level_of_service import LevelOfService, level_of
 
 
 @pytest.mark.parametrize(
@@ -72,4 +73,4 @@ def test_the_daily_curve_is_a_whole_day() -> None:
     assert share_of_busiest(17) == 1.0
     assert share_of_busiest(3) < 0.04
     assert hour_density(3).pedestrians_per_sidewalk_km < 0.05 * level_density("C").pedestrians_per_sidewalk_km
-    assert level_density("E").pedestrians_per_sidewalk_km == PEDESTRIANS
+    assert level_density("E").pedestrians_per_sidewalk_km == LEVEL_PEDESTRIANS

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pavetwin.scene.looks import vehicle_model
+from pavetwin.traffic.demand import DEFAULT_MIX, kinds_of, mix_named, mix_names
 from pavetwin.traffic.kinds import KINDS, OTHER_VEHICLES, PEDESTRIANS, VEHICLES, sumo_types
-from pavetwin.traffic.mix import DEFAULT_MIX, kinds_of, mix_named, mix_names
 from pavetwin.traffic.record import record
 from scenes.traffic import scene_world
 

@@ -7,10 +7,8 @@ from pathlib import Path
 import pytest
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.traffic.demand import density_named
-from pavetwin.traffic.demand_search import DemandSearch
-from pavetwin.traffic.level_of_service import LevelOfService
-from pavetwin.traffic.nearest_level import nearest_first, within_reach
+from pavetwin.traffic.demand import LevelOfService, density_named
+from pavetwin.traffic.demand_search import DemandSearch, nearest_first, within_reach
 from pavetwin.world.model import World
 from scenes.demand import on_the_curve
 from scenes.traffic import scene_world

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.traffic.own_demand import own_demand
+from pavetwin.traffic.demand import own_demand
 from pavetwin.traffic.record import record
 from scenes import HERE
 from scenes.traffic import scene_world

@@ -17,11 +17,10 @@ from shapely import Point, Polygon
 
 from pavetwin.config import load_settings
 from pavetwin.config.conditions import Conditions
-from pavetwin.config.mission import ParkingSettings
+from pavetwin.config.parking import ParkingSettings
+from pavetwin.traffic.demand import DEFAULT_MIX
 from pavetwin.traffic.kinds import KINDS
-from pavetwin.traffic.mix import DEFAULT_MIX
-from pavetwin.traffic.occupancy import occupancy, occupancy_curves, surroundings_of
-from pavetwin.traffic.parked import ParkedVehicles, parked_vehicles
+from pavetwin.traffic.parked import ParkedVehicles, occupancy, occupancy_curves, parked_vehicles, surroundings_of
 from pavetwin.world.model import Lane, LaneKind, World
 from pavetwin.world.parking.place import ParkingOrientation, ParkingPlace, ParkingPosition, ParkingSource, StreetSide
 from scenes import tiny

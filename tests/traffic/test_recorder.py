@@ -11,17 +11,15 @@ from typing import Any
 import pytest
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.traffic.convert import to_recording
+from pavetwin.traffic.flow import to_recording
 from pavetwin.traffic.inputs import Inputs
-from pavetwin.traffic.part_file import PackedPart
 from pavetwin.traffic.record import Recorder, record
 from pavetwin.traffic.recording import Recording
 from pavetwin.traffic.recording_file import save_recording
 from pavetwin.traffic.runner import SimulationProcess
-from pavetwin.traffic.track_part import TrackPart
+from pavetwin.traffic.tracks import PackedPart, TrackPart
 from pavetwin.world.model import World
 from scenes.processes import is_gone, is_over, simulations
-from scenes.recordings import save_first_version
 from scenes.traffic import ROUTES, SOURCES, bytes_of, scene_world
 
 ENDS_S = (0.5, 7.0, 7.5, 30.0, 90.0)
@@ -109,19 +107,6 @@ def test_a_recording_from_the_disk_is_extended_by_one_simulation(cross: World) -
         assert simulations(os.getpid()) == [process]
         assert begun[-1] == 1.0
     assert bytes_of(longest) == bytes_of(record(cross, "medium", 1, 60.0, force=True))
-
-
-def test_a_file_of_the_first_version_in_the_cache_is_rewritten_once(cross: World) -> None:
-    first = record(cross, "medium", 1, 10.0)
-    path = Inputs.of(cross, "medium", 1).path
-    save_first_version(first, path)
-    before = path.read_bytes()
-    untouched = Recorder(Inputs.of(cross, "medium", 1), unchanged=path)
-    assert untouched.until(10.0).same_traffic(first)
-    assert path.read_bytes() == before
-    again = record(cross, "medium", 1, 10.0)
-    assert again.tracks.is_stored
-    assert again.same_traffic(first)
 
 
 def test_traffic_that_sumo_does_not_repeat_is_refused(cross: World) -> None:

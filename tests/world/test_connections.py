@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pyogrio
 import pytest
-import yaml
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.build import build_world
@@ -146,12 +145,3 @@ def test_a_network_that_contradicts_itself_is_refused(tmp_path: Path, old: str, 
     with pytest.raises(PaveTwinError, match=r"broken\.net\.xml' is not a complete SUMO network") as caught:
         build_world(path)
     assert words in str(caught.value)
-
-
-def test_a_world_of_the_format_before_is_refused_in_one_line(tmp_path: Path) -> None:
-    save_world(parting_lanes(tmp_path), tmp_path / "world")
-    description = tmp_path / "world" / "world.yaml"
-    older = {**yaml.safe_load(description.read_text()), "format": 2}
-    description.write_text(yaml.safe_dump(older))
-    with pytest.raises(PaveTwinError, match="has format 2, this version reads 3; build it again"):
-        load_world(tmp_path / "world")

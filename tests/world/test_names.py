@@ -1,6 +1,5 @@
 """Names of streets: in which letters, of streets that have none, and segments found by them."""
 
-import sqlite3
 from dataclasses import replace
 from pathlib import Path
 
@@ -47,15 +46,6 @@ def test_names_in_latin_letters_are_not_part_of_the_content() -> None:
     assert content_hash(other, "") == content_hash(world, "")
     renamed = replace(world, streets=tuple(replace(street, name="x") for street in world.streets))
     assert content_hash(renamed, "") != content_hash(world, "")
-
-
-def test_a_world_of_an_earlier_version_is_read(tmp_path: Path) -> None:
-    saved = save_world(scripts.built("chinese"), tmp_path / "town")
-    with sqlite3.connect(tmp_path / "town" / "world.gpkg") as database:
-        database.execute("ALTER TABLE streets DROP COLUMN latin_name")
-    loaded = load_world(tmp_path / "town")
-    assert {street.latin_name for street in loaded.streets} == {""}
-    assert loaded.content_hash == saved.content_hash
 
 
 def test_a_street_without_a_name_is_called_so() -> None:

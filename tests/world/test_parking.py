@@ -14,7 +14,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString, box
 
-from pavetwin.world import layers
 from pavetwin.world.parking.mapped import ObstacleKind
 from pavetwin.world.parking.place import (
     ParkingOrientation,
@@ -334,20 +333,6 @@ def test_parking_is_a_layer_of_the_geopackage(tmp_path: Path) -> None:
         info["fields"]
     )
     assert load_world(tmp_path / "world").parking == world.parking
-
-
-def test_a_world_of_an_earlier_version_opens_without_places_and_with_its_hash(tmp_path: Path) -> None:
-    bare = replace(built("cross"), world=replace(built("cross").world, parking=()))
-    save_world(bare, tmp_path / "world")
-    path = tmp_path / "world" / "world.gpkg"
-    path.unlink()
-    kept = tuple(layer for layer in layers.LAYERS if layer.name != "parking")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(layers, "LAYERS", kept)
-        layers.write_layers(bare.world, path)
-    assert "parking" not in {name for name, _ in pyogrio.list_layers(path)}
-    loaded = load_world(tmp_path / "world")
-    assert loaded.parking == ()
 
 
 def test_places_are_part_of_what_a_world_is(tmp_path: Path) -> None:

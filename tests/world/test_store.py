@@ -99,7 +99,7 @@ def test_other_damage_is_one_plain_line(saved: World, tmp_path: Path) -> None:
     torn = spoilt("torn")
     (torn / "world.yaml").write_text("format: [1\n")
     bare = spoilt("bare")
-    (bare / "world.yaml").write_text(yaml.safe_dump({"format": 3}))
+    (bare / "world.yaml").write_text(yaml.safe_dump({"format": 1}))
     empty = tmp_path / "empty"
     empty.mkdir()
     for place, word in (

@@ -222,7 +222,7 @@ def _in_reach(settings: "CaptureSettings", folder: Path, tell: "OnProgress") -> 
     empty where it can."""
     from pavetwin.cli.report import nearest_line
     from pavetwin.traffic.demand import density_named
-    from pavetwin.traffic.nearest_level import within_reach
+    from pavetwin.traffic.demand_search import within_reach
     from pavetwin.world.store import load_world
 
     world, (usual,) = load_world(folder), map(density_named, settings.densities)

@@ -278,7 +278,7 @@ def fly(
         out.line(instead)
     if where := report.area_line(inputs.replay.area, loaded):
         out.line(where)
-    flow = flow_of(inputs.replay.recording, inputs.environment.world)
+    flow = flow_of(inputs.replay.recording)
     out.line(f"Traffic {inputs.replay.recording.name}: {flow.sentence} {flow.removals_sentence}")
     maps = not no_map
     results = _fly_and_draw(specs, inputs, folder, former, maps=maps, animate=animate, save_frames=save_frames)

@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pavetwin.cli.arguments import CacheFolder, Hour, Los, Mix, WorldFolder, existing_world, traffic_name
+from pavetwin.cli.arguments import CacheFolder, Hour, Los, Mix, WorldFolder, traffic_name
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
     from pavetwin.traffic.demand import Density
     from pavetwin.traffic.recording import Recording
-    from pavetwin.world.model import World
 
 app = typer.Typer(help="Record traffic over a world with SUMO.", no_args_is_help=True)
 
@@ -91,25 +90,15 @@ def record(
 @app.command()
 def info(
     file: Annotated[Path, typer.Argument(metavar="FILE.parquet", help="A recording.")],
-    world: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder of its world: needed for the level of service of a recording by an earlier version.",
-            callback=existing_world,
-        ),
-    ] = None,
 ) -> None:
-    """Say what a recording holds, and how its traffic flows.
+    """Show the contents and the traffic flow of a recording.
 
     \b
     pavetwin traffic info high.parquet
-    pavetwin traffic info old.parquet --world worlds/town
     """
     from pavetwin.traffic.recording_file import load_recording
-    from pavetwin.world.store import load_world
 
-    loaded = None if world is None else load_world(world)
-    _print(load_recording(file, loaded), loaded)
+    _print(load_recording(file))
 
 
 @app.command()
@@ -126,8 +115,7 @@ def export(
     pavetwin traffic export high.parquet high-fcd.parquet
     pavetwin traffic export high.parquet rush.csv --from 120 --to 180
     """
-    from pavetwin.traffic.fcd import export_fcd
-    from pavetwin.traffic.recording_file import load_recording
+    from pavetwin.traffic.recording_file import export_fcd, load_recording
 
     if target.exists() and not force:
         raise PaveTwinError(f"`target` '{target}' exists; choose another name, or add `force`.")
@@ -170,14 +158,14 @@ def _density(
     return density_named(asked)
 
 
-def _print(recording: "Recording", world: "World | None" = None) -> None:
+def _print(recording: "Recording") -> None:
     from collections import Counter
 
     from rich.table import Table
 
     from pavetwin.traffic.flow import flow_of
 
-    flow = flow_of(recording, world)
+    flow = flow_of(recording)
     origin, (vehicles, pedestrians) = recording.origin, recording.counts
     table = Table(box=None, pad_edge=False)
     for heading in ("", "asked", "achieved", "at a time", "in all"):
@@ -204,8 +192,6 @@ def _print(recording: "Recording", world: "World | None" = None) -> None:
     out.print(f"{recording.name} traffic, seed {origin.seed}, {recording.duration_s:g} s every {recording.step_s:g} s")
     out.print(table)
     out.print(flow.sentence)
-    if flow.speed_kmh is not None and flow.ratio is None:
-        out.print("Its level of service needs its world: `--world FOLDER`.", markup=False)
     out.print(flow.removals_sentence)
     kinds = Counter(recording.agents.kind)
     if kinds:

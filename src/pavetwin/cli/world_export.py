@@ -185,8 +185,8 @@ def _parked(
 ) -> "ParkedVehicles | None":
     """The vehicles that are parked, of the mix of the traffic; None unless they are asked for."""
     from pavetwin.config import Conditions
-    from pavetwin.config.mission import ParkingSettings
-    from pavetwin.traffic.mix import DEFAULT_MIX
+    from pavetwin.config.parking import ParkingSettings
+    from pavetwin.traffic.demand import DEFAULT_MIX
     from pavetwin.traffic.parked import parked_vehicles
 
     conditions = conditions_of(date, time, None, None)

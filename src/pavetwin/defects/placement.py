@@ -11,7 +11,7 @@ depend on their number.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache, partial
@@ -90,7 +90,7 @@ class DefectOptions(Settings):
         Raises:
             PaveTwinError: the record does not fit.
         """
-        return cls.parse(as_written(record.defects), where="world.yaml: defects") if record.defects else cls()
+        return cls.parse(record.defects, where="world.yaml: defects") if record.defects else cls()
 
     def density(self) -> DefectDensity:
         """How many there are: the population's, or what replaces it.
@@ -126,12 +126,6 @@ class DefectOptions(Settings):
             more = {kind.name: ClassPopulation(weight=kind.weight * total) for kind in own}
             changes["classes"] = {**found.classes, **more}
         return found.model_copy(update=changes)
-
-
-def as_written(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of options in a file of any version: those without a population are of before there were any, when
-    all defects were placed as `paper` does."""
-    return {"population": "paper", **values}
 
 
 def add_defects(

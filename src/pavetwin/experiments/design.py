@@ -23,7 +23,6 @@ from pavetwin.config.mission import Altitude
 from pavetwin.config.settings import ALIASES
 from pavetwin.config.text import parse_yaml
 from pavetwin.defects import DefectOptions
-from pavetwin.defects.placement import as_written
 from pavetwin.errors import PaveTwinError, nearest_name, no_such
 from pavetwin.experiments.metrics import EVERY_METRIC, FACTORS, METRICS, REFERENCE
 from pavetwin.uav.entries import own_file
@@ -275,17 +274,10 @@ def read_design(path: Path) -> Design:
     except (yaml.YAMLError, UnicodeDecodeError, ValueError) as error:
         raise PaveTwinError(f"The design '{path}' is not valid YAML: {' '.join(str(error).split())}") from error
     if isinstance(values, Mapping) and {"format", "design"} <= values.keys():
-        values = as_flown(values["design"])  # of a study's folder
+        values = values["design"]  # from a study's folder
     if not isinstance(values, Mapping):
         raise PaveTwinError(f"The design '{path}' holds no keys; `pavetwin experiment init` writes one.")
     return placed_at(Design.parse(values, where=f"the design '{path}'"), path.absolute().parent)
-
-
-def as_flown(values: Any) -> Any:
-    """The values of a design in a study's folder, as it was flown by the version that wrote it."""
-    if isinstance(values, Mapping) and isinstance(defects := values.get("defects"), Mapping):
-        return {**values, "defects": as_written(defects)}
-    return values
 
 
 def placed_at(design: Design, folder: Path) -> Design:

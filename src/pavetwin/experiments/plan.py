@@ -25,7 +25,7 @@ from pavetwin.plugins import load_plugins
 from pavetwin.policies import policy_class
 from pavetwin.seeds import Stream, child
 from pavetwin.sensing import ImageSource, sensor_class
-from pavetwin.traffic.own_demand import own_demand
+from pavetwin.traffic.demand import own_demand
 from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.traffic.recording import Recording
 from pavetwin.traffic.recording_file import load_recording

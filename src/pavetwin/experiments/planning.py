@@ -22,8 +22,7 @@ from pavetwin.mission.versions import packages_in_use
 from pavetwin.plugins import load_plugins, registered_in
 from pavetwin.reports.words import listed
 from pavetwin.sensing.registered import unnamed_models
-from pavetwin.traffic.demand import density_named
-from pavetwin.traffic.own_demand import own_demand
+from pavetwin.traffic.demand import density_named, own_demand
 from pavetwin.traffic.recording_file import load_recording
 from pavetwin.world.model import World
 from pavetwin.world.solids import solids

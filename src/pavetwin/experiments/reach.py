@@ -11,7 +11,7 @@ from pavetwin.mission.inputs import OnProgress
 from pavetwin.plugins import load_plugins
 from pavetwin.reports.words import listed
 from pavetwin.traffic.demand import density_named
-from pavetwin.traffic.nearest_level import within_reach
+from pavetwin.traffic.demand_search import within_reach
 from pavetwin.world.model import World
 
 

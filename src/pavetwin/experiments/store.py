@@ -19,7 +19,7 @@ import yaml
 
 from pavetwin.config.options import OptionValue
 from pavetwin.errors import PaveTwinError
-from pavetwin.experiments.design import Design, as_flown
+from pavetwin.experiments.design import Design
 from pavetwin.experiments.fly_unit import part_of, schema
 from pavetwin.experiments.metrics import FACTORS, FAILED, FILES, RENDERER, STATUS
 from pavetwin.experiments.owners import EVERYONE, Owners
@@ -149,7 +149,6 @@ class Store:
             )
         try:
             found = yaml.safe_load(path.read_text(encoding="utf-8"))
-            found["design"] = as_flown(found["design"])
             Design.parse(found["design"], where=str(path))
             if "versions" not in found:  # format 2 once named only these
                 found["versions"] = {"pavetwin": found.pop("pavetwin"), "libsumo": found.pop("sumo")}

@@ -17,7 +17,7 @@ from pavetwin.mission.replay import FIRST_DURATION_S, FIRST_PER_TARGET_S, Replay
 from pavetwin.mission.spec import HANDED_IN, DefectInput, FileInput, MissionSpec, TrafficInput, WorldInput
 from pavetwin.mission.versions import packages_in_use, software_versions
 from pavetwin.traffic.area import TrafficArea
-from pavetwin.traffic.nearest_level import within_reach
+from pavetwin.traffic.demand_search import within_reach
 from pavetwin.traffic.recording_file import load_recording
 from pavetwin.world.model import Defect, World
 from pavetwin.world.store import load_world

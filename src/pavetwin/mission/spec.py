@@ -22,8 +22,7 @@ from pavetwin.plugins import files_of, plugin_hashes
 from pavetwin.policies import policy_class
 from pavetwin.sensing.registered import with_models
 from pavetwin.traffic.area import TrafficArea
-from pavetwin.traffic.demand import USER, Density
-from pavetwin.traffic.mix import DEFAULT_MIX
+from pavetwin.traffic.demand import DEFAULT_MIX, USER, Density
 from pavetwin.uav.aircraft import camera_name
 from pavetwin.uav.entries import own_file
 from pavetwin.world.model import World

@@ -80,14 +80,13 @@ def navmesh(world: World, altitude_m: float, agent_radius_m: float, standing: So
     Raises:
         PaveTwinError: nothing is left to fly in at this altitude.
     """
-    places = _places(world, altitude_m, agent_radius_m)
-    for place in places:
-        if place.is_file() and (mesh := _load(place)) is not None:
-            return mesh
+    place = _place(world, altitude_m, agent_radius_m)
+    if place is not None and place.is_file() and (mesh := _load(place)) is not None:
+        return mesh
     vertices, triangles = flight_domain(world, altitude_m, standing).triangles()
     mesh = NavMesh.bake(vertices, triangles, cell_size_m=VOXEL_M, agent_radius_m=agent_radius_m)
-    if places:
-        _save(mesh, places[0])
+    if place is not None:
+        _save(mesh, place)
     # Equal to the cached mesh: building it from polygons renumbers them, which decides between equal paths.
     return NavMesh.from_polygons(mesh.vertices(), mesh.offsets(), mesh.corners())
 
@@ -123,12 +122,13 @@ def save_geopackage(mesh: NavMesh, world: World, path: Path) -> None:
         write_layer(temporary, "navmesh", "Polygon", shapes, numbers, world.georeference)
 
 
-def _places(world: World, altitude_m: float, agent_radius_m: float) -> list[Path]:
+def _place(world: World, altitude_m: float, agent_radius_m: float) -> Path | None:
+    """The mesh's file in the cache; None for a world that is not saved."""
     if world.folder is None or not world.content_hash:
-        return []
+        return None
     inputs = (_FORMAT, world.content_hash, altitude_m, agent_radius_m, VOXEL_M, CORRIDOR_MARGIN_M, VERTICAL_CLEARANCE_M)
     name = sha256(repr(inputs).encode()).hexdigest()[:12]
-    return list(cached(world, f"navmesh/{altitude_m:g}m-{name}.npz"))
+    return cached(world, f"navmesh/{altitude_m:g}m-{name}.npz")
 
 
 def _save(mesh: NavMesh, path: Path) -> None:

@@ -5,18 +5,140 @@ of all driving lanes and of all sidewalks, between junctions. Agents on junction
 Which density gives a level of service or carries the traffic of an hour depends on the world: see `demand_search`.
 """
 
+import gzip
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import cache, lru_cache
+from importlib.resources import files
+from pathlib import Path
 from types import MappingProxyType
-from typing import Final
+from typing import Annotated, Final, Self
+from xml.etree import ElementTree
 
+import yaml
+from pydantic import Field, model_validator
+
+from pavetwin.config.base import Settings
 from pavetwin.errors import PaveTwinError, no_such
+from pavetwin.files import file_sha256
 from pavetwin.traffic.area import TrafficArea
-from pavetwin.traffic.level_of_service import LevelOfService, level_named
-from pavetwin.traffic.mix import DEFAULT_MIX, mix_named
+from pavetwin.traffic.kinds import KINDS, PEDESTRIANS, VEHICLES, Kind
 from pavetwin.world.model import LaneKind, World
+from pavetwin.world.osm_file import suffix_of_content
+
+
+class LevelOfService(StrEnum):
+    A = "A"
+    B = "B"
+    C = "C"
+    D = "D"
+    E = "E"
+    F = "F"
+
+    @property
+    def above(self) -> float:
+        """The speed ratio is above this."""
+        return _ABOVE[self]
+
+    @property
+    def up_to(self) -> float:
+        """The speed ratio is at most this; infinite for A, since drivers may exceed the limit."""
+        better = list(LevelOfService)[: list(LevelOfService).index(self)]
+        return better[-1].above if better else float("inf")
+
+    def holds(self, ratio: float) -> bool:
+        return self.above < ratio <= self.up_to
+
+    def target(self, reachable: float) -> float:
+        """The speed ratio in the middle of the class, or of the part of it that a network can reach; in F above it.
+
+        Args:
+            reachable: the speed ratio of the nearly empty network.
+        """
+        share = STOP_AND_GO if self is LevelOfService.F else 0.5
+        return self.above + share * (min(self.up_to, reachable, 1.0) - self.above)
+
+
+STOP_AND_GO: Final = 2 / 3
+"""Where the target of F is, which ends at standstill. At its middle, a speed ratio of 0.15, traffic falls into gridlock
+in some towns, and no number of vehicles holds it."""
+
+_ABOVE: Final = {"A": 0.80, "B": 0.67, "C": 0.50, "D": 0.40, "E": 0.30, "F": 0.0}
+
+
+def level_of(ratio: float) -> LevelOfService:
+    """The class of a speed ratio, 0 … 1 and above. Standing traffic is F."""
+    return next((level for level in LevelOfService if ratio > level.above), LevelOfService.F)
+
+
+def level_named(name: str) -> LevelOfService:
+    """Raises:
+    PaveTwinError: there is no such class.
+    """
+    if name.upper() not in LevelOfService.__members__:
+        raise PaveTwinError(no_such("level of service", name, LevelOfService, key="`los`"))
+    return LevelOfService(name.upper())
+
+
+DEFAULT_MIX: Final = "europe"
+"""The kinds and shares of `kinds.VEHICLES`."""
+
+_FOLDER: Final = files("pavetwin.traffic") / "mixes"
+
+
+class Mix(Settings):
+    """A mix as its file holds it."""
+
+    what: str
+    """In a few words."""
+    sources: tuple[str, ...]
+    """Where shares are from."""
+    ours: str
+    """Which of them are assumptions of ours."""
+    shares: Mapping[str, Annotated[float, Field(gt=0, le=1)]]
+    """Kind → share of all vehicles; they sum to 1."""
+
+    @model_validator(mode="after")
+    def _of_known_kinds(self) -> Self:
+        if unknown := [name for name in self.shares if name not in KINDS]:
+            raise ValueError(f"unknown kind of vehicle '{unknown[0]}'")
+        if abs(sum(self.shares.values()) - 1.0) > 1e-9:
+            raise ValueError(f"the shares sum to {sum(self.shares.values()):g}, not to 1")
+        return self
+
+    @property
+    def vehicles(self) -> tuple[tuple[Kind, float], ...]:
+        """Kinds and their shares."""
+        return tuple((KINDS[name], share) for name, share in self.shares.items())
+
+
+def mix_names() -> list[str]:
+    """The mixes that ship with the package, the default first."""
+    names = (entry.name.removesuffix(".yaml") for entry in _FOLDER.iterdir() if entry.name.endswith(".yaml"))
+    return sorted(names, key=lambda name: (name != DEFAULT_MIX, name))
+
+
+@cache
+def mix_named(name: str) -> Mix:
+    """Raises:
+    PaveTwinError: there is no such mix; the message gives the nearest name.
+    """
+    if name not in mix_names():
+        raise PaveTwinError(no_such("mix of vehicles", name, mix_names(), key="`mix`"))
+    text = (_FOLDER / f"{name}.yaml").read_text(encoding="utf-8")
+    return Mix.parse(yaml.safe_load(text), where=f"the mix '{name}'")
+
+
+def kinds_of(name: str) -> Iterator[Kind]:
+    """The kinds that SUMO must know for a mix: those of the default mix, people, and what else the mix has."""
+    yield from VEHICLES
+    yield from PEDESTRIANS
+    yield from (kind for kind, _ in mix_named(name).vehicles if kind not in VEHICLES)
+
 
 TOLERANCE: Final = 0.20
 """A larger relative error of the achieved density becomes a remark."""
@@ -37,7 +159,7 @@ _HOUR: Final = "hour-"
 DEFAULT_TRAFFIC: Final = f"{_LEVEL}{LevelOfService.C}"
 """Of missions and datasets, where none is named."""
 
-PEDESTRIANS: Final = 60.0
+LEVEL_PEDESTRIANS: Final = 60.0
 """Per kilometre of sidewalk in every level of service, and in the busiest hour: those of the density medium. The
 Highway Capacity Manual grades vehicles only."""
 
@@ -49,10 +171,10 @@ HOURLY_SHARES: Final = (
 West Germany: Schmidt and Thomas 1996 (Forschung Straßenbau und Straßenverkehrstechnik 732), p. 95, as the SUMO
 documentation has it (`TGw2_PKW`)."""
 
-SEARCH: Final = 3
+SEARCH: Final = 1
 """Version of the demand of a level of service or an hour, and of the search for it (`demand_search`)."""
 
-HOURS: Final = 2
+HOURS: Final = 1
 """Version of how the demand of an hour follows from that of the busiest one (`demand_search`)."""
 
 BUSIEST: Final = LevelOfService.D
@@ -161,7 +283,7 @@ def level_density(level: str) -> Density:
     Raises:
         PaveTwinError: there is no such class.
     """
-    return Density(f"{_LEVEL}{level_named(level)}", None, PEDESTRIANS)
+    return Density(f"{_LEVEL}{level_named(level)}", None, LEVEL_PEDESTRIANS)
 
 
 def hour_density(hour: str | int) -> Density:
@@ -173,7 +295,7 @@ def hour_density(hour: str | int) -> Density:
     number = int(hour) if str(hour).isdecimal() else -1
     if not 0 <= number < len(HOURLY_SHARES):
         raise PaveTwinError(f"`hour` {hour}: expected a whole number from 0 to 23.")
-    return Density(f"{_HOUR}{number:02}", None, PEDESTRIANS * share_of_busiest(number))
+    return Density(f"{_HOUR}{number:02}", None, LEVEL_PEDESTRIANS * share_of_busiest(number))
 
 
 def share_of_busiest(hour: int) -> float:
@@ -207,3 +329,107 @@ class Capacity:
 
 def _count(expected: float) -> int:
     return 0 if expected <= 0 else max(1, round(expected))
+
+
+WARM_UP_S: Final = 300.0
+"""Missions take off so long after the first departure unless told otherwise, or with the last one where that is
+earlier. As long as the longest warm-up of a density."""
+
+FLOWS: Final = frozenset({"flow", "personFlow"})
+WHO: Final = FLOWS | {"vehicle", "trip", "person"}
+"""Elements of a route file that put someone on the streets."""
+
+_KINDS: Final = {
+    "osm": "an OpenStreetMap map",
+    "net": "a SUMO network",
+    "nodes": "a list of SUMO's nodes",
+    "edges": "a list of SUMO's edges",
+    "fcd-export": "an output of SUMO (positions)",
+    "tripinfos": "an output of SUMO (trips)",
+}
+"""What XML files are, by their root."""
+
+
+@dataclass(frozen=True, slots=True)
+class OwnDemand:
+    """The departures of a user's demand, on SUMO's clock."""
+
+    first_s: float
+    last_s: float
+    """Infinite where a flow has no stated end."""
+
+    @property
+    def begin_s(self) -> float:
+        """When SUMO starts: with the first departure, in whole seconds."""
+        return float(math.floor(self.first_s))
+
+    @property
+    def warm_up_s(self) -> float:
+        """When missions take off unless told otherwise, in whole seconds after `begin_s`."""
+        return float(math.floor(min(WARM_UP_S, self.last_s - self.begin_s)))
+
+
+def own_demand(routes: Sequence[str | Path]) -> OwnDemand:
+    """The demand of SUMO route files, plain or gzipped.
+
+    Raises:
+        PaveTwinError: a file is missing, no XML, or holds no vehicle; the message says which kind of file it is.
+    """
+    each = []
+    for path in map(Path, routes):
+        if not path.is_file():
+            raise PaveTwinError(f"There is no routes file '{path}'.")
+        each.append(_read(path, file_sha256(path)))
+    return OwnDemand(min(one.first_s for one in each), max(one.last_s for one in each))
+
+
+@lru_cache(maxsize=16)
+def _read(path: Path, _content: str) -> OwnDemand:
+    first, last = math.inf, 0.0
+    agents, root = 0, ""
+    try:
+        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
+            for event, element in ElementTree.iterparse(file, ("start", "end")):
+                if event == "start":
+                    root = root or element.tag
+                    if root in _KINDS:
+                        break
+                    continue
+                if element.tag in WHO:
+                    agents += 1
+                    end = element.get("end" if element.tag in FLOWS else "depart")
+                    with suppress(ValueError):
+                        last = max(last, _seconds(end or "inf"))
+                with suppress(ValueError):
+                    first = min(first, _seconds(element.get("depart") or element.get("begin") or ""))
+                element.clear()
+    except (ElementTree.ParseError, EOFError, OSError) as error:
+        kind = _binary_kind(path)
+        raise PaveTwinError(
+            f"'{path}' is {kind}, not a routes file of SUMO."
+            if kind
+            else f"The routes file '{path}' is not valid XML: {error}."
+        ) from error
+    if not agents:
+        kind = _KINDS.get(root, f"XML with the root <{root}>")
+        what = f"is {kind}, not a routes file of SUMO: it" if root != "routes" else "is a routes file of SUMO, but"
+        raise PaveTwinError(
+            f"'{path}' {what} holds no vehicle. Give routes (.rou.xml), as SUMO's duarouter or randomTrips.py write."
+        )
+    first = max(0.0, first) if math.isfinite(first) else 0.0
+    return OwnDemand(first, max(first, last))
+
+
+def _binary_kind(path: Path) -> str:
+    """What a file is that is not XML; empty where it is not known."""
+    with path.open("rb") as file:
+        head = file.read(4)
+    if head == b"PAR1":
+        return "a Parquet table (a recording of traffic is given as `traffic`)"
+    return _KINDS["osm"] if suffix_of_content(path) == ".osm.pbf" else ""
+
+
+def _seconds(time: str) -> float:
+    """SUMO's times: seconds, or [days:]hours:minutes:seconds."""
+    parts = reversed(time.split(":"))
+    return sum(float(part) * worth for part, worth in zip(parts, (1, 60, 3600, 86400), strict=False))

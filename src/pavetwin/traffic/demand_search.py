@@ -15,7 +15,6 @@ import json
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, replace
 from math import log, sqrt
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -23,12 +22,19 @@ import numpy as np
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.traffic.area import TrafficArea
-from pavetwin.traffic.convert import to_recording
-from pavetwin.traffic.demand import BUSIEST, JAM_VEHICLES_PER_LANE_KM, Density, density_named, share_of_busiest
-from pavetwin.traffic.flow import flow_of
+from pavetwin.traffic.demand import (
+    BUSIEST,
+    JAM_VEHICLES_PER_LANE_KM,
+    Density,
+    LevelOfService,
+    density_named,
+    level_density,
+    level_of,
+    share_of_busiest,
+)
+from pavetwin.traffic.flow import flow_of, to_recording
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.job import STEP_S, Part
-from pavetwin.traffic.level_of_service import LevelOfService, level_of
 from pavetwin.traffic.runner import OnRecorded, SimulationProcess, require_sumo, workplace
 from pavetwin.world.cache import cached
 from pavetwin.world.model import LaneKind, World
@@ -276,11 +282,10 @@ class DemandSearch:
 
     def _read(self) -> dict[int, Trial]:
         """The trials on disk that were made from the same inputs."""
-        for path in filter(Path.exists, cached(self._inputs.world, self._name)):
-            with suppress(OSError, ValueError, KeyError, TypeError):
-                found = json.loads(path.read_text(encoding="utf-8"))
-                if found["inputs"] == self._hash:
-                    return {int(count): Trial(*values) for count, values in found["trials"].items()}
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            found = json.loads(cached(self._inputs.world, self._name).read_text(encoding="utf-8"))
+            if found["inputs"] == self._hash:
+                return {int(count): Trial(*values) for count, values in found["trials"].items()}
         return {}
 
     def _write(self) -> None:
@@ -288,7 +293,7 @@ class DemandSearch:
             str(count): [it.per_lane_km, it.ratio, it.flow_per_lane_h, it.removed_per_vehicle_hour]
             for count, it in sorted(self._known.items())
         }
-        with writing(next(cached(self._inputs.world, self._name))) as temporary:
+        with writing(cached(self._inputs.world, self._name)) as temporary:
             temporary.write_text(json.dumps({"inputs": self._hash, "trials": trials}, indent=1), encoding="utf-8")
 
 
@@ -338,3 +343,39 @@ def _fitted(trials: list[Trial], target: float, best: Trial) -> float:
 def _level_of_trials(mix: str) -> Density:
     """Any level of service: all have the same pedestrians and options."""
     return density_named(f"los-{BUSIEST}", mix)
+
+
+_ORDER: Final = tuple(LevelOfService)
+
+
+def within_reach(
+    world: World, asked: Density, on_search: OnRecorded | None = None, *, of_area: bool = False
+) -> Density:
+    """`asked`, or where it is a level of service that the world cannot reach, the nearest that it can; of two that are
+    as near the worse one.
+
+    Args:
+        on_search: told the share done of the search for a level's demand.
+        of_area: whether it is recorded on an area of the world.
+
+    Raises:
+        PaveTwinError: the world reaches no level of service at all, or SUMO fails.
+    """
+    if asked.level is None:
+        return asked
+    refusals: list[PaveTwinError] = []
+    search = search_for_areas if of_area else DemandSearch
+    for level in nearest_first(asked.level):
+        try:
+            search(world, asked.mix, on_search).of_level(level)
+        except UnreachableError as error:
+            refusals.append(error)
+            continue
+        return asked if level is asked.level else density_named(level_density(level).name, asked.mix)
+    raise refusals[0]
+
+
+def nearest_first(level: LevelOfService) -> list[LevelOfService]:
+    """All levels, the nearest to `level` first; of two that are as near the worse one."""
+    at = _ORDER.index(level)
+    return sorted(_ORDER, key=lambda other: (abs(_ORDER.index(other) - at), _ORDER.index(other) < at))

@@ -7,18 +7,20 @@ inverse of the travel time index): waiting at signals and turning count as losse
 stays below 1.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
-from pavetwin.arrays import BoolArray, Float64Array
-from pavetwin.traffic.level_of_service import LevelOfService, level_of
-from pavetwin.traffic.pose_rows import PoseRows
-from pavetwin.traffic.recording import SAMPLED_S, Recording
-from pavetwin.traffic.speed_limits import SpeedLimits
-from pavetwin.world.model import World
+from pavetwin.arrays import BoolArray, Float32Array, Float64Array
+from pavetwin.seeds import Stream, child
+from pavetwin.traffic.demand import LevelOfService, level_of
+from pavetwin.traffic.job import STEP_S, Body, Part, SpeedLimits, centre_of_front, yaw_of_heading
+from pavetwin.traffic.kinds import KINDS
+from pavetwin.traffic.recording import SAMPLED_S, Agents, Origin, Recording
+from pavetwin.traffic.tracks import PoseRows
 
 FEW_VEHICLE_HOURS: Final = 1.0
 """Of fewer, such as five vehicles in ten minutes, the level of service rests on whether these met green signals: it may
@@ -109,28 +111,14 @@ def at_limits(
     return np.stack([np.bincount(sample, weight, end - begin) for weight in (speed, speed / free)], axis=-1)
 
 
-def with_limits(recording: Recording, limits: SpeedLimits) -> Recording:
-    """A whole recording, with what its vehicles would have driven at the speed limits."""
-    walks = recording.agents.is_pedestrian
-    samples = [at_limits(rows, walks, limits, recording.step_s, frame) for frame, rows in recording.tracks.pieces()]
-    known = [some for some in samples if some is not None]
-    return replace(recording, at_limits=np.concatenate(known) if known else None)
-
-
-def flow_of(recording: Recording, world: World | None = None) -> Flow:
-    """The flow of a recording.
-
-    Args:
-        world: that it was made for; a recording that an earlier version made does not know its free-flow speed without.
-    """
+def flow_of(recording: Recording) -> Flow:
+    """The flow of a recording."""
     numbers = recording.tracks.numbers
     count = int(numbers.vehicles.sum())
     hours = count * recording.step_s / 3600
     lanes_km = recording.origin.capacity.lanes_km
     if not count:
         return Flow(0.0, None, None, None, 0.0 if lanes_km > 0 else None, None, None)
-    if world is not None and recording.at_limits is None:
-        recording = with_limits(recording, SpeedLimits.of(world))
     speed_kmh, free_mps = 3.6 * (recording.speed_mps_of_vehicles or 0.0), recording.free_flow_mps
     density = count / recording.frames / lanes_km if lanes_km > 0 else None
     return Flow(
@@ -159,3 +147,71 @@ def as_values(flow: Flow) -> Mapping[str, float | str | None]:
 
 def _rounded(value: float | None, digits: int) -> float | None:
     return None if value is None else round(value, digits)
+
+
+_NONE: Final = np.zeros(0, dtype=np.float32)
+NOBODY: Final = Agents((), (), _NONE, _NONE, _NONE, np.zeros(0, dtype=np.bool_))
+
+
+def to_recording(part: Part, origin: Origin, limits: SpeedLimits, before: Recording | None = None) -> Recording:
+    """The recording of `before` (the same simulation so far) followed by `part`.
+
+    The result does not depend on how a simulation is divided into parts.
+
+    Args:
+        limits: the world's speed limits.
+    """
+    known = before.agents if before is not None else NOBODY
+    agents = _agents(known, part.bodies, origin.seed)
+    yaw = yaw_of_heading(part.heading_deg)
+    centre = centre_of_front(np.stack([part.x, part.y], axis=-1), yaw, agents.length_m[part.agent])
+    rows = PoseRows(
+        step_offsets=np.cumsum(np.concatenate([[0], part.rows])).astype(np.uint32),
+        agent=part.agent,
+        x=centre[:, 0].astype(np.float32),
+        y=centre[:, 1].astype(np.float32),
+        yaw_rad=yaw.astype(np.float32),
+        speed_mps=part.speed_mps.astype(np.float32),
+    )
+    removals, signals = tuple(part.removals), {name: tuple(states) for name, states in part.signals.items()}
+    if before is None:
+        recording = Recording.of_rows(
+            origin=origin, step_s=STEP_S, agents=agents, rows=rows, removals=removals, signals=signals
+        )
+        return replace(recording, at_limits=at_limits(rows, agents.is_pedestrian, limits, STEP_S))
+    return replace(
+        before,
+        origin=origin,
+        agents=agents,
+        tracks=before.tracks.followed_by(rows, agents.is_pedestrian, STEP_S),
+        removals=before.removals + removals,
+        signals={name: before.signals[name] + states for name, states in signals.items()},
+        at_limits=_followed(before, at_limits(rows, agents.is_pedestrian, limits, STEP_S, before.frames)),
+    )
+
+
+def _followed(before: Recording, samples: Float64Array | None) -> Float64Array | None:
+    return None if before.at_limits is None or samples is None else np.concatenate([before.at_limits, samples])
+
+
+def _agents(known: Agents, bodies: Sequence[Body], seed: int) -> Agents:
+    """The known agents followed by the new ones."""
+    rng = child(seed, Stream.TRAFFIC, 1)
+    kind = (*known.kind, *(body.kind for body in bodies))
+    given = [0.0] * len(known) + [body.height_m for body in bodies]
+    # Drawn in the order of first appearance, so that a longer recording begins with the same bodies.
+    heights = [
+        KINDS[name].height_of_one(rng) if name in KINDS else height for name, height in zip(kind, given, strict=True)
+    ]
+    return Agents(
+        id=(*known.id, *(body.id for body in bodies)),
+        kind=kind,
+        length_m=_and(known.length_m, [body.length_m for body in bodies]),
+        width_m=_and(known.width_m, [body.width_m for body in bodies]),
+        height_m=_and(known.height_m, np.round(heights[len(known) :], 3)),
+        is_pedestrian=np.append(known.is_pedestrian, np.array([body.is_pedestrian for body in bodies], dtype=np.bool_)),
+    )
+
+
+def _and(known: Float32Array, new: npt.ArrayLike) -> Float32Array:
+    return np.concatenate([known, np.asarray(new, dtype=np.float32)])

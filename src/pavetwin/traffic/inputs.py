@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from importlib.metadata import PackageNotFoundError, version
@@ -14,22 +14,31 @@ from pavetwin.files import file_sha256
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic import sumo_run
 from pavetwin.traffic.area import TrafficArea
-from pavetwin.traffic.area_traffic import AreaTraffic
 from pavetwin.traffic.closed_loop import FULL, GOALS, PATIENCE, TRIP_M, WALK_M
-from pavetwin.traffic.demand import BUSIEST, HOURLY_SHARES, HOURS, SEARCH, USER, Capacity, Density, density_named
-from pavetwin.traffic.job import STEP_S, Part, SimulationJob
+from pavetwin.traffic.demand import (
+    BUSIEST,
+    DEFAULT_MIX,
+    HOURLY_SHARES,
+    HOURS,
+    SEARCH,
+    USER,
+    Capacity,
+    Density,
+    density_named,
+    kinds_of,
+    mix_named,
+    own_demand,
+)
+from pavetwin.traffic.job import STEP_S, AreaTraffic, Part, SimulationJob, SpeedLimits
 from pavetwin.traffic.kinds import sumo_types
-from pavetwin.traffic.mix import DEFAULT_MIX, kinds_of, mix_named
-from pavetwin.traffic.own_demand import own_demand
 from pavetwin.traffic.recording import Origin
-from pavetwin.traffic.speed_limits import SpeedLimits
 from pavetwin.world.cache import cached
 from pavetwin.world.model import LaneKind, World
 
 BEHAVIOUR: Final = 1
-"""Version of the demand and the conversion; files of another version are recorded again."""
+"""Version of the demand and the conversion; it is part of the hash."""
 
-AREAS: Final = 2
+AREAS: Final = 1
 """Version of how traffic enters and leaves an area."""
 
 WARM_UP_S: Final = (120.0, 300.0)
@@ -86,10 +95,6 @@ class Inputs:
     @property
     def path(self) -> Path:
         """The recording's file, `traffic/<density>-<seed>.parquet` in the world's cache."""
-        return next(self.places())
-
-    def places(self) -> Iterator[Path]:
-        """Where the recording may be: in the world's cache, or in its folder."""
         name = self.asked.name if self.asked else "-".join([USER, *(_stem(path) for path in self.routes)])
         area = "" if self.area is None else f"-{self.area.name}"
         return cached(self.world, f"traffic/{name}-{self.seed}{area}.parquet")

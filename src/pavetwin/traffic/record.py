@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack, closing, suppress
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, Self
@@ -12,9 +12,9 @@ from weakref import finalize
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import check_writable
 from pavetwin.memory import give_back
-from pavetwin.traffic.convert import to_recording
 from pavetwin.traffic.demand import Density
 from pavetwin.traffic.demand_search import found
+from pavetwin.traffic.flow import to_recording
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.job import STEP_S
 from pavetwin.traffic.recording import Recording, frames_of
@@ -71,7 +71,7 @@ class Recorder:
         self._inputs = inputs
         self.damaged: list[Path] = []
         """Files in the cache that cannot be read, and are recorded again."""
-        self._longest = None if force else _kept(inputs, self.damaged)
+        self._longest = None if force else self._kept()
         """The longest recording so far."""
         self.pace: float | None = None
         """Real seconds that a second of the latest recording took; None before the first."""
@@ -82,10 +82,6 @@ class Recorder:
         """A running simulation is at the end of `_longest`."""
         self._alive = ExitStack()
         finalize(self, self._alive.close)
-        if self._longest is not None and not self._longest.tracks.is_stored:
-            self._written = None  # a file of an earlier version, which takes long to read
-            with suppress(PaveTwinError):
-                self._write()
 
     @classmethod
     def of(
@@ -163,6 +159,16 @@ class Recorder:
         if kind is None:
             self._write()
 
+    def _kept(self) -> Recording | None:
+        """The recording in the cache, if it was made from the same inputs; a damaged file is noted."""
+        path = self._inputs.path
+        try:
+            found = load_recording(path) if path.exists() else None
+        except PaveTwinError:
+            self.damaged.append(path)
+            return None
+        return found if found is not None and found.origin.inputs == self._inputs.hash else None
+
     def _write(self) -> None:
         path = self._inputs.path
         if self._unchanged is not None and path.exists() and path.samefile(self._unchanged):
@@ -231,15 +237,3 @@ def _part_of(tell: OnRecorded, done_now_all: tuple[int, int, int]) -> OnRecorded
     """Told the share of some frames, tells that of all of which some are done before."""
     done, now, whole = done_now_all
     return lambda share: tell((done + share * now) / whole)
-
-
-def _kept(inputs: Inputs, damaged: list[Path]) -> Recording | None:
-    """The longest recording on disk that was made from the same inputs. Names of damaged files are appended."""
-    found = []
-    for path in filter(Path.exists, inputs.places()):
-        try:
-            found.append(load_recording(path))
-        except PaveTwinError:
-            damaged.append(path)
-    same = (recording for recording in found if recording.origin.inputs == inputs.hash)
-    return max(same, key=lambda recording: recording.frames, default=None)

@@ -10,13 +10,9 @@ import numpy as np
 
 from pavetwin.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt32Array
 from pavetwin.traffic.area import TrafficArea
-from pavetwin.traffic.demand import TOLERANCE, USER, Capacity, Density
+from pavetwin.traffic.demand import DEFAULT_MIX, TOLERANCE, USER, WARM_UP_S, Capacity, Density, level_of
 from pavetwin.traffic.kinds import AgentClass
-from pavetwin.traffic.level_of_service import level_of
-from pavetwin.traffic.mix import DEFAULT_MIX
-from pavetwin.traffic.own_demand import WARM_UP_S
-from pavetwin.traffic.pose_rows import PoseRows
-from pavetwin.traffic.tracks import AgentTracks
+from pavetwin.traffic.tracks import AgentTracks, PoseRows
 
 SAMPLED_S: Final = 5.0
 """Speed limits are looked up in frames this far apart: within it a vehicle rarely changes the kind of street."""
@@ -96,7 +92,7 @@ class Recording:
     """Its file, which may hold a longer recording."""
     at_limits: Float64Array | None = field(default=None)
     """(samples, 2): of the frames at 0, `SAMPLED_S`, 2 · `SAMPLED_S` …, the sums over vehicles of speed, and of speed
-    over the speed limit where they are (`flow.at_limits`). None in a file of an earlier version."""
+    over the speed limit where they are (`flow.at_limits`). None in a world without lanes."""
 
     @classmethod
     def of_rows(
@@ -182,8 +178,7 @@ class Recording:
 
     @property
     def free_flow_mps(self) -> float | None:
-        """The mean speed that the vehicles would have had at the speed limits; None where nothing moved, or in a file
-        of an earlier version."""
+        """Mean speed that the vehicles would have had at the speed limits; None where nothing moved."""
         driven, at_limit = (0.0, 0.0) if self.at_limits is None else self.at_limits.sum(axis=0)
         return float(driven / at_limit) if at_limit > 0 else None
 

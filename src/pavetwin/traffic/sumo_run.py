@@ -10,8 +10,13 @@ removed and the process ends.
 import os
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from array import array
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import redirect_stdout
+from dataclasses import dataclass, field
+from itertools import chain
+from math import exp, inf
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Final
@@ -19,13 +24,253 @@ from typing import Any, Final
 import numpy as np
 
 from pavetwin.seeds import Stream, child
-from pavetwin.traffic.area_loop import AreaLoop
-from pavetwin.traffic.closed_loop import ClosedLoop
-from pavetwin.traffic.job import OUTPUT, STEP_S, Part, SimulationJob
-from pavetwin.traffic.level_control import EVERY_S, LevelControl
-from pavetwin.traffic.network import close_others, islands, read_roads, read_sidewalks, signals_in
-from pavetwin.traffic.readout import Readout
-from pavetwin.traffic.trip_reader import TripReader
+from pavetwin.traffic.closed_loop import (
+    FULL,
+    JAM_LENGTH_M,
+    ClosedLoop,
+    Draw,
+    close_others,
+    islands,
+    read_roads,
+    read_sidewalks,
+    signals_in,
+)
+from pavetwin.traffic.job import (
+    OUTPUT,
+    STEP_S,
+    AreaTraffic,
+    Body,
+    CutTrip,
+    Part,
+    SimulationJob,
+    SpeedLimits,
+    Trip,
+    yaw_of_heading,
+)
+from pavetwin.traffic.kinds import kind_of_type
+
+
+class AreaLoop:
+    """Holds the number of vehicles of an area in the running simulation `sumo` (the libsumo module)."""
+
+    def __init__(
+        self, sumo: Any, lanes_of: Mapping[str, Sequence[str]], traffic: AreaTraffic, rng: np.random.Generator
+    ) -> None:
+        """
+        Args:
+            lanes_of: as in `SimulationJob`.
+        """
+        self._sumo, self._present, self._rng = sumo, traffic.present, rng
+        self._new = [trip for trip in traffic.trips if trip.is_new] or list(traffic.trips)
+        self._places = [(trip, at) for trip in traffic.trips for at in range(len(trip.edges))]
+        self._place = Draw([trip.entered_s[at + 1] - trip.entered_s[at] for trip, at in self._places])
+        self._second = int(rng.integers(max(1, len(traffic.present))))
+        self._count = 0
+        entries = read_roads(sumo, lanes_of, {trip.edges[0] for trip in self._new})
+        self._length_m = dict(zip(entries.ids, entries.length_m.tolist(), strict=True))
+        for edge, speed_mps in traffic.speed_mps.items():
+            sumo.edge.setMaxSpeed(edge, speed_mps)
+
+    def fill(self, *, warming: bool) -> None:
+        """Insert the missing vehicles; called every second, with `warming` before the recording begins."""
+        if not self._new:
+            return
+        sumo = self._sumo
+        wanted = self._present[self._second % len(self._present)]
+        self._second += 1
+        for _ in range(wanted - sumo.vehicle.getIDCount() - len(sumo.simulation.getPendingVehicles())):
+            if warming:
+                trip, at = self._places[self._place(self._rng)]
+                self._start(trip, at, departPos="random_free", departLane="random", departSpeed="max")
+                continue
+            trip = self._new[int(self._rng.integers(len(self._new)))]
+            if trip.departs:
+                self._start(trip, 0, departPos="random_free", departLane="first", departSpeed="0")
+            elif self._occupied(trip.edges[0]) < FULL:
+                self._start(trip, 0, departPos="base", departLane="free", departSpeed="max")
+
+    def _start(self, trip: CutTrip, at: int, **departure: str) -> None:
+        """One vehicle, on the part of a trip from an edge on."""
+        name = f"v{self._count}"
+        self._count += 1
+        self._sumo.route.add(name, trip.edges[at:])
+        self._sumo.vehicle.add(name, name, typeID=trip.kind, **departure)
+
+    def _occupied(self, edge: str) -> float:
+        return float(self._sumo.edge.getLastStepVehicleNumber(edge) * JAM_LENGTH_M / self._length_m[edge])
+
+
+EVERY_S: Final = 10
+"""The speed ratio is measured so often."""
+
+AVERAGED: Final = 12
+"""The proportional part sees the mean of so many measurements: two signal cycles."""
+
+PROPORTIONAL: Final = 0.5
+INTEGRAL_PER_S: Final = 1 / 600
+"""Relative change of the number of vehicles by a relative error of 1, at once and in each second."""
+
+LARGEST: Final = 0.5
+"""The logarithm of the number of vehicles changes by no more than this."""
+
+
+class LevelControl:
+    """Corrects the number of vehicles in the running simulation `sumo` (the libsumo module)."""
+
+    def __init__(self, sumo: Any, limits: SpeedLimits, target: float, vehicles: int) -> None:
+        self._sumo = sumo
+        self._limits = limits
+        self._target = target
+        self._found = vehicles
+        self._errors: deque[float] = deque(maxlen=AVERAGED)
+        self._sum = 0.0
+
+    def vehicles(self) -> int:
+        """How many there should be from now on; asked every `EVERY_S` seconds."""
+        ratio = self._ratio()
+        if ratio is not None:
+            error = ratio / self._target - 1
+            self._errors.append(error)
+            most = LARGEST / INTEGRAL_PER_S
+            self._sum = min(most, max(-most, self._sum + error * EVERY_S))
+        change = PROPORTIONAL * float(np.mean(self._errors or [0.0])) + INTEGRAL_PER_S * self._sum
+        return max(1, round(self._found * exp(min(LARGEST, max(-LARGEST, change)))))
+
+    def _ratio(self) -> float | None:
+        vehicle = self._sumo.vehicle
+        names = vehicle.getIDList()
+        if not names:
+            return None
+        xy = np.array([vehicle.getPosition(name) for name in names])
+        yaw = yaw_of_heading([vehicle.getAngle(name) for name in names])
+        speed = np.array([vehicle.getSpeed(name) for name in names])
+        return float((speed / self._limits.at(xy[:, 0], xy[:, 1], yaw)).mean())
+
+
+ACCESS_STAGE: Final = 4
+"""SUMO's number for a stage between a street and a platform, on neither of which the person is."""
+
+
+@dataclass
+class Rows:
+    """The frames since the last part, in the order of reading."""
+
+    frame: "array[int]" = field(default_factory=lambda: array("I"))
+    """How many rows each frame has."""
+    agent: "array[int]" = field(default_factory=lambda: array("I"))
+    xy: "array[float]" = field(default_factory=lambda: array("d"))
+    heading_deg: "array[float]" = field(default_factory=lambda: array("d"))
+    speed_mps: "array[float]" = field(default_factory=lambda: array("d"))
+    bodies: list[Body] = field(default_factory=list)
+
+    def columns(self) -> dict[str, Any]:
+        """The arrays of a `Part`, rows sorted by (frame, agent), and the agents that are new in it."""
+        rows, agent = np.array(self.frame, dtype=np.uint32), np.array(self.agent, dtype=np.uint32)
+        order = np.lexsort((agent, np.repeat(np.arange(len(rows)), rows)))
+        xy = np.array(self.xy).reshape(-1, 2)[order]
+        heading, speed = np.array(self.heading_deg)[order], np.array(self.speed_mps)[order]
+        columns = {"rows": rows, "agent": agent[order], "heading_deg": heading, "speed_mps": speed}
+        return {**columns, "x": xy[:, 0], "y": xy[:, 1], "bodies": self.bodies}
+
+
+class Readout:
+    """Reads the running simulation `sumo` (the libsumo module), and numbers agents as they appear.
+
+    Only agents on the streets are read: no vehicle that is teleported or waits to depart. With `riders` (a user's own
+    demand), persons inside vehicles are skipped; without `pedestrians`, all persons are.
+    """
+
+    def __init__(self, sumo: Any, *, riders: bool, pedestrians: bool = True) -> None:
+        self._sumo, self._riders, self._pedestrians = sumo, riders, pedestrians
+        self._vehicles: dict[str, int] = {}
+        self._persons: dict[str, int] = {}
+        self._sizes: dict[str, tuple[str, float, float, float]] = {}
+        self._rows = Rows()
+
+    def read(self) -> None:
+        """Read one frame."""
+        sumo, before = self._sumo, len(self._rows.agent)
+        self._read(sumo.vehicle, sumo.vehicle.getIDList(), self._vehicles)
+        if self._pedestrians:
+            persons = sumo.person.getIDList()
+            self._read(sumo.person, self._on_foot(persons) if self._riders else persons, self._persons)
+        self._rows.frame.append(len(self._rows.agent) - before)
+
+    def take(self) -> Rows:
+        """The frames since the last call."""
+        rows, self._rows = self._rows, Rows()
+        return rows
+
+    def _read(self, domain: Any, names: Sequence[str], numbers: dict[str, int]) -> None:
+        for name in sorted(set(names).difference(numbers)):
+            numbers[name] = len(self._vehicles) + len(self._persons)
+            self._rows.bodies.append(self._body(domain, name))
+        rows = self._rows
+        rows.agent.extend(map(numbers.__getitem__, names))
+        rows.xy.extend(chain.from_iterable(map(_plain(self._sumo, domain, "getPosition"), names)))
+        rows.heading_deg.extend(map(_plain(self._sumo, domain, "getAngle"), names))
+        rows.speed_mps.extend(map(_plain(self._sumo, domain, "getSpeed"), names))
+
+    def _on_foot(self, names: Sequence[str]) -> list[str]:
+        person = self._sumo.person
+        return [name for name in names if not person.getVehicle(name) and person.getStage(name).type != ACCESS_STAGE]
+
+    def _body(self, domain: Any, name: str) -> Body:
+        type_id = domain.getTypeID(name)
+        if type_id not in self._sizes:
+            types = self._sumo.vehicletype
+            kind = kind_of_type(type_id, types.getVehicleClass(type_id))
+            self._sizes[type_id] = (kind, types.getLength(type_id), types.getWidth(type_id), types.getHeight(type_id))
+        return Body(name, domain is self._sumo.person, *self._sizes[type_id])
+
+
+def _plain(sumo: Any, domain: Any, question: str) -> Callable[[str], Any]:
+    """A domain's function without its Python wrapper, where libsumo has it; it is called millions of times."""
+    own: Callable[[str], Any] = getattr(domain, question)
+    return getattr(getattr(sumo, "_libsumo", None), f"{domain.__name__}_{question}", own)
+
+
+@dataclass
+class _Driving:
+    kind: str
+    edges: tuple[str, ...]
+    entered_s: list[float]
+    """Of the edges so far."""
+    seen_s: float
+
+
+class TripReader:
+    """Observes `sumo` (the libsumo module), to the second."""
+
+    def __init__(self, sumo: Any) -> None:
+        self._vehicle = sumo.vehicle
+        self._driving: dict[str, _Driving] = {}
+        self._now_s = 0.0
+
+    def read(self) -> None:
+        """Called every second."""
+        vehicle, now_s = self._vehicle, self._now_s
+        for name in vehicle.getIDList():
+            edges = vehicle.getRouteIndex(name) + 1
+            if edges < 1:
+                continue  # teleported, or not on the street yet
+            known = self._driving.get(name)
+            if known is None:
+                before = [-inf] * (edges if now_s == 0.0 else edges - 1)
+                known = self._driving[name] = _Driving(vehicle.getTypeID(name), (), before, now_s)
+            if edges > len(known.entered_s) or not known.edges:
+                known.edges = tuple(vehicle.getRoute(name))  # a vehicle may choose another one on the way
+                known.entered_s += [now_s] * (edges - len(known.entered_s))
+            known.seen_s = now_s
+        self._now_s += 1.0
+
+    def take(self) -> list[Trip]:
+        """The trips so far, in the order of departure."""
+        return [
+            Trip(it.kind, it.edges, (*it.entered_s, *[inf] * (len(it.edges) - len(it.entered_s))), it.seen_s + 1.0)
+            for it in self._driving.values()
+        ]
+
 
 SETTLING_S: Final = 20.0
 """The numbers of agents are judged over this long."""

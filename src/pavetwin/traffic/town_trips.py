@@ -20,11 +20,10 @@ import numpy as np
 
 from pavetwin.files import writing
 from pavetwin.traffic.area import may_be_observed_in_part
-from pavetwin.traffic.area_traffic import AreaTraffic, Trip
 from pavetwin.traffic.demand import Density
 from pavetwin.traffic.demand_search import search_for_areas
 from pavetwin.traffic.inputs import Inputs
-from pavetwin.traffic.job import STEP_S
+from pavetwin.traffic.job import STEP_S, AreaTraffic, Trip
 from pavetwin.traffic.runner import OnRecorded, SimulationProcess, require_sumo, workplace
 from pavetwin.world.cache import cached
 from pavetwin.world.model import World
@@ -77,17 +76,16 @@ def trips_of(town: Inputs, on_progress: OnRecorded | None = None) -> Sequence[Tr
     assert town.asked is not None
     key = hashlib.sha256(json.dumps([town.hash, OBSERVED_S, town.asked.vehicles_per_lane_km]).encode()).hexdigest()
     where = "" if town.area is None else f"-{town.area.name}"
-    places = list(cached(town.world, f"traffic/trips-{town.asked.name}{where}.npz"))
-    for path in filter(Path.exists, places):
-        with suppress(*_DAMAGED):
-            if (known := _read(path, key)) is not None:
-                return known
+    path = cached(town.world, f"traffic/trips-{town.asked.name}{where}.npz")
+    with suppress(*_DAMAGED):
+        if path.exists() and (known := _read(path, key)) is not None:
+            return known
     require_sumo()
     with workplace() as folder:
         job = replace(town.job(folder), pedestrians=0, reads_trips=True)
         with closing(SimulationProcess(job)) as simulation:
             trips = simulation.record(round(OBSERVED_S / STEP_S), on_progress).trips
-    _write(places[0], key, trips)
+    _write(path, key, trips)
     return trips
 
 

@@ -1,17 +1,342 @@
-"""The tracks of all agents of a recording, as key frames in parts of two minutes, each loaded when it is needed."""
+"""The tracks of all agents of a recording, as key frames in parts of two minutes, each loaded when it is needed.
+
+A key frame is an agent's pose at a step, rounded to whole units. Poses equal to those before and after are left out, so
+a standing agent needs two key frames, however long it stands. Rounding depends on the pose alone, so a recording that
+is extended or recorded in other parts holds the same poses.
+
+Parts are row groups of Parquet, in a file or in memory, of columns that compress well: differences, as small natural
+numbers. Agent, step and heading: the difference from the key frame before. Place: the difference of two successive
+displacements; zero for an agent in even motion. Speed: the difference from the speed of a displacement in half a second. The first key frame of an agent is no exception.
+Differences wrap around at 32 bits, as their sums do. Whole numbers are folded: 0, −1, 1, −2, 2 … become 0, 1, 2, 3, 4 …
+
+Arrays go to Arrow and back by their buffers: `pyarrow.array` and `to_numpy` would load pandas, a quarter of a second.
+"""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Final, Self
+from typing import Any, Final, Self
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 
-from pavetwin.arrays import BoolArray, Float64Array, Int64Array
-from pavetwin.traffic.part_file import PackedPart
-from pavetwin.traffic.pose_rows import COLUMNS, PoseRows
-from pavetwin.traffic.track_part import TrackPart
+from pavetwin.arrays import (
+    AnyArray,
+    BoolArray,
+    Float32Array,
+    Float64Array,
+    FloatArray,
+    Int32Array,
+    Int64Array,
+    UInt32Array,
+)
+
+POSE_COLUMNS: Final = ("x", "y", "yaw_rad", "speed_mps")
+
+
+@dataclass(frozen=True, eq=False)
+class PoseRows:
+    """Consecutive frames with every agent's pose."""
+
+    step_offsets: UInt32Array
+    """(frames + 1,): the rows of frame k are step_offsets[k] … step_offsets[k + 1], sorted by agent."""
+    agent: UInt32Array
+    """(rows,) index in the recording's agents"""
+    x: Float32Array
+    """(rows,) centre of the body on the ground, metres east"""
+    y: Float32Array
+    """(rows,) metres north"""
+    yaw_rad: Float32Array
+    """(rows,) counter-clockwise from east, −π … π"""
+    speed_mps: Float32Array
+    """(rows,)"""
+
+    def __post_init__(self) -> None:
+        rows = len(self.agent)
+        if len(self.step_offsets) < 2 or self.step_offsets[0] != 0 or self.step_offsets[-1] != rows:
+            raise ValueError("PoseRows.step_offsets must begin with 0, end with the number of rows, and hold a frame")
+        for name in POSE_COLUMNS:
+            column = getattr(self, name)
+            if column.shape != (rows,) or column.dtype != np.float32:
+                raise ValueError(f"PoseRows.{name} must be float32 of shape ({rows},)")
+
+    @property
+    def frames(self) -> int:
+        return len(self.step_offsets) - 1
+
+    @cached_property
+    def frame(self) -> Int64Array:
+        """(rows,) the frame of each row."""
+        return np.repeat(np.arange(self.frames), np.diff(self.step_offsets))
+
+    def between(self, first: int, end: int) -> "PoseRows":
+        """The frames from `first` up to but not `end`."""
+        rows = slice(int(self.step_offsets[first]), int(self.step_offsets[end]))
+        offsets = self.step_offsets[first : end + 1] - self.step_offsets[first]
+        return PoseRows(offsets, *(getattr(self, name)[rows] for name in ("agent", *POSE_COLUMNS)))
+
+    def followed_by(self, later: "PoseRows") -> "PoseRows":
+        offsets = np.concatenate([self.step_offsets, self.step_offsets[-1] + later.step_offsets[1:]])
+        both = (np.concatenate([getattr(self, name), getattr(later, name)]) for name in ("agent", *POSE_COLUMNS))
+        return PoseRows(offsets, *both)
+
+
+PER_METRE: Final = 40
+"""Units of place: 2.5 cm. A place is off by 1.25 cm at most east and north, so by 1.8 cm in all."""
+
+YAW_DEG: Final = 1.0
+"""Unit of headings, which are off by half of it at most."""
+
+PER_MPS: Final = 10
+"""Units of speed: 0.1 m/s. A speed is off by half of it at most."""
+
+FURTHEST_M: Final = 1e7
+"""No coordinate on Earth is larger."""
+
+POSE: Final = ("x", "y", "yaw", "speed")
+
+
+@dataclass(frozen=True, eq=False)
+class TrackPart:
+    """All arrays (key frames,), in ascending order of (agent, step)."""
+
+    first_step: int
+    last_step: int
+    """Included."""
+    agent: UInt32Array
+    step: UInt32Array
+    """Of the recording."""
+    x: Int32Array
+    """Whole numbers of 1 / `PER_METRE`, east."""
+    y: Int32Array
+    """North."""
+    yaw: Int32Array
+    """Whole numbers of `YAW_DEG`, −180 (not included) … 180."""
+    speed: Int32Array
+    """Whole numbers of 1 / `PER_MPS`."""
+    is_last: BoolArray
+    """Whether the agent is absent after this step until its next key frame, or the part ends."""
+
+    @classmethod
+    def of(cls, rows: PoseRows, first_step: int = 0) -> Self:
+        """The key frames of all poses from a step on.
+
+        Raises:
+            ValueError: a pose is not on Earth.
+        """
+        order = np.lexsort((rows.frame, rows.agent))
+        agent, frame = rows.agent[order], rows.frame[order]
+        columns = {name: column[order] for name, column in zip(POSE, _rounded(rows), strict=True)}
+        goes_on = (np.diff(agent.astype(np.int64)) == 0) & (np.diff(frame) == 1)
+        unchanged = goes_on.copy()
+        for column in columns.values():
+            unchanged &= column[1:] == column[:-1]
+        kept = np.ones(len(agent), dtype=np.bool_)
+        kept[1:-1] = ~(unchanged[1:] & unchanged[:-1])
+        return cls(
+            first_step,
+            first_step + rows.frames - 1,
+            agent=agent[kept],
+            step=(frame[kept] + first_step).astype(np.uint32),
+            is_last=~np.append(goes_on, False)[kept] if len(agent) else np.zeros(0, dtype=np.bool_),
+            **{name: column[kept] for name, column in columns.items()},
+        )
+
+    def load(self) -> "TrackPart":
+        return self
+
+    def poses(self) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array]:
+        """As the columns of `PoseRows`: x, y, yaw_rad, speed_mps."""
+        yaw_rad = np.radians(self.yaw * YAW_DEG).astype(np.float32)
+        return _float32(self.x, PER_METRE), _float32(self.y, PER_METRE), yaw_rad, _float32(self.speed, PER_MPS)
+
+    def rows(self) -> PoseRows:
+        """All poses, every step of the part a frame."""
+        count = len(self.agent)
+        following = np.append(self.step[1:], 0).astype(np.int64)
+        holds = ~self.is_last & np.append(self.agent[1:] == self.agent[:-1], False)[:count]
+        step = self.step.astype(np.int64)
+        lasts = np.where(holds, following - step, 1)
+        key = np.repeat(np.arange(count), lasts)
+        frame = np.arange(len(key)) - np.repeat(np.cumsum(lasts) - lasts, lasts) + step[key] - self.first_step
+        order = np.argsort(frame, kind="stable")
+        frames = self.last_step - self.first_step + 1
+        offsets = np.concatenate([[0], np.cumsum(np.bincount(frame, minlength=frames))]).astype(np.uint32)
+        return PoseRows(offsets, self.agent[key][order], *(column[key][order] for column in self.poses()))
+
+    def is_as(self, other: "TrackPart") -> bool:
+        return all(np.array_equal(getattr(self, each.name), getattr(other, each.name)) for each in fields(self))
+
+
+def _rounded(rows: PoseRows) -> Iterator[Int32Array]:
+    """The columns of `POSE`, in whole units."""
+    for metres in (rows.x, rows.y):
+        if not (np.abs(metres) <= FURTHEST_M).all():
+            raise ValueError("PoseRows: a coordinate is not a number of metres on Earth")
+        yield _whole(metres, PER_METRE)
+    yaw = _whole(np.degrees(rows.yaw_rad.astype(np.float64)), 1 / YAW_DEG)
+    half = round(180 / YAW_DEG)
+    yield half - (half - yaw) % (2 * half)
+    yield _whole(rows.speed_mps, PER_MPS)
+
+
+def _whole(values: FloatArray, per_unit: float) -> Int32Array:
+    whole: Int32Array = np.rint(values.astype(np.float64) * per_unit).astype(np.int32)
+    return whole
+
+
+def _float32(whole: Int32Array, per_unit: int) -> Float32Array:
+    return (whole / per_unit).astype(np.float32)
+
+
+KEY_COLUMNS: Final = ("agent", "step", "x", "y", "yaw", "speed")
+"""Of the table, folded; beside them `is_last`."""
+
+_TURN: Final = round(360 / YAW_DEG)
+_PER_UNIT_MOVED: Final = PER_MPS / (PER_METRE * 0.5)
+"""Units of speed of an agent that moves a unit of place in half a second."""
+
+
+def to_columns(part: TrackPart) -> dict[str, AnyArray]:
+    """The columns of the table, int32, and `is_last`, bool."""
+    east, north = _differences(part.x), _differences(part.y)
+    columns = {
+        "agent": _differences(part.agent.view(np.int32)),
+        "step": _differences(part.step.view(np.int32)),
+        "x": _differences(east),
+        "y": _differences(north),
+        "yaw": _half_turn(_differences(part.yaw)),
+        "speed": part.speed - _expected(east, north),
+    }
+    return {**{name: column << 1 ^ column >> 31 for name, column in columns.items()}, "is_last": part.is_last}
+
+
+def from_columns(columns: dict[str, AnyArray], first_step: int, last_step: int) -> TrackPart:
+    """The part that `to_columns` was given."""
+    agent, step, east, north, yaw, speed = (_unfolded(columns[name]) for name in KEY_COLUMNS)
+    east, north = _sums(east), _sums(north)
+    return TrackPart(
+        first_step,
+        last_step,
+        agent=_sums(agent).view(np.uint32),
+        step=_sums(step).view(np.uint32),
+        x=_sums(east),
+        y=_sums(north),
+        yaw=_half_turn(_sums(yaw)),
+        speed=speed + _expected(east, north),
+        is_last=columns["is_last"],
+    )
+
+
+def _unfolded(column: Int32Array) -> Int32Array:
+    whole: Int32Array = (column.view(np.uint32) >> 1).view(np.int32) ^ -(column & 1)
+    return whole
+
+
+def _differences(values: Int32Array) -> Int32Array:
+    return np.diff(values, prepend=np.int32(0))
+
+
+def _sums(values: Int32Array) -> Int32Array:
+    total: Int32Array = np.cumsum(values, dtype=np.int32)
+    return total
+
+
+def _half_turn(yaw: Int32Array) -> Int32Array:
+    """In −180° (not included) … 180°."""
+    turned: Int32Array = _TURN // 2 - (_TURN // 2 - yaw) % _TURN
+    return turned
+
+
+def _expected(east: Int32Array, north: Int32Array) -> Int32Array:
+    """The speed of who moved so far in half a second. Square roots are the same on every machine."""
+    moved = np.sqrt(np.square(east, dtype=np.float64) + np.square(north, dtype=np.float64))
+    expected: Int32Array = np.rint(moved * _PER_UNIT_MOVED).astype(np.int32)
+    return expected
+
+
+_SCHEMA: Final = pa.schema([*((name, pa.int32()) for name in KEY_COLUMNS), ("is_last", pa.bool_())])
+_ENCODING: Final = {**dict.fromkeys(KEY_COLUMNS, "BYTE_STREAM_SPLIT"), "is_last": "RLE"}
+_LEVEL: Final = 1
+"""Of compression; higher ones gain 3 % and take three times as long."""
+
+
+def part_writer(target: Any) -> pq.ParquetWriter:
+    """Writes parts to a path or a stream of Arrow."""
+    return pq.ParquetWriter(
+        target,
+        _SCHEMA,
+        compression="zstd",
+        compression_level=_LEVEL,
+        use_dictionary=False,
+        column_encoding=_ENCODING,
+        store_schema=False,  # it would hold the metadata again
+    )
+
+
+def write_part(writer: pq.ParquetWriter, part: TrackPart) -> None:
+    """Append a part as a row group."""
+    columns = to_columns(part)
+    table = pa.table([to_arrow(columns[name]) for name in _SCHEMA.names], schema=_SCHEMA)
+    writer.write_table(table, row_group_size=max(1, len(table)))
+
+
+def read_part(file: pq.ParquetFile, group: int, first_step: int, last_step: int) -> TrackPart:
+    """The part that is a row group.
+
+    Raises:
+        pa.ArrowException, OSError, KeyError, ValueError: the file is damaged.
+    """
+    table = file.read_row_group(group, use_threads=False)
+    columns = {name: from_arrow(table[name]) for name in table.column_names}
+    return from_columns(columns, first_step, last_step)
+
+
+def to_arrow(column: AnyArray) -> pa.Array:
+    """A column of numbers or truth values, (rows,)."""
+    if column.dtype == np.bool_:
+        return pa.Array.from_buffers(
+            pa.bool_(), len(column), [None, pa.py_buffer(np.packbits(column, bitorder="little"))]
+        )
+    return pa.Array.from_buffers(pa.from_numpy_dtype(column.dtype), len(column), [None, pa.py_buffer(column)])
+
+
+def from_arrow(column: pa.ChunkedArray) -> AnyArray:
+    """A column of numbers or truth values, (rows,), not to be written to.
+
+    Raises:
+        ValueError, TypeError: values are missing, or of another type.
+    """
+    whole = column.combine_chunks()
+    if not pa.types.is_boolean(whole.type):
+        return np.from_dlpack(whole)
+    if whole.null_count:
+        raise ValueError("values are missing")
+    first, bits = whole.offset, np.frombuffer(whole.buffers()[1], np.uint8)
+    return np.unpackbits(bits, count=first + len(whole), bitorder="little")[first:].astype(np.bool_)
+
+
+@dataclass(frozen=True, eq=False)
+class PackedPart:
+    """A part in memory, as a file of its own."""
+
+    first_step: int
+    last_step: int
+    data: Any
+    """`pyarrow.Buffer`."""
+
+    @classmethod
+    def of(cls, part: TrackPart) -> Self:
+        stream = pa.BufferOutputStream()
+        with part_writer(stream) as writer:
+            write_part(writer, part)
+        return cls(part.first_step, part.last_step, stream.getvalue())
+
+    def load(self) -> TrackPart:
+        return read_part(pq.ParquetFile(pa.BufferReader(self.data)), 0, self.first_step, self.last_step)
+
 
 PART_STEPS: Final = 240
 """Steps of a part, two minutes. A part also holds the first step of the next one, where its agents are going."""
@@ -103,11 +428,6 @@ class AgentTracks:
         return len(self.numbers.vehicles)
 
     @property
-    def is_stored(self) -> bool:
-        """Whether all parts are in a file."""
-        return all(isinstance(part, StoredPart) for part in self.parts)
-
-    @property
     def starts(self) -> tuple[int, ...]:
         """The first step of each part."""
         return tuple(part.first_step for part in self.parts)
@@ -153,7 +473,7 @@ class AgentTracks:
         pieces = [rows for _, rows in self.pieces()]
         begins = np.cumsum([0, *(len(rows.agent) for rows in pieces)])
         shifted = [rows.step_offsets[1:] + begin for rows, begin in zip(pieces, begins, strict=False)]
-        columns = (np.concatenate([getattr(rows, name) for rows in pieces]) for name in ("agent", *COLUMNS))
+        columns = (np.concatenate([getattr(rows, name) for rows in pieces]) for name in ("agent", *POSE_COLUMNS))
         return PoseRows(np.concatenate([[0], *shifted]).astype(np.uint32), *columns)
 
     def begin_alike(self, other: "AgentTracks") -> bool:

@@ -5,6 +5,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -27,11 +28,12 @@ from pavetwin.world.network import LeftOut, network_from_net, network_from_osm, 
 from pavetwin.world.osm import MapFeatures, bridges_on, paving_m2, read_features, surfaces_in
 from pavetwin.world.parking.lanes import EdgeLanes, insert_lanes, parking_lanes
 from pavetwin.world.parking.places import parking_places
-from pavetwin.world.parking.rule import parking_rule
+from pavetwin.world.parking.rule import ParkingRule, parking_rule
 from pavetwin.world.roadnet import RoadNet, read_roadnet
 from pavetwin.world.segments import (
     DEFAULT_SEGMENT_LENGTH_M,
     MIN_SEGMENT_LENGTH_M,
+    StreetSurface,
     polygons_of,
     segments_of,
     streets_of,
@@ -98,24 +100,27 @@ def build_world(
     """
     options = options or BuildOptions()
     report = on_progress or (lambda _what, _share: None)
+    rule = parking_rule(options.parking_rule)
     try:
         with tempfile.TemporaryDirectory(prefix="pavetwin-") as folder:
             report("road network", 0.0)
             given = _file_or_kind(source)
             made, record = _prepare(given, options, Path(folder))
-            net = read_roadnet(made.net_file, shown_as=record.source)
             osm_file = given if isinstance(given, Path) and source_kind(given) == "osm" else None
-            plan = _Plan.of(made, osm_file, net, record.source, options, report)
-            if plan.lanes:
-                report("parking lanes", 0.5)
-                target = Path(folder) / "lanes" / "roads.net.xml"
-                target.parent.mkdir()
-                if osm_file is None:
-                    made = with_parking_lanes(made, str(given), options.seed, plan.lanes, target)
-                else:
-                    insert_lanes(made.net_file, plan.lanes, target, left_hand=net.left_hand)
-                    made = replace(made, net_file=target)
-                net = read_roadnet(made.net_file, shown_as=record.source)
+            net = read_roadnet(made.net_file, shown_as=record.source)
+            georeference = made.georeference or _georeference(net, options, record.source)
+            report("segments", 0.3)
+            roads = _Roads.of(net, options, record.source)
+            report("map", 0.35)
+            features = MapFeatures() if osm_file is None else _features(osm_file, georeference, roads.segments)
+            layout = _Layout(made, roads, features, options.seed)
+            if rule is not None and (made.georeference or osm_file):  # a network of the user's own stays as it is
+                report("parking", 0.45)
+                if lanes := layout.parking_lanes(rule):
+                    report("parking lanes", 0.5)
+                    made = _with_lanes(made, lanes, given, options, Path(folder) / "lanes", left_hand=net.left_hand)
+                    wider = _Roads.of(read_roadnet(made.net_file, shown_as=record.source), options, record.source)
+                    layout = replace(layout, made=made, roads=wider)
             network = made.net_file.read_bytes()
     except OSError as error:
         reason = error.strerror or str(error)
@@ -123,7 +128,7 @@ def build_world(
             f"Cannot build in the temporary folder '{tempfile.gettempdir()}': {reason}. "
             f"{hint(error, 'name another one in TMPDIR')}."
         ) from error
-    world, mapped = _build(made, plan, net, record.source, options, report)
+    world, mapped = _build(layout, georeference, rule, record.source, report)
     world = replace(world, content_hash=content_hash(world, hashlib.sha256(network).hexdigest()))
     report("world", 1.0)
     paving = paving_m2(world.segments, surfaces_in(osm_file)) if osm_file is not None else {}
@@ -156,79 +161,90 @@ def _prepare(
 
 
 @dataclass(frozen=True)
-class _Plan:
-    """What is known of a world before its network has parking lanes."""
+class _Roads:
+    """A network with its streets and segments."""
 
-    georeference: GeoReference
-    features: MapFeatures
-    lanes: Mapping[str, EdgeLanes]
-    """The parking lanes that are to be added."""
+    net: RoadNet
+    streets: tuple[StreetSurface, ...]
+    segments: tuple[Segment, ...]
+    ground: PlacementGround
 
     @classmethod
-    def of(
-        cls,
-        made: SourceNetwork,
-        osm_file: Path | None,
-        net: RoadNet,
-        source: str,
-        options: BuildOptions,
-        report: Progress,
-    ) -> Self:
-        georeference = made.georeference or _georeference(net, options, source)
-        report("segments", 0.3)
+    def of(cls, net: RoadNet, options: BuildOptions, source: str) -> Self:
         streets = streets_of(net)
         segments = segments_of(streets, options.segment_length_m)
         if not segments:
             raise PaveTwinError(f"'{source}' has no streets for passenger cars of at least 8 m.")
-        report("map", 0.35)
-        features = MapFeatures()
-        if osm_file is not None:
-            near = MultiPolygon([part for segment in segments for part in polygons_of(segment.polygon)])
-            features = read_features(osm_file, georeference, near)
-        rule = parking_rule(options.parking_rule)
-        if rule is None or (made.georeference is None and osm_file is None):  # a network of the user's own stays so
-            return cls(georeference, features, {})
-        report("parking", 0.45)
-        buildings = _buildings(made, features, segments, PlacementGround(net), options)
-        houses = [building.polygon for building in buildings] if features.buildings else []
-        lanes = parking_lanes(net, streets, segments, buildings, features.parking, rule, houses)
-        return cls(georeference, features, lanes)
+        return cls(net, streets, segments, PlacementGround(net))
 
 
-def _buildings(
+@dataclass(frozen=True)
+class _Layout:
+    """Roads, and what lies next to them."""
+
+    made: SourceNetwork
+    roads: _Roads
+    features: MapFeatures
+    seed: int
+
+    @cached_property
+    def parks(self) -> tuple[Polygon, ...]:
+        return _parks([*self.made.parks, *self.features.parks], self.roads.ground)
+
+    @cached_property
+    def buildings(self) -> tuple[Building, ...]:
+        """Buildings of the source, cut back from the roads, or else those of the rule."""
+        given = [(building.polygon, building.height_m) for building in self.made.buildings]
+        given += self.features.buildings
+        if given:
+            return clear_of_roads(given, self.roads.ground)
+        return buildings_by_rule(self.roads.segments, self.roads.ground, self.parks, self.seed)
+
+    def parking_lanes(self, rule: ParkingRule) -> Mapping[str, EdgeLanes]:
+        """The parking lanes that the network is to get, by edge."""
+        roads, houses = self.roads, [building.polygon for building in self.buildings] if self.features.buildings else []
+        return parking_lanes(
+            roads.net, roads.streets, roads.segments, self.buildings, self.features.parking, rule, houses
+        )
+
+
+def _features(osm_file: Path, georeference: GeoReference, segments: Sequence[Segment]) -> MapFeatures:
+    near = MultiPolygon([part for segment in segments for part in polygons_of(segment.polygon)])
+    return read_features(osm_file, georeference, near)
+
+
+def _with_lanes(
     made: SourceNetwork,
-    features: MapFeatures,
-    segments: Sequence[Segment],
-    ground: PlacementGround,
+    lanes: Mapping[str, EdgeLanes],
+    source: str | Path | NetworkKind,
     options: BuildOptions,
-) -> tuple[Building, ...]:
-    """Those of the source, cut back from the roads, else those of the rule."""
-    given = [(building.polygon, building.height_m) for building in made.buildings]
-    given += features.buildings
-    if given:
-        return clear_of_roads(given, ground)
-    return buildings_by_rule(segments, ground, _parks([*made.parks, *features.parks], ground), options.seed)
+    folder: Path,
+    *,
+    left_hand: bool,
+) -> SourceNetwork:
+    """The network with parking lanes, written into a new folder."""
+    folder.mkdir()
+    target = folder / "roads.net.xml"
+    if not isinstance(source, Path):
+        return with_parking_lanes(made, str(source), options.seed, lanes, target)
+    insert_lanes(made.net_file, lanes, target, left_hand=left_hand)
+    return replace(made, net_file=target)
 
 
 def _build(
-    made: SourceNetwork, plan: _Plan, net: RoadNet, source: str, options: BuildOptions, report: Progress
+    layout: _Layout, georeference: GeoReference, rule: ParkingRule | None, source: str, report: Progress
 ) -> tuple[World, dict[str, int]]:
     """The world without its content hash, and how many objects of each kind came from the source."""
-    features = plan.features
-    report("segments", 0.6)
-    streets = streets_of(net)
-    segments = segments_of(streets, options.segment_length_m)
-    ground = PlacementGround(net)
-    parks = _parks([*made.parks, *features.parks], ground)
-    report("buildings", 0.7)
-    buildings = _buildings(made, features, segments, ground, options)
+    made, features, buildings = layout.made, layout.features, layout.buildings
+    net, streets, segments = layout.roads.net, layout.roads.streets, layout.roads.segments
     mapped = Counter(buildings=len(buildings) if made.buildings or features.buildings else 0)
     report("furniture", 0.8)
-    planted = parks if made.parks else ()
-    furniture, of_map = furnish(net, streets, segments, ground, buildings, features.points, planted, options.seed)
+    planted = layout.parks if made.parks else ()
+    furniture, of_map = furnish(
+        net, streets, segments, layout.roads.ground, buildings, features.points, planted, layout.seed
+    )
     mapped.update({kind.value: count for kind, count in of_map.items()})
     report("parking", 0.9)
-    rule = parking_rule(options.parking_rule)
     parking = (
         parking_places(net, streets, segments, buildings, furniture, features.parking, rule) if rule is not None else ()
     )
@@ -236,7 +252,7 @@ def _build(
     world = snapped_world(
         World(
             name=Path(source).name.split(".")[0],
-            georeference=plan.georeference,
+            georeference=georeference,
             left_hand=net.left_hand,
             streets=tuple(
                 replace(
@@ -253,7 +269,7 @@ def _build(
             crossings=net.crossings,
             buildings=buildings,
             furniture=furniture,
-            parks=parks,
+            parks=layout.parks,
             defects=(),
             base=base_of(segments),
             parking=parking,

@@ -62,12 +62,11 @@ def texture_folder() -> Path:
     return cache_folder() / "textures"
 
 
-def cached(world: World, file: str) -> Iterator[Path]:
-    """Where a file that is made from a world may be: in the cache, where it is written, then in the world's folder,
-    where earlier versions wrote it.
+def cached(world: World, file: str) -> Path:
+    """The place in the cache of a file that is made from a world; its use is noted.
 
     Args:
-        file: its path within either, such as `traffic/high-1.parquet`.
+        file: path within the world's part of the cache, such as `traffic/high-1.parquet`.
 
     Raises:
         PaveTwinError: the world was never saved.
@@ -75,8 +74,7 @@ def cached(world: World, file: str) -> Iterator[Path]:
     folder = world.network_file.parent
     path = cache_folder() / "worlds" / (world.content_hash[:16] or folder.name) / file
     mark_used(path)
-    yield path
-    yield folder / file
+    return path
 
 
 def mark_used(path: Path) -> None:

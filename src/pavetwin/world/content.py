@@ -19,7 +19,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float64Array
-from pavetwin.world.model import Defect, World
+from pavetwin.world.model import World
 
 STEPS_PER_METRE = 2**20
 Geometry = TypeVar("Geometry", bound=BaseGeometry)
@@ -27,10 +27,10 @@ Geometry = TypeVar("Geometry", bound=BaseGeometry)
 HASHED = ("streets", "segments", "lanes", "connections", "junctions", "crossings", "buildings", "furniture", "parks")
 """Fields that identify the world of a recording or a navmesh; defects are not among them."""
 
-HASHED_IF_THERE = ("parking",)
-"""As `HASHED`; a world that has none of them keeps the hash that earlier versions gave it."""
+HASHED_IF_ANY = ("parking",)
+"""Fields that enter the hash only of worlds that have any."""
 
-COLLECTIONS = (*HASHED, *HASHED_IF_THERE, "defects")
+COLLECTIONS = (*HASHED, *HASHED_IF_ANY, "defects")
 
 
 def round_to_grid(xy: Float64Array) -> Float64Array:
@@ -74,7 +74,7 @@ def content_hash(world: World, network_sha256: str) -> str:
     frame = [place.epsg, place.offset_east_m, place.offset_north_m, world.left_hand, network_sha256]
     digest.update(json.dumps(frame).encode())
     digest.update(_wkb(world.base))
-    for name in (*HASHED, *(name for name in HASHED_IF_THERE if getattr(world, name))):
+    for name in (*HASHED, *(name for name in HASHED_IF_ANY if getattr(world, name))):
         digest.update(name.encode())
         for part in _parts(getattr(world, name)):
             digest.update(part)
@@ -106,27 +106,6 @@ def _hashed_fields(kind: type) -> tuple[str, ...]:
 def _without_minus_zero(value: Any) -> Any:
     """A GeoPackage returns −0 as 0."""
     return value + 0.0 if isinstance(value, float) else value
-
-
-_APART = ("polygon", "centre", "parameters", "notch", "beside")
-
-
-def defects_hash(defects: Sequence[Defect]) -> str:
-    """SHA-256 over defects in their order; a world's content hash excludes them."""
-    names = sorted(field.name for field in fields(Defect) if field.name not in _APART)
-    polygons = shapely.to_wkb(np.array([defect.polygon for defect in defects], dtype=object))
-    centres = shapely.to_wkb(np.array([defect.centre for defect in defects], dtype=object))
-    digest = hashlib.sha256()
-    for defect, polygon, centre in zip(defects, polygons, centres, strict=True):
-        values = {name: str(getattr(defect, name)) for name in names}
-        if defect.parameters:  # defects without any keep the hash that they had before there were parameters
-            values["parameters"] = str(defect.parameters)
-        if defect.notch:
-            values["notch"] = str(defect.notch)
-        if defect.beside:
-            values["beside"] = defect.beside
-        digest.update(repr(sorted(values.items())).encode() + polygon + centre)
-    return digest.hexdigest()
 
 
 def _wkb(geometry: BaseGeometry) -> bytes:

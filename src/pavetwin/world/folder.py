@@ -5,10 +5,7 @@ from shlex import quote
 from typing import Any
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.files import check_writable
-
-FORMAT = 3
-"""Of the folder; increased when older worlds cannot be read any more."""
+from pavetwin.files import check_format, check_writable
 
 DESCRIPTION, GEOPACKAGE, NETWORK = "world.yaml", "world.gpkg", "roads.net.xml"
 FILES = (DESCRIPTION, GEOPACKAGE, NETWORK)
@@ -75,11 +72,7 @@ def read_description(folder: Path) -> dict[str, Any]:
         raise PaveTwinError(f"'{folder / DESCRIPTION}' cannot be read; {rebuild_hint(folder)}") from error
     if not isinstance(description, dict) or "format" not in description:
         raise PaveTwinError(f"'{folder / DESCRIPTION}' is damaged; {rebuild_hint(folder)}")
-    if description["format"] != FORMAT:
-        raise PaveTwinError(
-            f"The world '{folder}' has format {description['format']}, this version reads {FORMAT}; "
-            f"{rebuild_hint(folder)}"
-        )
+    check_format(description["format"], f"The world '{folder}'")
     return description
 
 

@@ -69,10 +69,6 @@ class Layer:
     columns: Mapping[str, type]
     computed: Mapping[str, Reader] = field(default_factory=dict)
     """The columns that are not the item's attribute of the same name."""
-    later: frozenset[str] = frozenset()
-    """Columns that worlds of an earlier version do not have."""
-    optional: bool = False
-    """Worlds of an earlier version do not have the layer."""
 
     def rows(self, world: World) -> Iterator[LayerRow]:
         """Each row's columns, and its geometry under `geometry`."""
@@ -111,7 +107,6 @@ LAYERS = (
             **{**_EDGES, **_LENGTH, "from_junction": attrgetter("start"), "to_junction": attrgetter("end")},
             "bridges": lambda item: "; ".join(f"{first:.2f} {last:.2f}" for first, last in item.bridges),
         },
-        frozenset({"latin_name", "bridges"}),
     ),
     Layer(
         "segments",
@@ -160,7 +155,6 @@ LAYERS = (
             **dict.fromkeys(("centre_east_m", "centre_north_m", "yaw_rad", "length_m", "width_m"), float),
         },
         _CENTRE,
-        optional=True,
     ),
     Layer(
         "defects",
@@ -178,7 +172,6 @@ LAYERS = (
             "parameters": lambda item: json.dumps(dict(item.parameters)) if item.parameters else "",
             "notch": lambda item: json.dumps(item.notch) if item.notch else "",
         },
-        frozenset({"parameters", "notch", "beside"}),
     ),
 )
 
@@ -196,7 +189,7 @@ def collections_of(tables: Mapping[str, Sequence[LayerRow]]) -> dict[str, Any]:
             _item(
                 *(Street, row, "centre_line"),
                 **{"edges": _edges(row), "start": row["from_junction"], "end": row["to_junction"]},
-                bridges=_stations(row.get("bridges") or ""),
+                bridges=_stations(row["bridges"]),
             )
             for row in tables["streets"]
         ),
@@ -249,8 +242,8 @@ def _signal(row: LayerRow) -> SignalLink | None:
 
 def _defect(row: LayerRow) -> Defect:
     centre = Point(row["centre_east_m"], row["centre_north_m"])
-    parameters = tuple(json.loads(row.get("parameters") or "{}").items())
-    notch = tuple((float(x), float(y)) for x, y in json.loads(row.get("notch") or "[]"))
+    parameters = tuple(json.loads(row["parameters"] or "{}").items())
+    notch = tuple((float(x), float(y)) for x, y in json.loads(row["notch"] or "[]"))
     own = {"centre": centre, "severity": Severity(row["severity"]), "parameters": parameters, "notch": notch}
     return _item(Defect, row, "polygon", **own)
 
@@ -419,15 +412,12 @@ def lane_kinds(folder: Path) -> frozenset[LaneKind]:
 def _read(path: Path, layer: Layer, place: GeoReference, hint: str) -> Sequence[LayerRow]:
     pyogrio = geo_files.pyogrio()
 
-    if layer.optional and layer.name not in _layer_names(path):
-        return []
     try:
         meta, _, geometry, fields = pyogrio.raw.read(path, layer=layer.name)
     except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, RuntimeError) as error:
         raise PaveTwinError(f"'{path}' has no readable layer '{layer.name}'; {hint}") from error
     columns = dict(zip(meta["fields"], fields, strict=True))
-    wanted = {name: kind for name, kind in layer.columns.items() if name in columns or name not in layer.later}
-    for name in wanted:
+    for name in layer.columns:
         if name not in columns:
             raise PaveTwinError(f"'{path}' has no column '{name}' in the layer '{layer.name}'; {hint}")
 
@@ -435,19 +425,9 @@ def _read(path: Path, layer: Layer, place: GeoReference, hint: str) -> Sequence[
         return round_to_grid(xy - (place.offset_east_m, place.offset_north_m))
 
     shapes = shapely.transform(shapely.from_wkb(geometry), to_world)
-    plain = {name: [_plain(kind, value) for value in columns[name].tolist()] for name, kind in wanted.items()}
+    plain = {name: [_plain(kind, value) for value in columns[name].tolist()] for name, kind in layer.columns.items()}
     plain["geometry"] = [_single(shape) for shape in shapes]
     return [dict(zip(plain, row, strict=True)) for row in zip(*plain.values(), strict=True)]
-
-
-def _layer_names(path: Path) -> list[str]:
-    """Empty where the file is no GeoPackage."""
-    pyogrio = geo_files.pyogrio()
-
-    try:
-        return [str(name) for name, _ in pyogrio.list_layers(path)]
-    except (pyogrio.errors.DataSourceError, RuntimeError):
-        return []
 
 
 def _plain(kind: type, value: Any) -> Any:

@@ -4,10 +4,11 @@ The world frame is east-north-up in metres and equal to the frame of the world's
 it to WGS 84.
 """
 
+import hashlib
 import unicodedata
 import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
@@ -357,6 +358,27 @@ class Defect:
         }
 
 
+_HASHED_APART = ("polygon", "centre", "parameters", "notch", "beside")
+
+
+def defects_hash(defects: Sequence[Defect]) -> str:
+    """SHA-256 over defects in their order. Empty parameters, notches and neighbours do not enter it."""
+    names = sorted(each.name for each in fields(Defect) if each.name not in _HASHED_APART)
+    polygons = shapely.to_wkb(np.array([defect.polygon for defect in defects], dtype=object))
+    centres = shapely.to_wkb(np.array([defect.centre for defect in defects], dtype=object))
+    digest = hashlib.sha256()
+    for defect, polygon, centre in zip(defects, polygons, centres, strict=True):
+        values = {name: str(getattr(defect, name)) for name in names}
+        if defect.parameters:
+            values["parameters"] = str(defect.parameters)
+        if defect.notch:
+            values["notch"] = str(defect.notch)
+        if defect.beside:
+            values["beside"] = defect.beside
+        digest.update(repr(sorted(values.items())).encode() + polygon + centre)
+    return digest.hexdigest()
+
+
 def _plain(name: str) -> str:
     """A name as it is compared: composed, without regard to case and to spaces around it."""
     return unicodedata.normalize("NFC", name).casefold().strip()
@@ -390,13 +412,11 @@ class World:
     content_hash: str = ""
     """SHA-256 of everything above except the defects; identifies the world of a recording or a navmesh."""
     folder: Path | None = field(default=None, compare=False)
-    """The folder that it was loaded from; holds `roads.net.xml` and `traffic/`."""
+    """The folder that it was loaded from; holds `roads.net.xml`."""
 
     @cached_property
     def defects_hash(self) -> str:
         """SHA-256 of the defects."""
-        from pavetwin.world.content import defects_hash
-
         return defects_hash(self.defects)
 
     @cached_property

@@ -11,10 +11,10 @@ import yaml
 from shapely import Point
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.files import file_sha256, writing_folder
+from pavetwin.files import FORMAT, file_sha256, writing_folder
 from pavetwin.world.build import BuildRecord, Built
 from pavetwin.world.content import content_hash
-from pavetwin.world.folder import DESCRIPTION, FORMAT, GEOPACKAGE, NETWORK, check_target, read_description, rebuild_hint
+from pavetwin.world.folder import DESCRIPTION, GEOPACKAGE, NETWORK, check_target, read_description, rebuild_hint
 from pavetwin.world.georeference import GeoReference
 from pavetwin.world.model import World
 

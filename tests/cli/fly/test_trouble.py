@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from pavetwin.traffic import part_table
+from pavetwin.traffic import tracks as part_table
 from pavetwin.world.cache import cached
 from pavetwin.world.store import load_world, save_world
 from scenes import built
@@ -71,7 +71,7 @@ def test_a_network_that_was_cut_short_is_named_with_a_fix(world: Path, tmp_path:
 def test_a_trace_of_another_world_is_refused(world: Path, tmp_path: Path) -> None:
     other = tmp_path / "other"
     save_world(built("cross", seed=2), other)
-    trace = next(cached(load_world(world), "traffic/low-1.parquet"))
+    trace = cached(load_world(world), "traffic/low-1.parquet")
     assert "world" in plain_refusal(pavetwin("fly", other, "--traffic", trace))
 
 

@@ -112,7 +112,7 @@ def test_what_is_kept_of_the_traffic_does_not_depend_on_kills(
 
 
 def traffic_of(world: Path) -> Path:
-    return next(cached(load_world(world), "traffic"))
+    return cached(load_world(world), "traffic")
 
 
 def _parts(folder: Path) -> list[Path]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,9 +16,9 @@ from pavetwin.experiments.words import level_text
 from pavetwin.reports.blocks import Section, Table, TableCell, text_cells
 from pavetwin.reports.words import MISSING
 from pavetwin.traffic.area import TrafficArea
+from pavetwin.traffic.demand import level_of
 from pavetwin.traffic.flow import MOST_REMOVALS_PER_HOUR, Flow, flow_of
 from pavetwin.traffic.inputs import Inputs
-from pavetwin.traffic.level_of_service import level_of
 from pavetwin.traffic.recording import Recording
 from pavetwin.traffic.recording_file import load_recording
 from pavetwin.traffic.tracks import STANDING_MPS
@@ -63,7 +62,7 @@ def _rows(study: Study) -> Iterator[tuple[TableCell, ...]]:
             rows = study.by_segment.filter(world=name, traffic=traffic)
             targets = {seed: rows.filter(traffic_seed=seed)["segment"].unique().to_list() for seed in seeds}
             recordings = _recordings(_entry_of(study, world), world, traffic, targets, distance_m)
-            flows = [flow_of(recording, world) for recording in recordings]
+            flows = [flow_of(recording) for recording in recordings]
             if flows:
                 yield text_cells(name, level_text("traffic", traffic), f"{len(flows)}", *_means(flows))
 
@@ -106,8 +105,8 @@ def _recordings(
         with suppress(PaveTwinError):
             area = None if distance_m is None else TrafficArea.around(world, segments, distance_m)
             inputs = Inputs.of(world, None if routes else traffic, seed, routes, area)
-            found = (load_recording(file, world) for file in inputs.places() if file.is_file())
-            yield from islice((recording for recording in found if recording.origin.inputs == inputs.hash), 1)
+            if inputs.path.is_file() and (found := load_recording(inputs.path, world)).origin.inputs == inputs.hash:
+                yield found
 
 
 def _means(flows: Sequence[Flow]) -> list[str]:

@@ -163,7 +163,7 @@ class WebTown:
         """Where files are kept, named by what they depend on; those of other looks and versions are few."""
         if self._folder is not None:
             return self._folder
-        path = next(iter(cached(self.scene.world, f"web/{self.digest}")))
+        path = cached(self.scene.world, f"web/{self.digest}")
         with suppress(OSError):
             path.mkdir(parents=True, exist_ok=True)
             path.touch()
