@@ -370,7 +370,7 @@ def test_a_file_that_would_be_too_large_is_refused(tmp_path: Path, monkeypatch: 
         (["--at", "60"], "of which recording"),
         (["--texel", "0"], "not within 0.005"),
         (["--parking", "2"], "--parking 2: expected a share of the places (0 to 1), by-time, or none"),
-        (["--time", "23:00"], "--time: say with --parking that vehicles are parked"),
+        (["--time", "23:00"], "--time: add parked vehicles with --parking"),
     ],
 )
 def test_the_command_refuses_what_makes_no_sense(tmp_path: Path, arguments: list[str], words: str) -> None:

@@ -58,7 +58,7 @@ def check(
         trials, broken = tried(kind)
         if trials:
             out.print(_sizes(kind.name, trials))
-            out.line("\n".join(_said(kind, trials)))
+            out.line("\n".join(_described(kind, trials)))
         if broken:
             if verbose:
                 out.line("\n".join(f"  {rule}" for rule in broken))
@@ -123,7 +123,7 @@ def _short(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
-def _said(kind: "DefectKind", trials: "Sequence[TriedShape]") -> list[str]:
+def _described(kind: "DefectKind", trials: "Sequence[TriedShape]") -> list[str]:
     """Severities, room, and from which size and contrast it is labelled."""
     from statistics import median
 

@@ -60,11 +60,11 @@ def record(
     asked = _density(density, los, hour, vehicles_per_lane_km, pedestrians_per_sidewalk_km, mix, routes or [])
     loaded = load_world(world)
     started, simulated = time.perf_counter(), [False]
-    with progress(f"Recording {duration:g} s of traffic") as tell:
+    with progress(f"Recording {duration:g} s of traffic") as report:
 
         def advance(share: float) -> None:
             simulated[0] = True
-            tell(share)
+            report(share)
 
         search = f"Finding the demand of {asked.name}, kept for the next time" if asked else ""
         recording = record_traffic(
@@ -75,7 +75,7 @@ def record(
             routes=routes or (),
             force=force,
             on_progress=advance,
-            on_search=lambda share: tell(share, search),
+            on_search=lambda share: report(share, search),
         )
         if output is not None:
             recording = save_recording(recording, output)
@@ -120,8 +120,8 @@ def export(
     if target.exists() and not force:
         raise PaveTwinError(f"`target` '{target}' exists; choose another name, or add `force`.")
     recording = load_recording(file)
-    with progress("Writing") as tell:
-        count = export_fcd(recording, target, start, end, tell)
+    with progress("Writing") as report:
+        count = export_fcd(recording, target, start, end, report)
     out.line(f"{count} rows in {target}.")
 
 
@@ -134,10 +134,10 @@ def _density(
     mix: str | None,
     routes: list[Path],
 ) -> "Density | None":
-    """What was asked for; None for the user's own routes.
+    """The requested density; None for the user's own routes.
 
     Raises:
-        PaveTwinError: the options contradict each other, or none says how much traffic.
+        PaveTwinError: the options contradict each other, or none gives the amount of traffic.
     """
     from pavetwin.traffic.demand import density_named, density_of
 
@@ -152,8 +152,8 @@ def _density(
     asked = traffic_name(name, los, hour, mix)
     if asked is None:
         raise PaveTwinError(
-            "Say how much traffic: --los A to F, --hour 0 to 23, --density low, medium, high or v12-p40 (vehicles per "
-            "kilometre of lane, pedestrians per kilometre of sidewalk), or --routes."
+            "Give the amount of traffic: --los A to F, --hour 0 to 23, --density low, medium, high or v12-p40 (vehicles "
+            "per kilometre of lane, pedestrians per kilometre of sidewalk), or --routes."
         )
     return density_named(asked)
 

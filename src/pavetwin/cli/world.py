@@ -89,7 +89,7 @@ def build(
             "or `pavetwin world build --generate town -o town`."
         )
     if output is None:
-        raise PaveTwinError("Say where the world goes with -o, for example -o worlds/town.")
+        raise PaveTwinError("Name the folder of the world with -o, for example -o worlds/town.")
     values: dict[str, Any] = {"seed": seed, "segment_length_m": segment_length, "left_hand": left_hand}
     values["parking_rule"] = parking_rule
     if anchor is not None:
@@ -130,7 +130,7 @@ def info(
         bool, typer.Option("--streets", help="List the streets with their segments, lengths and areas.")
     ] = False,
 ) -> None:
-    """Say what is in a world and what it was made from.
+    """Show the contents and the source of a world.
 
     \b
     pavetwin world info worlds/berlin
@@ -151,7 +151,7 @@ app.command()(world_export.export)
 
 
 def _streets_table(world: "World") -> "Table":
-    """One row a street: what `--segment` takes, and how much of it there is."""
+    """Row of each street: its name for `--segment`, and its extent."""
     from rich.table import Table
     from rich.text import Text
 
@@ -178,7 +178,7 @@ def _print_summary(world: "World", record: "BuildRecord") -> None:
 
 
 def _summary(world: "World", record: "BuildRecord") -> list[tuple[str, str]]:
-    """What the table says: names and values."""
+    """Rows of the table: names and values."""
     from pavetwin.config.mission import UavSettings
     from pavetwin.defects.placement import PLACED
     from pavetwin.navigation.take_off import with_roadside_base
@@ -199,7 +199,7 @@ def _summary(world: "World", record: "BuildRecord") -> list[tuple[str, str]]:
     rows = [
         ("source", f"{record.source}, seed {record.options.seed}"),
         ("place", f"EPSG:{world.georeference.epsg}, base at {lat:.5f}, {lon:.5f}"),
-        ("take-off", f"{take_off}, beside the carriageway; preset paper: at the base"),
+        ("take-off", f"{take_off}, next to the carriageway; preset paper: at the base"),
         ("segments", f"{len(world.segments)} ({length / 1000:.2f} km, {area:.0f} m²)"),
         ("not inspected", outside_words(world)),
         ("lanes", f"{world.length_km(LaneKind.DRIVING):.2f} km"),
@@ -226,7 +226,7 @@ def _parking_rows(world: "World") -> list[tuple[str, str]]:
 
     if not world.parking:
         return [("parking places", "0")]
-    words = {"tagged": "from tags of streets", "area": "from areas beside streets", "rule": "by rule"}
+    words = {"tagged": "from tags of streets", "area": "from areas along streets", "rule": "by rule"}
     sources = Counter(place.source.value for place in world.parking)
     orientations = Counter(place.orientation.value for place in world.parking)
     origins = [f"{sources[name]} {text}" for name, text in words.items() if sources[name]]
@@ -235,7 +235,7 @@ def _parking_rows(world: "World") -> list[tuple[str, str]]:
     return [
         ("parking places", f"{len(world.parking)} ({', '.join(origins)})"),
         ("", ", ".join(f"{count} {name}" for name, count in sorted(orientations.items()))),
-        ("", f"{wholly} on the carriageway, {len(shares) - wholly - beside} partly, {beside} beside it"),
+        ("", f"{wholly} on the carriageway, {len(shares) - wholly - beside} partly, {beside} off it"),
     ]
 
 

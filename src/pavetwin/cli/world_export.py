@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pavetwin.world.model import World
 
 SEGMENT_AROUND_M = 25.0
-"""What is shown around a segment that is asked for."""
+"""Shown surroundings of a requested segment."""
 
 
 def export(
@@ -192,7 +192,7 @@ def _parked(
     conditions = conditions_of(date, time, None, None)
     if parking is None:
         if conditions:
-            raise PaveTwinError(f"--{next(iter(conditions))}: say with --parking that vehicles are parked, as by-time.")
+            raise PaveTwinError(f"--{next(iter(conditions))}: add parked vehicles with --parking, such as by-time.")
         return None
     settings = ParkingSettings.model_validate(parking_of(parking))
     mix = moment.recording.origin.mix if moment else DEFAULT_MIX
@@ -205,7 +205,7 @@ def _moment(world: "World", traffic: Path | None, at: float | None) -> "TrafficS
 
     if traffic is None:
         if at is not None:
-            raise PaveTwinError(f"--at {at:g}: say with --traffic of which recording.")
+            raise PaveTwinError(f"--at {at:g}: name their recording with --traffic.")
         return None
     at_s = at or 0.0
     with about("recording"):

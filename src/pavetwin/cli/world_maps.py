@@ -26,7 +26,7 @@ def show(
         bool,
         typer.Option("--condition", help="Draw the true condition instead: defects per 100 m² by segment."),
     ] = False,
-    html: Annotated[bool, typer.Option("--html", help="Also write an interactive page beside the picture.")] = False,
+    html: Annotated[bool, typer.Option("--html", help="Also write an interactive page next to the image.")] = False,
 ) -> None:
     """Draw the map of a world.
 
@@ -56,10 +56,10 @@ def show(
         if html:
             save_world_html(loaded, picture.with_suffix(".html"))
         report(1.0)
-    said = f"Drawn to {picture}"
+    drawn = f"Drawn to {picture}"
     if html:
-        said += f", and to {picture.with_suffix('.html')} (open it in a browser; it needs no network)"
-    out.line(f"{said}.")
+        drawn += f", and to {picture.with_suffix('.html')} (open it in a browser; it needs no network)"
+    out.line(f"{drawn}.")
     note_fonts(loaded)
     if left_out:
         out.line(

@@ -1,8 +1,8 @@
-"""What cracks start at or run along: manhole covers, the corners of patches and slabs, the edges of trenches, joints.
+"""Features that cracks start at or run along: manhole covers, corners of patches and slabs, edges of trenches, joints.
 
-A population's class may say for which shares of its cracks this holds. Such a crack is placed as any other, where there
-is room for both; what it starts at is kept with the defect, and a scene draws it there. So the cracks of a world do not
-depend on a scene, and are exact in each. Where joints are, the world says (`pavetwin.world.pavement_joints`).
+A population's class may give the shares of its cracks to which this applies. Such a crack is placed as any other, where
+there is room for both; its feature is kept with the defect, and a scene draws it there. So the cracks of a world do not
+depend on a scene, and are exact in each. `pavetwin.world.pavement_joints` places the joints.
 
 The end of a crack at which it starts is the one with the largest x of its own frame; trenches lie to the right of their
 crack (smaller y).
@@ -37,7 +37,7 @@ COVER_ROOM_M: Final = 0.68
 """Radius of the room that is kept for a cover: the largest with its collar has 0.62 m."""
 
 TRENCHES_ACROSS: Final = 0.6
-"""Share of the trenches beside cracks that lie across the street: connections of houses are more than mains. Ours."""
+"""Share of the trenches along cracks that lie across the street: connections of houses are more than mains. Ours."""
 
 
 OVERGROWN: Final = (0.08, 0.8)
@@ -53,14 +53,14 @@ JOINT_SPREAD_RAD: Final = 0.004
 """Standard deviation of their direction from that of the joint."""
 
 STRAIGHT: Final[ShapeParameters] = (("wander", 0.3), ("branches", 0.25))
-"""Of cracks along joints, which hardly leave them, and of those across corners."""
+"""Spread of cracks along joints, which hardly leave them, and of those across corners."""
 
 _FEATURES, _POSES = 1, 2
 """Keys of random numbers under the seed of a shape."""
 
 
 class Feature(StrEnum):
-    """What a crack starts at, or runs along."""
+    """Feature that a crack starts at, or runs along."""
 
     COVER = "cover"
     PATCH = "patch"
@@ -176,15 +176,15 @@ def _across_corners(rng: np.random.Generator, segment: Segment, count: int, leng
 
 
 def start_of(outline: Polygon, yaw_rad: float) -> tuple[Float64Array, Float64Array]:
-    """Where a defect with an outline and a direction starts, (2,) in the world frame, and the unit direction (2,) from
-    there away from it."""
+    """Starting point (2,) of a defect with an outline and a direction, world frame, and the unit vector (2,) away from
+    it."""
     corners = shapely.get_coordinates(outline)
     away = np.array([math.cos(yaw_rad), math.sin(yaw_rad)])
     return np.asarray(corners[int(np.argmax(corners @ away))]), away
 
 
 def room_for(feature: Feature, outline: Polygon, yaw_rad: float) -> Polygon | None:
-    """The room that a feature needs beside a defect, free of others; None if it needs none, as patches lie in the
+    """The room that a feature needs next to a defect, free of others; None if it needs none, as patches lie in the
     pavement."""
     if feature is not Feature.COVER:
         return None

@@ -30,7 +30,7 @@ from pavetwin.defects.shapes import (
 CELL_M = 0.005
 MARKING = Marking(margin_m=0.03, closing_m=0.12)
 BESIDE_M = (0.006, 0.018)
-"""Width beside a crack's edge that is broken or stained, from the least worn to the most."""
+"""Width along a crack's edge that is broken or stained, from the least worn to the most."""
 
 BENT = 0.10
 """Amplitude of the blocks' bent edges, as a share of a block's size."""
@@ -60,7 +60,7 @@ class Patch:
     other: UInt16Array
     """The block beyond the nearest joint."""
     distance_m: Float32Array
-    """To that joint."""
+    """Distance to that joint."""
     near: IndexArray
     """Flat indices of the cells near joints."""
 
@@ -74,13 +74,13 @@ class CrocodileCrackParameters(Settings):
     crack_m: Annotated[Range, limited(0.0005, 0.2)] = (0.002, 0.025)
     """Width of its thinnest and of its widest cracks."""
     exponent: Annotated[Range, limited(1.0, 10.0, unit="")] = (1.5, 3.0)
-    """Of the Minkowski metric that shapes the blocks; rounded to halves."""
+    """Exponent of the Minkowski metric that shapes the blocks; rounded to halves."""
     wear: ShareRange = (0.0, 1.0)
     """Progress of the damage: width of the cracks, broken edges, tilted and lost blocks."""
 
 
 def sample_crocodile_crack_poses(rng: np.random.Generator, road: poses.RoadSection, count: int) -> poses.Poses:
-    """In wheel paths, along them."""
+    """Sample poses in wheel paths, along them."""
     return poses.poses(rng, poses.wheel_paths(rng, road, count), 0.0, 0.04)
 
 
@@ -160,7 +160,7 @@ def _sites(rng: np.random.Generator, half: Float64Array, area_m2: float, count: 
 
 
 def _widths(rng: np.random.Generator, parameters: CrocodileCrackParameters, patch: Patch) -> Float32Array:
-    """(near,) width of the crack that the joint beside each of the near cells is [m].
+    """(near,) width of the crack at the joint next to each of the near cells [m].
 
     Main cracks follow a smooth field that is longer along the wheel path; every joint also has its own rank;
     all are thinner towards the border.
@@ -178,7 +178,7 @@ def _widths(rng: np.random.Generator, parameters: CrocodileCrackParameters, patc
     return np.asarray(low * np.exp(np.float32(math.log(high / low)) * share), dtype=np.float32)
 
 
-def _painted(rng: np.random.Generator, patch: Patch, width: Float32Array, beside_m: float) -> Heightfield:
+def _painted(rng: np.random.Generator, patch: Patch, width: Float32Array, joint_m: float) -> Heightfield:
     """Cracks, moved and lost blocks, and their stains on the surface. Most of it lies near joints."""
     lattice, near = patch.lattice, patch.near
     shape, cell = lattice[0], np.float32(lattice[1])
@@ -193,9 +193,9 @@ def _painted(rng: np.random.Generator, patch: Patch, width: Float32Array, beside
     grain = noise(rng, lattice, 0.018, 2, 0.7)
     worn = np.clip(1.6 * patch.region.ravel()[near], 0, 1) * np.float32(patch.wear)
     edge, rough = distance - half, grain.ravel()[near]
-    spall = smooth(edge, beside_m, 0.0) * smooth(rough + 2.4 * worn, 1.3, 2.3)
+    spall = smooth(edge, joint_m, 0.0) * smooth(rough + 2.4 * worn, 1.3, 2.3)
     height -= 0.004 * spall * (1 - share)
-    beside = smooth(edge, beside_m, 0.0)
+    beside = smooth(edge, joint_m, 0.0)
     sunken, gone = _moved(rng, patch, grain)
     exposed = np.maximum(spread(shape, near, 0.8 * spall), 0.7 * gone) * (1 - opening)
     noise_seed = int(rng.integers(2**63))

@@ -166,7 +166,7 @@ class Heightfield:
         return np.asarray((xy - (x0, y0)) / (x1 - x0, y1 - y0), dtype=np.float32)
 
     def without(self, ring: Float64Array) -> Self:
-        """The same with the defect-free road within a ring (n, 2), own frame; what remains fades out before it."""
+        """The field with the defect-free road within a ring (n, 2), own frame; what remains fades out before it."""
         notch = Polygon(ring)
         (rows, cols), (x0, y0) = self.shape, self.origin_m
         x, y = np.meshgrid(x0 + self.cell_m * np.arange(cols), y0 + self.cell_m * np.arange(rows))
@@ -177,7 +177,7 @@ class Heightfield:
         return replace(self, **fields).settled()
 
     def settled(self) -> Self:
-        """The same with the defect-free road outside its mask: height 0 and nothing broken there; stains and dust
+        """The field with the defect-free road outside its mask: height 0 and nothing broken there; stains and dust
         stay."""
         kept = self.mask.astype(np.float32)
         result = replace(self, height_m=self.height_m * kept, opening=self.opening * kept, exposed=self.exposed * kept)

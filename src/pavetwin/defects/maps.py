@@ -42,7 +42,7 @@ BROKEN = (1.22, 1.18, 1.11)
 DUST = (1.42, 1.38, 1.28)
 STONE = (1.45, 1.40, 1.32)
 STONE_CONTRAST = 0.3
-"""How much lighter or darker single stones are than their mean."""
+"""Spread of the brightness of single stones around their mean."""
 
 BROKEN_SHARE = (0.0, 0.2)
 """Exposed shares between which a cell of a hole becomes wholly broken; blocks that sank as a whole have none."""

@@ -52,7 +52,7 @@ class Measures:
 
 
 def length_of(measures: Measures) -> float:
-    """The length of a defect unless its class says otherwise [m]: of its openings, or without them its extent."""
+    """Default length of a defect [m]: that of its openings, or its extent without openings."""
     return measures.crack_length_m if measures.crack_length_m > 0 else measures.extent_length_m
 
 
@@ -112,10 +112,10 @@ SMOOTHED_M: Final = 0.003
 """Tolerance of the simplified outline, in which the steps between cells of a heightfield hardly count."""
 
 DIRECTION_BINS: Final = 12
-"""Over half a turn."""
+"""Number of bins over half a turn."""
 
 LEAST_SHARE: Final = 0.05
-"""Of the length: what runs in other directions, as the ends of an outline do, is left out."""
+"""Least share of the length: what runs in other directions, as the ends of an outline do, is left out."""
 
 Orientation = tuple[float, float, float]
 """East and north of a unit vector along a line, whichever way, and the share of the length that runs so."""

@@ -1,6 +1,6 @@
 """Placement of defects: each segment independently, with its own child seed.
 
-A damage population says how many defects of which classes are tried on a segment. Each gets up to `SHAPES` shapes, and
+A damage population gives the number of defects of each class to try on a segment. Each gets up to `SHAPES` shapes, and
 each shape up to `PLACES` poses (wheel paths, joints, edges, across; near others). The first pose is taken where the
 whole outline lies on the segment's asphalt, 5 cm from its edge (or from its concrete gutter) and 10 cm from every other
 defect. A defect is left out when there is no such pose, or when the defects would cover more than `LARGEST_SHARE` of
@@ -46,7 +46,7 @@ from pavetwin.world.segments import direction_at, point_at, segment_key
 from pavetwin.world.store import save_world
 
 PLACED: Final = "placed by the program, not surveyed"
-"""What the defects of a world are."""
+"""Origin of the defects of a world, for tables."""
 
 SHAPES, PLACES = 3, 30
 LARGEST_SHARE = 0.15
@@ -59,17 +59,17 @@ WITHIN = 4
 """Key of the random numbers under the seed of a shape for its places within another."""
 
 Placed = tuple[Point, float, Polygon]
-"""Where a shape lies: its centre, its direction [rad], and its outline there."""
+"""A shape's centre, its direction [rad], and its outline there."""
 
 
 class DefectOptions(Settings):
-    """Which defects a world gets, and how many."""
+    """Kinds and number of the defects of a world."""
 
     population: NameOrFile = "survey"
     """A damage population by name (`survey`, `paper`), or a YAML file of the same form: numbers, classes, sizes and
     positions. The other options replace parts of it."""
     per_segment: Annotated[float | None, Field(ge=0, le=1000)] = None
-    """The same number on every segment; rounded to a whole number."""
+    """Equal number on every segment, rounded to a whole number."""
     per_100_m2: Annotated[float | None, Field(ge=0, le=100)] = None
     """Mean number per 100 m² of the segments; streets and segments vary as in the population."""
     mix: dict[str, Annotated[float, Field(ge=0)]] = Field(default_factory=dict)
@@ -85,7 +85,7 @@ class DefectOptions(Settings):
 
     @classmethod
     def of_record(cls, record: BuildRecord) -> Self:
-        """How the defects of a world were placed; the defaults where none were.
+        """Options by which the defects of a world were placed; the defaults where there are none.
 
         Raises:
             PaveTwinError: the record does not fit.
@@ -93,7 +93,7 @@ class DefectOptions(Settings):
         return cls.parse(record.defects, where="world.yaml: defects") if record.defects else cls()
 
     def density(self) -> DefectDensity:
-        """How many there are: the population's, or what replaces it.
+        """Density of defects: the population's, or its replacement.
 
         Raises:
             PaveTwinError: there is no such population.
@@ -138,7 +138,7 @@ def add_defects(
     `waiting` is as in `place`."""
     options = options or DefectOptions()
     if not options.mix and any(not kind.ships for kind in kinds()):
-        # Written down, so that nobody who has not loaded the same plugins places something else.
+        # Recorded, so that placement does not depend on the plugins that a later reader has loaded.
         weights = {kind.name: share for kind, share in options.effective().shares()}
         options = options.model_copy(update={"mix": weights})
     defects = place(built.world.segments, built.record.options.seed, options, on_progress, waiting=waiting)
@@ -185,14 +185,14 @@ def place(
 
 
 def _on_segment(options: DefectOptions, seed: int) -> Callable[[Segment], list[Defect]]:
-    """What gives the defects of a segment."""
+    """Function that gives the defects of a segment."""
     whole = options.effective()
     shares = whole.shares()
     return lambda segment: SegmentPlacement(segment, seed, whole, shares).defects()
 
 
 def _placing(options: DefectOptions, seed: int, _on_tick: OnTick) -> Callable[[tuple[int, Segment]], list[Defect]]:
-    """The same in a process of its own, of a segment and its number."""
+    """Place the defects of a segment and its number in a separate process."""
     on_segment = _on_segment(options, seed)
     return lambda task: on_segment(task[1])
 
@@ -216,12 +216,12 @@ class SegmentPlacement:
         self._taken: list[Polygon] = []
         self._found: list[Defect] = []
         self._outline_at: list[int] = []
-        """Of each defect found, the place of its outline in `_taken`."""
+        """Index in `_taken` of the outline of each defect found."""
         self._poses: dict[str, list[tuple[float, float]]] = {}
         self._worn = cache(lambda name: population.worn(name, segment, seed))
 
     def defects(self) -> list[Defect]:
-        """In the order of their placement, as many as find a place."""
+        """Defects in the order of their placement, as many as find a place."""
         for drawn in self.population.kinds_on(self.segment, self.shares, self.seed, self._rng):
             kind = self.population.kind_on(self.segment.street, drawn)
             with failures_named(kind.name):
@@ -271,7 +271,7 @@ class SegmentPlacement:
         self._budget -= polygon.area
 
     def _within(self, host: str, outline: Polygon, seed: int) -> Placed | None:
-        """Where an outline lies within a defect of a class, which loses the part there; None where it fits in none."""
+        """Place of an outline within a defect of a class, which loses the part there; None where it fits in none."""
         rng = child(seed, Stream.DEFECTS, WITHIN)
         found = [number for number, defect in enumerate(self._found) if defect.kind == host and not defect.notch]
         found.sort(key=lambda number: -self._found[number].polygon.area)
@@ -309,7 +309,7 @@ class SegmentPlacement:
         self._budget += before.polygon.area - polygon.area
 
     def _near_others(self, of_class: ClassPopulation, poses: Poses) -> Poses:
-        """The poses, moved near a defect of another class where the population says so."""
+        """The poses, moved near a defect of another class where the population requires it."""
         if not of_class.near:
             return poses
         neighbour = of_class.neighbour(self._rng)
@@ -397,7 +397,7 @@ def placed_on(
     options: DefectOptions | None = None,
     threads: int | None = None,
 ) -> tuple[Defect, ...]:
-    """As `place`, from the cache where the same were placed before.
+    """Place defects as `place` does, or read them from the cache.
 
     Nothing is kept of a world without a content hash, which was never built, nor with classes of a user's own, whose
     code may change unseen.
@@ -434,9 +434,9 @@ def build_folder(
 
     Args:
         force: replace a world that is there.
-        jobs: number of processes that place defects; 1 takes threads of this one. None: one per core, 8 at most. They
-            import the caller's main module, which must be made for that, as `multiprocessing` says.
-        on_progress: told the share done, 0 … 1, and the step.
+        jobs: number of processes that place defects; 1 uses threads of this one. None: one per core, 8 at most. They
+            import the caller's main module, which must be safe to import (see `multiprocessing`).
+        on_progress: receives the share done, 0 … 1, and the step.
 
     Returns:
         The world, and what it was made from.
@@ -457,6 +457,6 @@ def build_folder(
 
 
 def _placers(jobs: int | None) -> int:
-    """How many processes place defects; none where one would be the only one, or none may be started."""
+    """Number of processes that place defects; 0 for a single one, or if none may be started."""
     most = min(cores(), MOST_PLACERS) if jobs is None else jobs
     return most if most > 1 and may_start() else 0

@@ -36,7 +36,7 @@ from pavetwin.world.segments import segment_key
 Spread = Annotated[float, Field(ge=0, le=3), NUMBER]
 
 _WITHIN: Final = 3
-"""Key of the random number under the seed of a shape that says within what it lies; `context` has two more."""
+"""Key of the random number under the seed of a shape that decides within what it lies; `context` has two more."""
 
 _STREETS: Final = 1
 """Key of the random numbers that all segments of a street share; those of a segment have no second key."""
@@ -47,7 +47,7 @@ Shares = tuple[tuple[DefectKind, float], ...]
 
 
 class DefectDensity(Settings):
-    """How many defects there are: either `per_segment`, or `per_100_m2` and how it varies."""
+    """Number of defects: either `per_segment`, or `per_100_m2` and how it varies."""
 
     per_segment: Annotated[float, Field(ge=0, le=1000), NUMBER] | None = None
     """Defects on every segment, rounded."""
@@ -56,7 +56,7 @@ class DefectDensity(Settings):
     street_sigma: Spread = 0.0
     """Standard deviation of the natural logarithm of the density between streets."""
     segment_sigma: Spread = 0.0
-    """The same between the segments of one street."""
+    """Spread between the segments of one street."""
 
     @property
     def varies(self) -> bool:
@@ -65,7 +65,7 @@ class DefectDensity(Settings):
 
     @property
     def variance(self) -> float:
-        """Of the natural logarithm of the density, over all segments."""
+        """Spread of the natural logarithm of the density, over all segments."""
         return self.street_sigma**2 + self.segment_sigma**2
 
     @model_validator(mode="after")
@@ -130,7 +130,7 @@ class Size(Settings):
 
 
 class Beside(Settings):
-    """How defects lie near others on the same segment; normally distributed around their middle."""
+    """Distances of defects to others on the same segment; normally distributed around their middle."""
 
     share: Share
     """Share of the defects of the class."""
@@ -168,7 +168,7 @@ class ClassPopulation(Settings):
         return tuple(drawn.items())
 
     def poses(self, rng: np.random.Generator, kind: DefectKind, road: RoadSection, count: int) -> Poses:
-        """Where one defect may lie, before others are looked at."""
+        """Possible poses of one defect, regardless of others."""
         if not self.positions:
             return kind.sample_poses(rng, road, count)
         weights = np.array(list(self.positions.values()))
@@ -233,7 +233,7 @@ class Population(Settings):
         try:
             self._check_references()
         except PlacedValueError:
-            self._check_names()  # a misspelt class is told before the others that name it
+            self._check_names()  # a misspelt class is reported before the others that name it
             raise
         if self.classes and not sum(each.weight for each in self.classes.values()) > 0:
             raise PlacedValueError(("classes",), "the weights sum to 0")
@@ -338,7 +338,7 @@ class Population(Settings):
         return self._condition(segment, seed) / math.exp(self.density.variance * (0.5 + self.of_class(name).growth))
 
     def _count_on(self, segment: Segment, rng: np.random.Generator) -> int:
-        """The same number everywhere, by segment or by area; this one is rounded at random: on average it holds."""
+        """Equal density everywhere, by segment or by area; numbers by area are rounded at random, unbiased."""
         if self.density.per_segment is not None:
             return round(self.density.per_segment)
         return math.floor(float(self.density.per_100_m2 or 0.0) * segment.area_m2 / 100 + float(rng.random()))

@@ -16,7 +16,7 @@ from pavetwin.world.model import Segment
 
 
 class Position(StrEnum):
-    """Where on a road, and in which direction, a population places a defect."""
+    """Position and direction on a road in which a population places a defect."""
 
     JOINT = "joint"
     """Along a joint between paved lanes."""
@@ -25,9 +25,9 @@ class Position(StrEnum):
     EDGE = "edge"
     """Along an edge of the carriageway."""
     ACROSS = "across"
-    """Across the road, anywhere."""
+    """Transverse, anywhere on the road."""
     OBLIQUE = "oblique"
-    """At about 45° to the road, anywhere."""
+    """Diagonal, at about 45° to the road, anywhere."""
     ANYWHERE = "anywhere"
     """Anywhere, in any direction."""
 
@@ -36,13 +36,13 @@ Poses = Float64Array
 """(n, 3): share of the way along the road, 0 … 1; metres to the left of its middle; angle to it [rad]."""
 
 WHEEL_PATH_M, WHEEL_PATH_SPREAD_M = 0.82, 0.10
-"""From a lane's centre to its wheel paths: half the track width of cars and vans (1.5 to 1.8 m), and its spread."""
+"""Distance of wheel paths from a lane's centre: half the track width of cars and vans (1.5 to 1.8 m); its spread."""
 
 NARROW_LANE_M = 2.6
 """Below this lane width the wheel paths move inwards with the width."""
 
 EDGE_M = (0.25, 0.9)
-"""From the carriageway's edge to the strip of edge cracking, where lateral support is missing."""
+"""Distance from the carriageway's edge to the strip of edge cracking, where lateral support is missing."""
 
 
 ALONG_SPREAD_RAD, ACROSS_SPREAD_RAD, OBLIQUE_SPREAD_RAD = 0.035, 0.10, 0.22

@@ -162,7 +162,7 @@ def _layers(rng: np.random.Generator, depth_m: float) -> Float64Array:
 
 
 def _stepped(deep: Float32Array, layers: Float64Array) -> Float32Array:
-    """The same slopes in steps: each course has a steep face and leaves a ledge down to the next one."""
+    """Slopes in steps: each course has a steep face and leaves a ledge down to the next one."""
     total = np.zeros_like(deep)
     for top, end in zip(layers[:-1].tolist(), layers[1:].tolist(), strict=True):
         sharpness = SHARPNESS if end < layers[-1] else 1.0
@@ -227,12 +227,12 @@ IN_WHEEL_PATH, AT_EDGE = 0.65, 0.20
 
 class PotholeParameters(Settings):
     diameter_m: Annotated[Range, limited(0.1, 5.0)] = (0.25, 1.0)
-    """Of its longest side; where sub-bowls that hardly overlap come apart, only the largest, shorter one is left."""
+    """Longest side; where sub-bowls that hardly overlap come apart, only the largest, shorter one is left."""
     depth_m: Annotated[Range, limited(0.002, 1.0)] = (0.013, 0.2)
     """Greatest depth; log-uniform, and not above 0.25 of the diameter while the range allows."""
     fullness: Annotated[Range, limited(0.05, 1.0, unit="")] = (0.5, 0.85)
-    """Its volume over that of a cylinder of its rim and depth: a cone has 1/3, a box 1. Holes that are too narrow for
-    such slopes are fuller."""
+    """Ratio of its volume to that of a cylinder of its rim and depth: a cone has 1/3, a box 1. Holes too narrow for such
+    slopes are fuller."""
     bowls: Annotated[tuple[int, int], counts(1, 20)] = (2, 5)
     """Sub-bowls that have merged."""
     stone_m: Annotated[Range, limited(0.002, 0.1)] = (0.008, 0.02)

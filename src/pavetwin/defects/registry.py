@@ -1,4 +1,4 @@
-"""What a class of defects is, and where classes are registered. A new one is one file with one `@defect_class`."""
+"""Classes of defects, their registry, and their conformance rules. A new one is one file with one `@defect_class`."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -25,13 +25,13 @@ SHAPES_WHEN_READ = 2
 """Tried whenever a plugin is read, also by each worker process."""
 
 ROOM_FROM = 20
-"""With fewer shapes nothing is said about whether they find room."""
+"""Least number of shapes for the rule that some find room."""
 
 LARGEST_M, DEEPEST_M = 15.0, 0.5
 """A larger shape is a street rather than a defect of it."""
 
 ROADS = (RoadSection(100.0, 7.0, 2), RoadSection(20.0, 3.0, 1), RoadSection(135.0, 14.0, 4))
-"""What poses are asked for: an ordinary road, which is also where room is looked for, a short lane, a wide street."""
+"""Roads to sample poses on: an ordinary one, on which shapes must also find room, a short lane, a wide street."""
 POSES, EDGE_M = 30, 0.05
 
 _NAMED_SEEDS = 3
@@ -39,7 +39,7 @@ _NAMED_SEEDS = 3
 
 @dataclass(frozen=True)
 class TriedShape:
-    """One shape of a class and what the class says of it."""
+    """Shape of a class, with the measures and severity that the class gives it."""
 
     measures: Measures
     width_m: float
@@ -61,7 +61,7 @@ class _Broken:
     def sentences(self) -> list[str]:
         return [f"{rule} ({_seeds_text(seeds)})" if seeds else rule for rule, seeds in self._seeds.items()]
 
-    def say(self, rule: str) -> None:
+    def add_rule(self, rule: str) -> None:
         self._seeds.setdefault(rule, [])
 
 
@@ -82,7 +82,7 @@ def tried(kind: "DefectKind", shapes: int = SHAPES) -> tuple[list[TriedShape], l
     _check_label(kind, broken)
     trials = [trial for seed in range(shapes) if (trial := _trial(kind, seed, broken)) is not None]
     if len(trials) >= ROOM_FROM and not any(trial.has_room for trial in trials):
-        broken.say(
+        broken.add_rule(
             f"none of {len(trials)} shapes finds room on a straight road of two lanes, {ROADS[0].width_m:g} m wide"
         )
     return trials, broken.sentences()
@@ -92,13 +92,13 @@ def _check_label(kind: "DefectKind", broken: _Broken) -> None:
     values = {each.name: getattr(kind.label, each.name) for each in fields(kind.label)}
     wrong = [f"{name}={value!r}" for name, value in values.items() if not _is_number(value) or value < 0]
     if wrong:
-        broken.say(f"its label rule has {', '.join(wrong)}: give numbers from 0 on")
+        broken.add_rule(f"its label rule has {', '.join(wrong)}: give numbers from 0 on")
     elif kind.label.least_short_side_px > kind.label.least_side_px:
-        broken.say("its label rule asks for a shorter side that is longer than the longer side")
+        broken.add_rule("its label rule asks for a shorter side that is longer than the longer side")
 
 
 def _trial(kind: "DefectKind", seed: int, broken: _Broken) -> TriedShape | None:
-    """What is known of the shape of a seed; None where it cannot be measured."""
+    """Trial of the shape of a seed; None where it cannot be measured."""
 
     def call(what: str, function: Callable[..., Any], *arguments: Any) -> Any:
         try:
@@ -133,7 +133,7 @@ def _trial(kind: "DefectKind", seed: int, broken: _Broken) -> TriedShape | None:
 
 
 def _wrong_shape(shape: Heightfield, sizes: Measures) -> Iterator[str]:
-    """What is wrong with a shape by itself."""
+    """Rules that a single shape breaks."""
     if not np.isfinite(shape.height_m).all():
         yield "its heights are not finite"
     if not shape.outline.envelope.contains(shapely.Point(0, 0)):
@@ -150,7 +150,7 @@ def _wrong_shape(shape: Heightfield, sizes: Measures) -> Iterator[str]:
 
 
 def _wrong_again(shape: Heightfield, again: object, call: Callable[..., Any]) -> Iterator[str]:
-    """Where two shapes of equal generators differ."""
+    """Differences between two shapes of equal generators."""
     if not isinstance(again, Heightfield) or not _same(shape, again, ("height_m", "opening", "exposed")):
         yield "equal generators give different shapes"
         return
@@ -216,12 +216,12 @@ class LabelRule:
     """The least that must be visible of a defect for it to be labelled in a dataset."""
 
     least_side_px: int = 8
-    """Of the longer side of its box."""
+    """Longer side of its box."""
     least_short_side_px: int = 4
     least_area_px: int = 20
-    """Of its mask."""
+    """Area of its mask."""
     least_contrast: float = 15.0
-    """How much it changes the image, in standard deviations of the defect-free pavement (`capture.contrast`)."""
+    """Change of the image, in standard deviations of the defect-free pavement (`capture.contrast`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,21 +231,21 @@ class DefectKind:
     name: str
     generate: Generate
     sample_poses: PoseSampler
-    """Where on a road it is found."""
+    """Sampler of its poses on a road."""
     rate: Callable[[Measures], Severity]
     width: Callable[[Measures], float]
-    """Which of its measures is its width."""
+    """Width, from its measures."""
     length: Callable[[Measures], float]
-    """Which is its length."""
+    """Length, from its measures."""
     weight: float
-    """Among all defects, unless a mix says otherwise."""
+    """Share among all defects, unless a mix replaces it."""
     label: LabelRule
     is_thin: bool
     """Whether its outlines are so thin that boxes around them hardly overlap, see `pavetwin.sensing.match`."""
     parameters: type[Settings] | None = None
-    """What its shapes may be given besides a seed; None for a class whose shapes come from the seed alone."""
+    """Settings of its shapes besides a seed; None for a class whose shapes come from the seed alone."""
     distress: Distress | None = None
-    """As what it counts in the Pavement Condition Index; None for not at all."""
+    """Distress in the Pavement Condition Index; None if it does not count."""
 
     @property
     def ships(self) -> bool:
@@ -317,16 +317,16 @@ def defect_class(
 
     Args:
         name: a lower-case identifier.
-        sample_poses: where on a road it is found.
+        sample_poses: its places on a road.
         rate: its severity, from its measures.
-        width: which of its measures is its width.
-        length: which is its length; that of its openings, or of a shape without openings its extent, unless given.
+        width: its width, from its measures.
+        length: its length, from its measures; by default that of its openings, or its extent without openings.
         weight: its share among all defects, relative to the weights of the other classes.
-        label: from which size in a picture it is labelled.
+        label: least size in an image for a label.
         is_thin: its outlines are so thin that boxes around them hardly overlap; detections match by other rules.
         parameters: settings that what is decorated takes as its second argument, or None for their defaults; damage
             populations give some of them.
-        distress: as what it counts in the Pavement Condition Index, a name of `Distress`; not at all unless given.
+        distress: its distress in the Pavement Condition Index, a name of `Distress`; it does not count without one.
 
     Raises:
         ValueError: the name is taken or cannot name a class, the weight is negative, or there is no such distress.
@@ -345,7 +345,7 @@ def defect_class(
 
 
 def kinds() -> tuple[DefectKind, ...]:
-    """The classes that ship with PaveTwin and those of plugins, by name: what is placed unless a mix says otherwise.
+    """The classes that ship with PaveTwin and those of plugins, by name: the default mix.
 
     Those of installed packages are left out, so that a package that is installed changes no world.
     """

@@ -80,7 +80,7 @@ class Distress(StrEnum):
 
     @property
     def unit(self) -> str:
-        """What its quantity is measured in: `m`, `number` or `m²`."""
+        """Unit of its quantity: `m`, `number` or `m²`."""
         return _UNITS.get(self, "m²")
 
 

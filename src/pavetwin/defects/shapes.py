@@ -44,8 +44,8 @@ def counts(least: int, most: int) -> AfterValidator:
 
 
 def limited(least: float, most: float, unit: str = " m") -> AfterValidator:
-    """Refuse ranges that reach further: sizes in centimetres, say, whose cells would fill the memory, or in kilometres,
-    which cells do not show."""
+    """Refuse ranges beyond these limits, such as sizes in centimetres, whose cells would fill the memory, or in
+    kilometres, which cells do not show."""
 
     def check(limits: tuple[float, float]) -> tuple[float, float]:
         if limits[1] > most:
@@ -192,13 +192,13 @@ def flaked(rng: np.random.Generator, stroke: Stroke, share: float, size_m: float
 
 
 DEPTH: Final = (0.35, 1.3)
-"""From the host's outline to the middle of what lies in it, × half the length of that. Ours."""
+"""Distance from the host's outline to the middle of what lies in it, × half the length of that. Ours."""
 
 MOUTH_M: Final = 0.36
 """Width of the notch where it opens. The closing of a network's label would bridge one of less than 30 cm."""
 
 BEYOND_M: Final = 0.6
-"""How far the notch reaches beyond the host's outline."""
+"""Reach of the notch beyond the host's outline."""
 
 SPARE_M: Final = 0.015
 """The notch is wider by this than what the label rule adds to the host, and than the distance of outlines."""
@@ -207,10 +207,10 @@ LEAST_LEFT: Final = 0.5
 """Share of its area that a host keeps."""
 
 LEAST_AROUND: Final = 0.55
-"""Of the directions from its middle, in which a defect within another has that one beside it."""
+"""Least share of the directions from its middle in which a defect within another has that one next to it."""
 
 REACH_M: Final = 0.35
-"""Beside it is what lies within this distance of its outline."""
+"""Largest distance of a neighbour from its outline."""
 
 _DIRECTIONS: Final = 36
 _ROUNDED_M: Final = 0.001
@@ -225,7 +225,7 @@ class Host:
     yaw_rad: float
 
     def notched(self, outline: Polygon, apart_m: float) -> "Notched | None":
-        """What is left of it where another outline lies in it (world frame); None where too little is left, or where it
+        """The rest of it where another outline lies in it (world frame); None where too little is left, or where it
         is not around the other one."""
         own = _own(outline, self.centre, self.yaw_rad)
         whole = self.shape.outline
@@ -252,7 +252,7 @@ class Host:
 
 @dataclass(frozen=True, eq=False)
 class Notched:
-    """What is left of a host."""
+    """The rest of a host."""
 
     shape: Heightfield
     ring: tuple[tuple[float, float], ...]
@@ -283,7 +283,7 @@ def _own(outline: Polygon, centre: Point, yaw_rad: float) -> Polygon:
 
 
 def _around(host: Polygon, within: Polygon) -> float:
-    """Share of the directions from the middle of an outline in which a host lies beside it."""
+    """Share of the directions from the middle of an outline in which a host lies next to it."""
     middle = np.array(within.centroid.coords[0])
     angles = np.linspace(0.0, 2 * np.pi, _DIRECTIONS, endpoint=False)
     ends: Float64Array = middle + 9.0 * np.column_stack([np.cos(angles), np.sin(angles)])

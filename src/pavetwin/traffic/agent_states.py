@@ -1,4 +1,4 @@
-"""Which agents are in a frame of a recording, how fast they are, and how far they have come, from its key frames.
+"""Agents in a frame of a recording, their speeds, and the distances they have covered, from its key frames.
 
 Parts are read when they are asked for, and few of them are kept: what a recording takes of memory does not grow with
 its length, but for the distances of its agents at the beginning of each part.
@@ -18,7 +18,7 @@ PARTS_KEPT: Final = 4
 
 
 class AgentStates(NamedTuple):
-    """Of some agents in a frame. All arrays (n,)."""
+    """States of some agents in a frame. All arrays (n,)."""
 
     is_there: BoolArray
     speed_mps: Float32Array
@@ -29,11 +29,11 @@ class AgentStates(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Carried:
-    """What is known of all agents when a part begins. Arrays (agents,)."""
+    """States of all agents at the beginning of a part. Arrays (agents,)."""
 
     travelled_m: Float64Array
     x_m: Float32Array
-    """Where each was last; NaN for those that have not been in the window."""
+    """Last place of each; NaN for those that have not been in the window."""
     y_m: Float32Array
 
 
@@ -57,7 +57,7 @@ class AgentStateReader:
         self._first_part = self._part_of(tracks.first_step)
         nowhere = np.full(agents, np.nan, dtype=np.float32)
         self._carried = [_Carried(np.zeros(agents), nowhere, nowhere)]
-        """By the part that it begins, from the window's first one on."""
+        """Beginnings of parts, from the window's first one on."""
         self._read = lru_cache(PARTS_KEPT)(self._uncached)
 
     def at(self, who: Int64Array, frame: int) -> AgentStates:
@@ -94,7 +94,7 @@ class AgentStateReader:
         is_first = np.append(True, agent[1:] != agent[:-1])[:count]
         before_x = np.where(is_first, carried.x_m[agent], np.append(np.float32(np.nan), x[:-1])[:count])
         before_y = np.where(is_first, carried.y_m[agent], np.append(np.float32(np.nan), y[:-1])[:count])
-        # Who left before the window begins was not in it; who was there and moves later has moved since.
+        # An agent that left before the window was not in it; one that was present and moves later has moved since.
         left = np.append(False, is_last[:-1] & (step[:-1] < begins))[:count] & ~is_first
         moved = np.hypot(x.astype(np.float64) - before_x, y.astype(np.float64) - before_y)
         moved[np.isnan(moved) | left | (step <= begins)] = 0.0

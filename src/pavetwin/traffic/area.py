@@ -25,7 +25,7 @@ SQUARE_M: Final = 200.0
 """Side of the squares of the grid."""
 
 MOST_SHARE: Final = 0.5
-"""Of a town's kilometres of lane: an area with more is the whole town, whose recording all missions share."""
+"""Largest share of a town's kilometres of lane: a larger area is the whole town, whose recording all missions share."""
 
 OBSERVED_SHARE: Final = 2.0
 """An area's vehicles are observed on so many times its own kilometres of lane."""
@@ -42,7 +42,7 @@ class TrafficArea:
     """Some streets of a world."""
 
     distance_m: float
-    """From the targets."""
+    """Distance from the targets."""
     edges: tuple[str, ...]
     """Their directed edges, in the world's order: all of a street or none."""
 
@@ -82,7 +82,7 @@ class TrafficArea:
 
     @property
     def name(self) -> str:
-        """For files."""
+        """Name in files."""
         return f"{self.distance_m:g}m-{sha256(' '.join(self.edges).encode()).hexdigest()[:8]}"
 
     @cached_property

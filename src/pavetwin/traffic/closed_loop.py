@@ -237,7 +237,7 @@ class ClosedLoop:
         self._pedestrian_kind = Draw(np.array([kind.share for kind in PEDESTRIANS]))
 
     def hold(self, vehicles: int) -> None:
-        """From now on hold another number of vehicles."""
+        """Hold another number of vehicles from now on."""
         self._vehicles = vehicles if self._roads.ids else 0
 
     def fill(self, *, warming: bool) -> None:
@@ -256,7 +256,7 @@ class ClosedLoop:
             self._start_walk()
 
     def _own(self, domain: Any) -> int:
-        """How many of SUMO's vehicles or persons are its own."""
+        """Number of SUMO's vehicles or persons that are its own."""
         return self._counted(domain.getIDList()) if self._prefix else int(domain.getIDCount())
 
     def _counted(self, names: Sequence[str]) -> int:
@@ -296,7 +296,7 @@ class ClosedLoop:
         return float(count * JAM_LENGTH_M / self._roads.length_m[edge])
 
     def _start(self, edge: int, **departure: str) -> None:
-        """One vehicle of a random type from `edge` on; nothing where its type may not drive."""
+        """Insert a vehicle of a random type at `edge`, unless its type may not drive there."""
         sumo, type_id = self._sumo, self._vehicle_types[self._vehicle_type(self._rng)]
         route = self._trip(edge, type_id)
         if not route:

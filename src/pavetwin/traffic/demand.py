@@ -1,4 +1,4 @@
-"""How much traffic: a density, a level of service or an hour of a weekday, and the mix of vehicles.
+"""Demand: a density, a level of service, an hour of a weekday or a user's own routes, and the mix of vehicles.
 
 A density is vehicles per kilometre of lane and pedestrians per kilometre of sidewalk. The denominators are the lengths
 of all driving lanes and of all sidewalks, between junctions. Agents on junctions and crossings count in the numerator.
@@ -64,7 +64,7 @@ class LevelOfService(StrEnum):
 
 
 STOP_AND_GO: Final = 2 / 3
-"""Where the target of F is, which ends at standstill. At its middle, a speed ratio of 0.15, traffic falls into gridlock
+"""Target of F, which ends at standstill. At its middle, a speed ratio of 0.15, traffic falls into gridlock
 in some towns, and no number of vehicles holds it."""
 
 _ABOVE: Final = {"A": 0.80, "B": 0.67, "C": 0.50, "D": 0.40, "E": 0.30, "F": 0.0}
@@ -94,11 +94,11 @@ class Mix(Settings):
     """A mix as its file holds it."""
 
     what: str
-    """In a few words."""
+    """Short description."""
     sources: tuple[str, ...]
-    """Where shares are from."""
+    """Source of the shares."""
     ours: str
-    """Which of them are assumptions of ours."""
+    """Shares that are assumptions of ours."""
     shares: Mapping[str, Annotated[float, Field(gt=0, le=1)]]
     """Kind → share of all vehicles; they sum to 1."""
 
@@ -157,7 +157,7 @@ _LEVEL: Final = "los-"
 _HOUR: Final = "hour-"
 
 DEFAULT_TRAFFIC: Final = f"{_LEVEL}{LevelOfService.C}"
-"""Of missions and datasets, where none is named."""
+"""Density of missions and datasets that name none."""
 
 LEVEL_PEDESTRIANS: Final = 60.0
 """Per kilometre of sidewalk in every level of service, and in the busiest hour: those of the density medium. The
@@ -178,7 +178,7 @@ HOURS: Final = 1
 """Version of how the demand of an hour follows from that of the busiest one (`demand_search`)."""
 
 BUSIEST: Final = LevelOfService.D
-"""Of the busiest hour. An assumption of ours: streets are built to work at capacity's edge on a usual weekday."""
+"""Level of the busiest hour. An assumption of ours: streets are built to work at capacity's edge on a usual weekday."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,7 +187,7 @@ class Density:
 
     name: str
     vehicles_per_lane_km: float | None
-    """None for a level of service or an hour whose density in a world is not found yet."""
+    """Density; None for a level of service or an hour whose density in a world is not found yet."""
     pedestrians_per_sidewalk_km: float
 
     def __post_init__(self) -> None:
@@ -317,13 +317,13 @@ class Capacity:
         return cls(world.length_km(LaneKind.DRIVING), world.length_km(LaneKind.SIDEWALK))
 
     def vehicles(self, density: Density) -> int:
-        """How many vehicles make the density; at least one where any were asked for and a lane exists."""
+        """Number of vehicles of the density; at least one where any were asked for and a lane exists."""
         if density.vehicles_per_lane_km is None:
             raise ValueError(f"The density of {density.name} is not found yet")
         return _count(density.vehicles_per_lane_km * self.lanes_km)
 
     def pedestrians(self, density: Density) -> int:
-        """How many pedestrians make the density; none in a world without sidewalks."""
+        """Number of pedestrians of the density; none in a world without sidewalks."""
         return _count(density.pedestrians_per_sidewalk_km * self.sidewalks_km)
 
 
@@ -332,7 +332,7 @@ def _count(expected: float) -> int:
 
 
 WARM_UP_S: Final = 300.0
-"""Missions take off so long after the first departure unless told otherwise, or with the last one where that is
+"""Default time of take-off after the first departure; missions take off with the last departure where that is
 earlier. As long as the longest warm-up of a density."""
 
 FLOWS: Final = frozenset({"flow", "personFlow"})
@@ -347,7 +347,7 @@ _KINDS: Final = {
     "fcd-export": "an output of SUMO (positions)",
     "tripinfos": "an output of SUMO (trips)",
 }
-"""What XML files are, by their root."""
+"""Kinds of XML files, by their root."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -360,12 +360,12 @@ class OwnDemand:
 
     @property
     def begin_s(self) -> float:
-        """When SUMO starts: with the first departure, in whole seconds."""
+        """Start of SUMO: the first departure, in whole seconds."""
         return float(math.floor(self.first_s))
 
     @property
     def warm_up_s(self) -> float:
-        """When missions take off unless told otherwise, in whole seconds after `begin_s`."""
+        """Default take-off of missions, in whole seconds after `begin_s`."""
         return float(math.floor(min(WARM_UP_S, self.last_s - self.begin_s)))
 
 
@@ -373,7 +373,7 @@ def own_demand(routes: Sequence[str | Path]) -> OwnDemand:
     """The demand of SUMO route files, plain or gzipped.
 
     Raises:
-        PaveTwinError: a file is missing, no XML, or holds no vehicle; the message says which kind of file it is.
+        PaveTwinError: a file is missing, no XML, or holds no vehicle; the message names the kind of file.
     """
     each = []
     for path in map(Path, routes):
@@ -421,7 +421,7 @@ def _read(path: Path, _content: str) -> OwnDemand:
 
 
 def _binary_kind(path: Path) -> str:
-    """What a file is that is not XML; empty where it is not known."""
+    """Kind of a file that is not XML; empty where it is unknown."""
     with path.open("rb") as file:
         head = file.read(4)
     if head == b"PAR1":

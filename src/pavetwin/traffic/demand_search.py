@@ -6,7 +6,7 @@ whole networks Geroliminis and Daganzo 2008), with v₀ from a nearly empty netw
 that gives the next one, and trials on both sides bound it. The result is read off the curve that fits them best.
 
 The first two trials, the nearly empty network and a guess, run side by side. The search is the same under every seed of
-traffic, since the density is a property of the streets. Its trials are kept beside the recordings.
+traffic, since the density is a property of the streets. Its trials are kept next to the recordings.
 """
 
 import hashlib
@@ -43,16 +43,16 @@ NEAR: Final = 0.10
 """A trial within this of the target, as a share of it, is near: what a recording may miss it by."""
 
 NEAREST: Final = 0.04
-"""One such trial ends the search, or two near ones."""
+"""Tolerance within which one trial ends the search."""
 
 WEIGHED: Final = 0.25
 """A trial whose speed ratio is off the target by this much (natural logarithm) weighs 0.6 of one that is on it."""
 
 MOST_TRIALS: Final = 8
-"""Of one search, the first included."""
+"""Trials of one search, the first included."""
 
 SEED: Final = 0
-"""Of the trials."""
+"""Seed of the trials."""
 
 EMPTY_PER_LANE_KM: Final = 1.0
 FEWEST: Final = 4
@@ -96,7 +96,7 @@ def found(inputs: Inputs, on_search: OnRecorded | None = None) -> Inputs:
     """The inputs with a density, searched for where it is not known yet.
 
     Args:
-        on_search: told the share done of the search.
+        on_search: receives the share done of the search.
 
     Raises:
         PaveTwinError: the world cannot reach the level of service, or SUMO fails.
@@ -144,7 +144,7 @@ class DemandSearch:
         """
         asked = replace(_level_of_trials(mix), vehicles_per_lane_km=EMPTY_PER_LANE_KM)
         self._inputs = Inputs(world, asked, SEED, area=area)
-        self._tell = on_progress or (lambda _: None)
+        self._report = on_progress or (lambda _: None)
         self._name = f"traffic/demand-{mix}{'' if area is None else f'-{area.name}'}.json"
         self._hash = hashlib.sha256(
             json.dumps([self._inputs.hash, MEASURED_VEHICLE_S, *MEASURED_S]).encode()
@@ -158,7 +158,7 @@ class DemandSearch:
         return [trial for _, trial in sorted(self._known.items())]
 
     def trial(self, per_lane_km: float) -> Trial:
-        """What a density leads to, simulated where it is not known."""
+        """Trial of a density, simulated where it is not known."""
         self._simulate(per_lane_km)
         return self._known[self._count(per_lane_km)]
 
@@ -173,7 +173,7 @@ class DemandSearch:
         return replace(asked, vehicles_per_lane_km=self.of_level(asked.level)[0]) if asked.level else asked
 
     def of_level(self, level: LevelOfService) -> tuple[float, list[Trial]]:
-        """Vehicles per kilometre of lane, and the trials that say so, of which the first is nearly empty.
+        """Vehicles per kilometre of lane, and the trials that show it, of which the first is nearly empty.
 
         Raises:
             UnreachableError: the world cannot reach the level of service.
@@ -259,7 +259,7 @@ class DemandSearch:
                 simulation.begin(_measured_frames(count))
                 simulations.append((inputs, simulation))
             for inputs, simulation in simulations:
-                part = simulation.finish(lambda share: self._tell(min(1.0, (self._done + share) / MOST_TRIALS)))
+                part = simulation.finish(lambda share: self._report(min(1.0, (self._done + share) / MOST_TRIALS)))
                 trials.append(self._measured(inputs, part))
                 self._done += 1
         return trials
@@ -298,7 +298,7 @@ class DemandSearch:
 
 
 def _measured_frames(count: int) -> int:
-    """How long a trial with so many vehicles is measured."""
+    """Frames in which a trial with this many vehicles is measured."""
     least, most = MEASURED_S
     return round(min(most, max(least, MEASURED_VEHICLE_S / count)) / STEP_S)
 
@@ -355,7 +355,7 @@ def within_reach(
     as near the worse one.
 
     Args:
-        on_search: told the share done of the search for a level's demand.
+        on_search: receives the share done of the search for a level's demand.
         of_area: whether it is recorded on an area of the world.
 
     Raises:

@@ -1,4 +1,4 @@
-"""What a recording is, in a traffic engineer's numbers: speed, speed ratio, flow, standing vehicles, removals.
+"""Traffic flow of a recording: speed, speed ratio, flow, standing vehicles, removals.
 
 All are computed from the recording's own rows, of vehicles only. The free-flow speed of a vehicle is the speed limit of
 the lane whose centre line it is nearest to, of those in its direction; inside a junction, that of the lane before or
@@ -23,11 +23,11 @@ from pavetwin.traffic.recording import SAMPLED_S, Agents, Origin, Recording
 from pavetwin.traffic.tracks import PoseRows
 
 FEW_VEHICLE_HOURS: Final = 1.0
-"""Of fewer, such as five vehicles in ten minutes, the level of service rests on whether these met green signals: it may
-be better than any that the network keeps for longer. An assumption of ours."""
+"""Fewer, such as five vehicles in ten minutes, give a level of service that depends on the signals they met: it may be
+better than any that the network keeps for longer. An assumption of ours."""
 
 MOST_REMOVALS_PER_HOUR: Final = 0.05
-"""Vehicles taken out of gridlock per vehicle-hour; more of them say that traffic is beyond the network's capacity."""
+"""Vehicles taken out of gridlock per vehicle-hour; more of them show that traffic exceeds the network's capacity."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class Flow:
     speed_kmh: float | None
     """Distance over time, of all vehicles together (space mean speed)."""
     free_flow_kmh: float | None
-    """The same distances over their time at the speed limits."""
+    """The same distances, over their time at the speed limits."""
     standing: float | None
     """Share of vehicles slower than `STANDING_MPS`."""
     per_lane_km: float | None
@@ -69,7 +69,7 @@ class Flow:
 
     @property
     def sentence(self) -> str:
-        """What the traffic is, in one line."""
+        """The traffic in one line."""
         if self.speed_kmh is None or self.standing is None:
             return "There are no vehicles."
         ratio = ""
@@ -81,16 +81,16 @@ class Flow:
 
     @property
     def removals_sentence(self) -> str:
-        """How many vehicles were taken out of gridlock, and what that means for the result."""
+        """Vehicles taken out of gridlock, and the consequence for the result."""
         removed = self.removed_per_vehicle_hour
         if not removed:
             return "No vehicle was taken out of gridlock."
-        said = f"{removed:.2f} vehicles per vehicle-hour were taken out of gridlock"
+        removals = f"{removed:.2f} vehicles per vehicle-hour were taken out of gridlock"
         if removed <= MOST_REMOVALS_PER_HOUR:
-            return f"{said}: too few to change what the camera sees."
+            return f"{removals}: too few to change what the camera sees."
         return (
-            f"{said}: the streets are beyond capacity and would stand still without that, so a policy that waits for "
-            "traffic to move waits less here than it would in reality."
+            f"{removals}: the streets are beyond capacity and would stand still without that, so a policy that waits "
+            "for traffic to move waits less here than it would in reality."
         )
 
 
@@ -133,7 +133,7 @@ def flow_of(recording: Recording) -> Flow:
 
 
 def as_values(flow: Flow) -> Mapping[str, float | str | None]:
-    """For files: rounded, in the order of reading."""
+    """Rounded values for files, in the order of reading."""
     return {
         "speed_kmh": _rounded(flow.speed_kmh, 2),
         "free_flow_kmh": _rounded(flow.free_flow_kmh, 2),

@@ -45,7 +45,7 @@ WARM_UP_S: Final = (120.0, 300.0)
 """The shortest and the longest warm-up before a recording: queues at signals need a few cycles to form."""
 
 LEVEL_WARM_UP_S: Final = (300.0, 600.0)
-"""The same where traffic is to flow at a level of service: queues that spill over several junctions take longer."""
+"""Warm-up for a level of service: queues that spill over several junctions take longer."""
 
 
 @dataclass(frozen=True)
@@ -54,13 +54,13 @@ class Inputs:
 
     world: World
     asked: Density | None
-    """None for a user's own routes."""
+    """Density; None for a user's own routes."""
     seed: int
     routes: tuple[Path, ...] = ()
     speed_ratio: float | None = None
-    """That a level of service means in this world, once it is found."""
+    """Speed ratio of the level of service in this world, once it is found."""
     area: TrafficArea | None = None
-    """Where there is traffic; None for the whole town."""
+    """Area with traffic; None for the whole town."""
     area_traffic: AreaTraffic | None = None
     """The vehicles of the area, once they are known (`town_trips`)."""
 
@@ -134,7 +134,7 @@ class Inputs:
 
     @property
     def mix(self) -> str:
-        """Of the vehicles; of no meaning for a user's own routes."""
+        """Mix of vehicles; without meaning for a user's own routes."""
         return self.asked.mix if self.asked else DEFAULT_MIX
 
     @property
@@ -195,13 +195,13 @@ class Inputs:
 
     @property
     def _vehicles(self) -> int:
-        """How many there are at a time."""
+        """Number of vehicles at a time."""
         if self.area_traffic is not None:
             return round(self.area_traffic.vehicles)
         return self.capacity.vehicles(self.asked) if self.asked else 0
 
     def origin(self, part: Part) -> Origin:
-        """Of a recording that `part` belongs to."""
+        """Origin of a recording that `part` belongs to."""
         return Origin(
             world=self.world.content_hash,
             inputs=self.hash,

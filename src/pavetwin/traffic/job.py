@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 
 SLOWEST_MPS: Final = 0.5
-"""Behind an area no street is slower: a vehicle that stood there would close the area."""
+"""Lowest speed on the streets behind an area: a standing vehicle there would block the area."""
 
 
 @dataclass(frozen=True, slots=True)
 class Trip:
-    """One vehicle's, during an observation."""
+    """Trip of one vehicle during an observation."""
 
     kind: str
     """SUMO's vehicle type."""
@@ -29,7 +29,7 @@ class Trip:
     entered_s: tuple[float, ...]
     """(edges,) when it entered each; −inf before the observation, +inf not within it."""
     left_s: float
-    """When it arrived, or the end of the observation."""
+    """Arrival, or the end of the observation."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,13 +52,13 @@ class AreaTraffic:
 
     trips: tuple[CutTrip, ...]
     present: tuple[int, ...]
-    """How many were there in each second."""
+    """Number of vehicles in each second."""
     speed_mps: Mapping[str, float]
-    """On the edges behind the area: distance over time, the wait at their ends included."""
+    """Speed on the edges behind the area: distance over time, the wait at their ends included."""
 
     @property
     def vehicles(self) -> float:
-        """How many there are at a time."""
+        """Mean number at a time."""
         return float(np.mean(self.present)) if self.present else 0.0
 
     @classmethod
@@ -95,7 +95,7 @@ def _cut(trip: Trip, area: Set[str], duration_s: float) -> list[CutTrip]:
 def _speeds(
     trips: Sequence[Trip], edges: Set[str], duration_s: float, length_m: Mapping[str, float]
 ) -> dict[str, float]:
-    """Of edges that someone drove on; those who were on one when the observation began or ended count their time."""
+    """Speeds on edges in use; vehicles on one at the beginning or end of the observation count their time."""
     driven_m, taken_s = dict.fromkeys(edges, 0.0), dict.fromkeys(edges, 0.0)
     for trip in trips:
         until_s = min(trip.left_s, duration_s)
@@ -169,12 +169,12 @@ STEP_S: Final = 0.5
 """SUMO's step and the recording's."""
 
 OUTPUT: Final = "output.txt"
-"""In a job's folder: what SUMO prints."""
+"""File of SUMO's output in a job's folder."""
 
 
 @dataclass(frozen=True)
 class SimulationJob:
-    """What one simulation needs. Paths are absolute."""
+    """Inputs of one simulation. Paths are absolute."""
 
     folder: str
     """Temporary folder of this simulation; its process removes it if the owner was killed."""
@@ -193,13 +193,13 @@ class SimulationJob:
     vehicles: int = 0
     pedestrians: int = 0
     options: Sequence[str] = ()
-    """Of SUMO, in place of those of every recording that set the same."""
+    """Options of SUMO that replace those of every recording."""
     vehicle_types: Sequence[tuple[str, float]] = ()
     """SUMO's, of the closed loop's vehicles, with their shares."""
     fastest_goals: bool = True
     """Whether a trip of the closed loop leads to the fastest of several random goals."""
     speed_ratio: float | None = None
-    """That is held by changing the number of vehicles (`level_control`)."""
+    """Speed ratio that is held by changing the number of vehicles; None for a fixed number."""
     speed_limits: SpeedLimits | None = None
     """Needed for that."""
     area: frozenset[str] | None = None
@@ -214,7 +214,7 @@ class SimulationJob:
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """One agent as SUMO knows it. A user's person may have a vehicle's id."""
+    """Agent in SUMO. A user's person may have a vehicle's id."""
 
     id: str
     is_pedestrian: bool
@@ -250,7 +250,7 @@ class Part:
     signals: Mapping[str, Sequence[tuple[int, str]]]
     """Per traffic light, (step of the recording, state of its links) at step 0 and at each change."""
     trips: Sequence[Trip] = ()
-    """Of all vehicles so far, where the job asks for them."""
+    """Trips of all vehicles so far, where the job asks for them."""
 
 
 def yaw_of_heading(heading_deg: npt.ArrayLike) -> Float64Array:

@@ -35,7 +35,7 @@ class AgentClass(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """One kind of agent: its body, how common it is, and how SUMO moves it."""
+    """Kind of agent: its body, its share, and its motion in SUMO."""
 
     name: str
     agent_class: AgentClass
@@ -45,9 +45,9 @@ class Kind:
     width_m: float
     height_m: float
     share: float
-    """Of all agents of its class; the shares of a class sum to 1."""
+    """Share of all agents of its class; the shares of a class sum to 1."""
     source: str
-    """Where the size is from."""
+    """Source of the size."""
     height_sd_m: float = 0.0
     """Standard deviation of the height between individuals, cut at two of them."""
     behaviour: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))

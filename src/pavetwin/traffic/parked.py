@@ -30,7 +30,7 @@ from pavetwin.world.parking.mapped import is_within
 from pavetwin.world.parking.place import ParkingOrientation, ParkingPlace
 
 SATURDAY: Final = 5
-"""Of `datetime.date.weekday`: from here on it is the weekend."""
+"""First day of the weekend in `datetime.date.weekday`."""
 
 SPEED_ROUNDED_KMH: Final = 0.5
 """Networks hold speed limits in rounded metres a second: 13.89 for 50 km/h, or 13.9."""
@@ -38,16 +38,16 @@ SPEED_ROUNDED_KMH: Final = 0.5
 Surroundings = Literal["residential", "mixed"]
 DayKind = Literal["weekday", "weekend"]
 DailyCurve = Annotated[tuple[Share, ...], Field(min_length=24, max_length=24)]
-"""At each full hour, 0 to 23."""
+"""Share at each full hour, 0 to 23."""
 
 
 class OccupancyCurves(Settings):
     """The contents of `occupancy.yaml`."""
 
     surroundings: Mapping[str, Surroundings]
-    """By OSM's class of the street."""
+    """Occupancy by OSM's class of the street."""
     otherwise: Surroundings
-    """Of all other streets."""
+    """Occupancy of all other streets."""
     unclassed_mixed_kmh: PositiveFloat
     """Streets without a class, as of generated towns and SUMO networks, are mixed from this speed limit on."""
     curves: Mapping[Surroundings, Mapping[DayKind, DailyCurve]]
@@ -62,7 +62,7 @@ def occupancy_curves() -> OccupancyCurves:
 
 
 def surroundings_of(street_kind: str, speed_limit_mps: float = 0.0) -> Surroundings:
-    """From SUMO's type of an edge, such as `highway.residential`; without such a class from its speed limit."""
+    """Occupancy by SUMO's type of an edge, such as `highway.residential`; without a class, by its speed limit."""
     data = occupancy_curves()
     if not street_kind.startswith("highway."):
         return "mixed" if 3.6 * speed_limit_mps >= data.unclassed_mixed_kmh - SPEED_ROUNDED_KMH else data.otherwise
@@ -99,13 +99,13 @@ class ParkedVehicles:
     place: IndexArray
     """Index in `World.parking`."""
     kind: tuple[str, ...]
-    """Of `kinds.KINDS`."""
+    """One of `kinds.KINDS`."""
     x: Float64Array
     """Centre of the body on the ground, metres east."""
     y: Float64Array
     """Metres north."""
     yaw_rad: Float64Array
-    """Where its front is, anticlockwise from east, −π … π."""
+    """Direction of its front, anticlockwise from east, −π … π."""
     length_m: Float64Array
     width_m: Float64Array
     height_m: Float64Array
@@ -133,25 +133,25 @@ class ParkedVehicles:
         return replace(self, kind=tuple(self.kind[row] for row in rows.tolist()), **arrays)
 
     def near(self, x_m: float, y_m: float, radius_m: float) -> Self:
-        """Those whose body may reach into a disc."""
+        """Vehicles whose body may reach into a disc."""
         reach = radius_m + np.hypot(self.length_m, self.width_m) / 2
         return self.only(np.hypot(self.x - x_m, self.y - y_m) <= reach)
 
 
 @dataclass(frozen=True, eq=False)
 class ParkingDraws:
-    """What one seed draws for every place of a world: which vehicle stands there, where it is taken at all. Which
-    places are taken at a date and time is then quickly said."""
+    """Draws of one seed for every place of a world: the vehicle that stands there when it is taken. The
+    places taken at a date and time follow quickly."""
 
     world: World
     occupancy: Float64Array
     """(vehicles,) its place is taken where the share of places that are taken is larger than this."""
     vehicles: ParkedVehicles
-    """One in every place in which any kind fits."""
+    """A vehicle in every place in which any kind fits."""
 
     @classmethod
     def of(cls, world: World, seed: int, mix: str = DEFAULT_MIX) -> Self:
-        """Of the places of a world, where a mix of vehicles parks.
+        """Draw for the places of a world, where a mix of vehicles parks.
 
         Raises:
             PaveTwinError: there is no such mix.
@@ -215,7 +215,7 @@ class ParkingDraws:
 
     @cached_property
     def _closed(self) -> list[tuple[int, str]]:
-        """Vehicles, and the hours in which nobody parks where they stand."""
+        """Vehicles, and the hours without parking at their places."""
         hours = [self.world.parking[place].closed for place in self.vehicles.place.tolist()]
         return [(row, closed) for row, closed in enumerate(hours) if closed]
 

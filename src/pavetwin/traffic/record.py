@@ -45,7 +45,7 @@ def record(
 
     The result depends on the world, the density, the seed and the routes alone, not on earlier recordings.
     `density` is ignored where `routes` (unchanged SUMO route files) are given; `force` records even if the file exists.
-    `on_search` is told the share done of the search for the demand of a level of service, before the recording.
+    `on_search` receives the share done of the search for the demand of a level of service, before the recording.
 
     Raises:
         PaveTwinError: SUMO is missing or refuses its input, or the file cannot be written.
@@ -87,7 +87,7 @@ class Recorder:
     def of(
         cls, recording: Recording, world: World, routes: Sequence[str | Path] = (), *, unchanged: Path | None = None
     ) -> Self:
-        """For traffic that begins with `recording`.
+        """Create a recorder for traffic that begins with `recording`.
 
         Args:
             unchanged: a file that is never written, even where it is the one in the cache: a mission names it with its
@@ -145,7 +145,7 @@ class Recorder:
         return self._longest
 
     def simulated_s(self, duration_s: float) -> float:
-        """How many seconds SUMO simulates to record that long: all of them, unless it still runs."""
+        """Seconds that SUMO simulates to record this long: all of them, unless it still runs."""
         known = self._longest if self._simulation is not None else None
         return max(0.0, duration_s - (known.duration_s if known is not None else 0.0))
 
@@ -233,7 +233,7 @@ class Recorder:
         self._alive.close()
 
 
-def _part_of(tell: OnRecorded, done_now_all: tuple[int, int, int]) -> OnRecorded:
-    """Told the share of some frames, tells that of all of which some are done before."""
+def _part_of(report: OnRecorded, done_now_all: tuple[int, int, int]) -> OnRecorded:
+    """Report progress within some frames as the share of all frames, of which some are done before."""
     done, now, whole = done_now_all
-    return lambda share: tell((done + share * now) / whole)
+    return lambda share: report((done + share * now) / whole)

@@ -30,7 +30,7 @@ class Agents:
     id: tuple[str, ...]
     """SUMO's."""
     kind: tuple[str, ...]
-    """Of `kinds.KINDS`, or the vehicle class of a user's own type."""
+    """Kind of `kinds.KINDS`, or the vehicle class of a user's own type."""
     length_m: Float32Array
     width_m: Float32Array
     height_m: Float32Array
@@ -54,7 +54,7 @@ class Agents:
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """What a recording was made from."""
+    """Inputs of a recording."""
 
     world: str
     """The world's content hash."""
@@ -62,13 +62,13 @@ class Origin:
     """Hash of all inputs except the duration."""
     seed: int
     asked: Density | None
-    """None for a user's own routes."""
+    """Density; None for a user's own routes."""
     capacity: Capacity
     sumo_version: str
     warm_up_s: float
     """Simulated time before the recording."""
     area: TrafficArea | None = None
-    """Where there is traffic; None for the whole town."""
+    """Area with traffic; None for the whole town."""
 
     @property
     def mix(self) -> str:
@@ -89,7 +89,7 @@ class Recording:
     signals: Mapping[str, tuple[tuple[int, str], ...]]
     """Per traffic light of the network: (step, state of its links, SUMO's letters) at step 0 and at each change."""
     path: Path | None = field(default=None)
-    """Its file, which may hold a longer recording."""
+    """File, which may hold a longer recording."""
     at_limits: Float64Array | None = field(default=None)
     """(samples, 2): of the frames at 0, `SAMPLED_S`, 2 · `SAMPLED_S` …, the sums over vehicles of speed, and of speed
     over the speed limit where they are (`flow.at_limits`). None in a world without lanes."""
@@ -106,7 +106,7 @@ class Recording:
         signals: Mapping[str, tuple[tuple[int, str], ...]],
         path: Path | None = None,
     ) -> Self:
-        """From all poses."""
+        """Create a recording from all poses."""
         tracks = AgentTracks.of(rows, agents.is_pedestrian, step_s)
         return cls(origin, step_s, agents, tracks, removals, signals, path)
 
@@ -145,7 +145,7 @@ class Recording:
 
     @property
     def name(self) -> str:
-        """Of its density: low, medium, high, one from numbers, a level of service, an hour, or `user`."""
+        """Name of its density: low, medium, high, one from numbers, a level of service, an hour, or `user`."""
         return self.origin.asked.name if self.origin.asked else USER
 
     @property
@@ -155,7 +155,7 @@ class Recording:
 
     @property
     def is_empty(self) -> bool:
-        """Whether nobody is on the streets at any time."""
+        """Whether the streets are empty at all times."""
         return not any(count.any() for count in self.counts)
 
     @property
@@ -201,7 +201,7 @@ class Recording:
 
     @property
     def warm_up_s(self) -> float:
-        """When missions take off unless told otherwise: at once where a density is held; as over a user's own demand
+        """Default take-off of missions: at once where a density is held; as over a user's own demand
         where it was recorded from one (see `own_demand`), but in its first half.
         """
         if self.origin.asked is not None:
@@ -214,7 +214,7 @@ class Recording:
         return float(math.floor(min(WARM_UP_S, last * self.step_s, self.duration_s / 2)))
 
     def agents_at(self, time_s: float) -> tuple[int, int]:
-        """How many vehicles and pedestrians are on the streets at a moment."""
+        """Numbers of vehicles and pedestrians on the streets at a moment."""
         vehicles, pedestrians = self.counts
         frame = min(round(time_s / self.step_s), self.frames - 1)
         return int(vehicles[frame]), int(pedestrians[frame])
@@ -269,7 +269,7 @@ class Recording:
 
 
 def frames_of(duration_s: float, step_s: float) -> int:
-    """How many frames cover 0 … `duration_s`, both ends included."""
+    """Number of frames that cover 0 … `duration_s`, both ends included."""
     return math.ceil(duration_s / step_s - 1e-9) + 1
 
 

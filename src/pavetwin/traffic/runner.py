@@ -25,7 +25,7 @@ GRACE_S: Final = 5.0
 """Time between SIGTERM and SIGKILL."""
 
 UNSORTED: Final = "should be sorted by departure time"
-"""In SUMO's warning that it ignores the rest of a routes file."""
+"""Part of SUMO's warning that it ignores the rest of a routes file."""
 
 OnRecorded = Callable[[float], None]
 """Called with the share done, 0 … 1."""
@@ -99,7 +99,7 @@ class SimulationProcess:
             self._owner.send(frames)
 
     def finish(self, on_progress: OnRecorded | None = None) -> Part:
-        """What was begun.
+        """The frames that were begun.
 
         Raises:
             PaveTwinError: as `record`.
@@ -134,9 +134,9 @@ class SimulationProcess:
 
 
 def keep_process() -> None:
-    """From now on a simulation of this process leaves its own process, once it has ended, to the next one.
+    """Keep the process of an ended simulation for the next one, from now on.
 
-    For those who simulate many times: a process that has SUMO loaded takes 0.4 s of processor time to start. One is
+    For many simulations: a process that has SUMO loaded takes 0.4 s of processor time to start. One is
     kept at a time, and ends with this process.
     """
     _Kept.owner = os.getpid()
@@ -152,7 +152,7 @@ class _Kept:
 
     @classmethod
     def leave(cls, connection: Connection, process: subprocess.Popen[bytes]) -> bool:
-        """Whether a process is kept, which is told that its simulation has ended."""
+        """Whether the process is kept; it is notified that its simulation has ended."""
         if cls.owner != os.getpid() or cls.waiting is not None:
             return False
         try:
@@ -223,7 +223,7 @@ def _names(job: SimulationJob) -> str:
 
 
 def _environment() -> dict[str, str]:
-    """For the simulation's process: SUMO's own data, and the same package as here."""
+    """Environment of the simulation's process: SUMO's own data, and the same package as here."""
     try:
         variables = environment()
     except PaveTwinError:  # the library alone is enough to record

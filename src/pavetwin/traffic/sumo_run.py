@@ -90,7 +90,7 @@ class AreaLoop:
                 self._start(trip, 0, departPos="base", departLane="free", departSpeed="max")
 
     def _start(self, trip: CutTrip, at: int, **departure: str) -> None:
-        """One vehicle, on the part of a trip from an edge on."""
+        """Insert a vehicle on the part of a trip from an edge on."""
         name = f"v{self._count}"
         self._count += 1
         self._sumo.route.add(name, trip.edges[at:])
@@ -126,7 +126,7 @@ class LevelControl:
         self._sum = 0.0
 
     def vehicles(self) -> int:
-        """How many there should be from now on; asked every `EVERY_S` seconds."""
+        """Target number from now on; called every `EVERY_S` seconds."""
         ratio = self._ratio()
         if ratio is not None:
             error = ratio / self._target - 1
@@ -156,7 +156,7 @@ class Rows:
     """The frames since the last part, in the order of reading."""
 
     frame: "array[int]" = field(default_factory=lambda: array("I"))
-    """How many rows each frame has."""
+    """Number of rows of each frame."""
     agent: "array[int]" = field(default_factory=lambda: array("I"))
     xy: "array[float]" = field(default_factory=lambda: array("d"))
     heading_deg: "array[float]" = field(default_factory=lambda: array("d"))
@@ -235,7 +235,7 @@ class _Driving:
     kind: str
     edges: tuple[str, ...]
     entered_s: list[float]
-    """Of the edges so far."""
+    """Entry times of the edges so far."""
     seen_s: float
 
 
@@ -290,7 +290,7 @@ OPTIONS: Final[tuple[str, ...]] = (
     "--time-to-impatience=60",
     "--random-depart-offset=0",
 )
-"""The same for every recording. Those of outputs have no effect, since positions are read from the running simulation:
+"""Options of every recording. Those of outputs have no effect, since positions are read from the running simulation:
 they stay because recordings are found again by the hash of these."""
 
 CLOSED_LOOP_OPTIONS: Final[tuple[str, ...]] = (
@@ -300,13 +300,13 @@ CLOSED_LOOP_OPTIONS: Final[tuple[str, ...]] = (
     "--device.rerouting.period=60",
     "--device.rerouting.adaptation-interval=10",
 )
-"""With our own demand only; a user's routes are driven as they are written."""
+"""Options for generated demand; a user's routes are driven as they are written."""
 
 AREA_OPTIONS: Final[tuple[str, ...]] = CLOSED_LOOP_OPTIONS[:2]
-"""On an area with the vehicles of its town, which keep their routes."""
+"""Options for an area with the vehicles of its town, which keep their routes."""
 
 LEVEL_OPTIONS: Final[tuple[str, ...]] = ("--time-to-teleport=300",)
-"""For traffic that is to flow at a level of service. In towns a vehicle may wait two minutes at a busy street without
+"""Options for traffic at a level of service. In towns a vehicle may wait two minutes at a busy street without
 being in gridlock; after five minutes it is."""
 
 

@@ -32,7 +32,7 @@ OBSERVED_S: Final = 600.0
 """Some cycles of signals, in which most of a town's vehicles are replaced."""
 
 SEED: Final = 0
-"""Of the observation."""
+"""Duration of the observation."""
 
 _DAMAGED: Final = (OSError, ValueError, KeyError, EOFError, BadZipFile)
 
@@ -41,7 +41,7 @@ def with_area_traffic(inputs: Inputs, on_progress: OnRecorded | None = None) -> 
     """The inputs with the vehicles of their area, whose density is known; the same inputs for a whole town.
 
     Args:
-        on_progress: told the share done of the observation, where it is not in the cache.
+        on_progress: receives the share done of the observation, where it is not in the cache.
 
     Raises:
         PaveTwinError: SUMO is missing or refuses its input, or the file cannot be written.

@@ -6,8 +6,9 @@ is extended or recorded in other parts holds the same poses.
 
 Parts are row groups of Parquet, in a file or in memory, of columns that compress well: differences, as small natural
 numbers. Agent, step and heading: the difference from the key frame before. Place: the difference of two successive
-displacements; zero for an agent in even motion. Speed: the difference from the speed of a displacement in half a second. The first key frame of an agent is no exception.
-Differences wrap around at 32 bits, as their sums do. Whole numbers are folded: 0, −1, 1, −2, 2 … become 0, 1, 2, 3, 4 …
+displacements; zero for an agent in even motion. Speed: the difference from the speed of that displacement in half a
+second. The first key frame of an agent is no exception. Differences wrap around at 32 bits, as their sums do. Whole
+numbers are folded: 0, −1, 1, −2, 2 … become 0, 1, 2, 3, 4 …
 
 Arrays go to Arrow and back by their buffers: `pyarrow.array` and `to_numpy` would load pandas, a quarter of a second.
 """
@@ -107,7 +108,7 @@ class TrackPart:
     """Included."""
     agent: UInt32Array
     step: UInt32Array
-    """Of the recording."""
+    """Step of the recording."""
     x: Int32Array
     """Whole numbers of 1 / `PER_METRE`, east."""
     y: Int32Array
@@ -148,7 +149,7 @@ class TrackPart:
         return self
 
     def poses(self) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array]:
-        """As the columns of `PoseRows`: x, y, yaw_rad, speed_mps."""
+        """Columns of `PoseRows`: x, y, yaw_rad, speed_mps."""
         yaw_rad = np.radians(self.yaw * YAW_DEG).astype(np.float32)
         return _float32(self.x, PER_METRE), _float32(self.y, PER_METRE), yaw_rad, _float32(self.speed, PER_MPS)
 
@@ -192,7 +193,7 @@ def _float32(whole: Int32Array, per_unit: int) -> Float32Array:
 
 
 KEY_COLUMNS: Final = ("agent", "step", "x", "y", "yaw", "speed")
-"""Of the table, folded; beside them `is_last`."""
+"""Folded columns of the table, next to `is_last`."""
 
 _TURN: Final = round(360 / YAW_DEG)
 _PER_UNIT_MOVED: Final = PER_MPS / (PER_METRE * 0.5)
@@ -245,13 +246,13 @@ def _sums(values: Int32Array) -> Int32Array:
 
 
 def _half_turn(yaw: Int32Array) -> Int32Array:
-    """In −180° (not included) … 180°."""
+    """Headings in −180° (not included) … 180°."""
     turned: Int32Array = _TURN // 2 - (_TURN // 2 - yaw) % _TURN
     return turned
 
 
 def _expected(east: Int32Array, north: Int32Array) -> Int32Array:
-    """The speed of who moved so far in half a second. Square roots are the same on every machine."""
+    """Speed of a displacement in half a second. Square roots are the same on every machine."""
     moved = np.sqrt(np.square(east, dtype=np.float64) + np.square(north, dtype=np.float64))
     expected: Int32Array = np.rint(moved * _PER_UNIT_MOVED).astype(np.int32)
     return expected
@@ -260,7 +261,7 @@ def _expected(east: Int32Array, north: Int32Array) -> Int32Array:
 _SCHEMA: Final = pa.schema([*((name, pa.int32()) for name in KEY_COLUMNS), ("is_last", pa.bool_())])
 _ENCODING: Final = {**dict.fromkeys(KEY_COLUMNS, "BYTE_STREAM_SPLIT"), "is_last": "RLE"}
 _LEVEL: Final = 1
-"""Of compression; higher ones gain 3 % and take three times as long."""
+"""Level of compression; higher ones gain 3 % and take three times as long."""
 
 
 def part_writer(target: Any) -> pq.ParquetWriter:
@@ -345,7 +346,7 @@ STANDING_MPS: Final = 0.1
 """A slower vehicle stands; SUMO's threshold of waiting."""
 
 TELEPORT_MPS: Final = 40.0
-"""What moves faster was put elsewhere by SUMO, and is not moved by the kernel."""
+"""A faster agent was relocated by SUMO; the kernel does not interpolate its motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -365,12 +366,12 @@ class StoredPart:
 
 @dataclass(frozen=True, eq=False)
 class FrameNumbers:
-    """What each frame holds in all, of poses before they are rounded. All arrays (frames,)."""
+    """Totals of each frame, from poses before rounding. All arrays (frames,)."""
 
     vehicles: Int64Array
     pedestrians: Int64Array
     known: Int64Array
-    """How many agents have appeared so far."""
+    """Number of agents that have appeared so far."""
     standing: Int64Array
     """Vehicles that stand."""
     speed_mps: Float64Array
@@ -378,7 +379,7 @@ class FrameNumbers:
 
     @classmethod
     def of(cls, rows: PoseRows, is_pedestrian: BoolArray, known: int = 0) -> Self:
-        """Those of the next frames, after frames in which `known` agents have appeared."""
+        """Numbers of the next frames, after frames in which `known` agents have appeared."""
         drives = ~is_pedestrian[rows.agent]
         speed = rows.speed_mps.astype(np.float64)
         highest = np.full(rows.frames, known, dtype=np.int64)
@@ -410,13 +411,13 @@ class AgentTracks:
     """Frames of a recording, a window of all that its parts hold."""
 
     parts: tuple[TrackPart | PackedPart | StoredPart, ...]
-    """Of the whole recording: part k begins at step k · `PART_STEPS` and ends where the next one begins."""
+    """Parts of the whole recording: part k begins at step k · `PART_STEPS` and ends where the next one begins."""
     first_step: int
     """The window's."""
     numbers: FrameNumbers
-    """Of the window's frames."""
+    """Numbers of the window's frames."""
     fastest_mps: float
-    """At least the largest speed, and displacement over time of what moves."""
+    """Upper bound of speed, and of displacement over time, of moving agents."""
 
     @classmethod
     def of(cls, rows: PoseRows, is_pedestrian: BoolArray, step_s: float) -> Self:

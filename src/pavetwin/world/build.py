@@ -1,4 +1,4 @@
-"""A world from a source: the road network, the segments, and the objects beside them."""
+"""A world from a source: the road network, the segments, and the objects along the streets."""
 
 import hashlib
 import tempfile
@@ -48,7 +48,7 @@ Progress = Callable[[str, float], None]
 
 
 class BuildOptions(Settings):
-    """How a world is built. The same source and options give the same bytes."""
+    """Options of a world. The same source and options give the same bytes."""
 
     seed: Annotated[int, Field(ge=0)] = 0
     segment_length_m: Annotated[float, Field(ge=2 * MIN_SEGMENT_LENGTH_M, le=2000.0)] = DEFAULT_SEGMENT_LENGTH_M
@@ -57,7 +57,7 @@ class BuildOptions(Settings):
     left_hand: bool = False
     """Traffic keeps left (OSM sources; a SUMO network states it itself)."""
     parking_rule: NameOrFile = "europe"
-    """Sizes of parking places, what is kept clear, and where one parks if the map does not say: `europe`,
+    """Sizes of parking places, what stays clear, and where vehicles park if the map has no tag for it: `europe`,
     `north_america`, a YAML file of the same form, or `none` for a world without parking places."""
 
 
@@ -69,13 +69,13 @@ class BuildRecord(Settings):
     source_sha256: str = ""
     options: BuildOptions = BuildOptions()
     mapped: dict[str, int] = Field(default_factory=dict)
-    """How many buildings and how much of each kind of furniture came from the source; the rest was placed by rule."""
+    """Numbers of buildings and of each kind of furniture from the source; the rest was placed by rule."""
     left_out: LeftOut = LeftOut()
     """Streets of the source that are not connected with the rest."""
     paving_m2: dict[str, float] = Field(default_factory=dict)
     """Area of segments [m²] whose street's `surface` in OSM is no asphalt, by its value; see `world.paving`."""
     defects: dict[str, Any] = Field(default_factory=dict)
-    """How the defects were placed."""
+    """Options by which the defects were placed."""
 
 
 @dataclass(frozen=True)

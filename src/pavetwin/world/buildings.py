@@ -29,7 +29,7 @@ KEY = 1
 
 
 def clear_of_roads(footprints: Iterable[tuple[Polygon, float]], ground: PlacementGround) -> tuple[Building, ...]:
-    """Buildings `b0001` … from footprints and heights [m], cut back where they stand on a road (an arch, say)."""
+    """Buildings `b0001` … from footprints and heights [m], cut back where they stand on a road (such as an arch)."""
     buildings: list[Building] = []
     for polygon, height in footprints:
         rest = polygon

@@ -41,24 +41,24 @@ SIZE_VARIABLE: Final = "PAVETWIN_CACHE_GB"
 """Environment variable: the most that the cache holds, in GB."""
 
 MOST_GB: Final = 4.0
-"""The same unless it is set: the tiles of some 1,500 places."""
+"""Default of `SIZE_VARIABLE`: the tiles of some 1,500 places."""
 
 LEFT_FREE: Final = 0.1
 """Share of the bound that is freed when it is reached, so that it is not reached again at once."""
 
 IN_USE_S: Final = 86_400.0
-"""What was made from a world and used since is not removed: a mission may be reading it."""
+"""Files of worlds that were used within this time are not removed: a mission may be reading them."""
 
 
 def cache_folder() -> Path:
-    """Where the cache is: `PAVETWIN_CACHE`, or `pavetwin` in the user's cache folder (`XDG_CACHE_HOME`, `~/.cache`)."""
+    """Folder of the cache: `PAVETWIN_CACHE`, or `pavetwin` in the user's cache (`XDG_CACHE_HOME`, `~/.cache`)."""
     if own := os.environ.get(CACHE_VARIABLE):
         return Path(own).absolute()
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pavetwin"
 
 
 def texture_folder() -> Path:
-    """Where textures are that are the same in every world."""
+    """Folder of textures that all worlds share."""
     return cache_folder() / "textures"
 
 
@@ -84,38 +84,38 @@ def mark_used(path: Path) -> None:
 
 
 def tile_folder() -> Path:
-    """Where tiles of scenes are, and what they are made from."""
+    """Folder of the tiles of scenes and of their ingredients."""
     return cache_folder() / "tiles"
 
 
 def placed_folder() -> Path:
-    """Where defects are that were placed on segments of worlds."""
+    """Folder of the defects placed on segments of worlds."""
     return cache_folder() / "defects"
 
 
 def split_folder() -> Path:
-    """Where it is kept which streets of worlds are in which split of datasets."""
+    """Folder of the splits of worlds' streets for datasets."""
     return cache_folder() / "splits"
 
 
 def most_bytes() -> int:
-    """How much the cache may hold.
+    """Bound of the cache in bytes.
 
     Raises:
         PaveTwinError: `PAVETWIN_CACHE_GB` is not a number above 0.
     """
-    said = os.environ.get(SIZE_VARIABLE, "")
+    stated = os.environ.get(SIZE_VARIABLE, "")
     try:
-        most = 1e9 * float(said or MOST_GB)
+        most = 1e9 * float(stated or MOST_GB)
         if 0 < most < float("inf"):
             return int(most)
     except ValueError:
         pass
-    raise PaveTwinError(f"{SIZE_VARIABLE} is '{said}'; give the most that the cache may hold in GB, such as 4.")
+    raise PaveTwinError(f"{SIZE_VARIABLE} is '{stated}'; give the most that the cache may hold in GB, such as 4.")
 
 
 def cache_size() -> tuple[int, int]:
-    """How many worlds are in the cache, and the bytes of all its files."""
+    """Number of worlds in the cache, and bytes of all its files."""
     folder = cache_folder() / "worlds"
     worlds = sum(path.is_dir() for path in folder.iterdir()) if folder.is_dir() else 0
     return worlds, sum(status.st_size for _, status in _files())
@@ -148,7 +148,7 @@ def _last_use(status: os.stat_result) -> float:
 
 
 def _files() -> Iterator[tuple[Path, os.stat_result]]:
-    """The files of the cache that are whole, and none that somebody else put there."""
+    """Complete files of the cache; foreign files are left out."""
     # Other processes make and remove folders meanwhile; `os.walk` passes over what is gone.
     for folder, _, names in chain.from_iterable(map(os.walk, _folders())):
         for path in (Path(folder, name) for name in names if not name.startswith(".")):
@@ -183,10 +183,10 @@ ROOM_AFTER_BYTES: Final = 200_000_000
 """The size of the cache is looked at whenever a process has written so much into it, and at its first file."""
 
 LOCK_TIMEOUT_S: Final = 60.0
-"""So long a process waits for another that makes the same value."""
+"""Longest wait for another process that makes the same value."""
 
 _HEADER: Final = struct.Struct("<8sIQ")
-"""What the file is, the CRC-32 of what follows, and the length of that when it is decompressed."""
+"""Kind of file, CRC-32 of the compressed content, and length of the decompressed content."""
 
 _KIND: Final = b"pavekept"
 

@@ -17,7 +17,7 @@ class ClassExtent:
     length_m: float
     """Total length of their cracks, as `Defect.length_m` has it."""
     area_m2: float
-    """Of their outlines."""
+    """Area of their outlines."""
 
 
 NOTHING = ClassExtent(0, 0.0, 0.0)
@@ -25,11 +25,11 @@ NOTHING = ClassExtent(0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class SegmentCondition:
-    """What is damaged on one segment."""
+    """Damage of one segment."""
 
     segment: Segment
     extents: dict[str, ClassExtent]
-    """By class; classes without a defect there are left out."""
+    """Extent by class; classes without a defect there are left out."""
 
     @property
     def number(self) -> int:

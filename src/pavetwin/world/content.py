@@ -82,7 +82,7 @@ def content_hash(world: World, network_sha256: str) -> str:
 
 
 def _parts(items: Sequence[Any]) -> Iterator[bytes]:
-    """Of each item its values, then its geometries, in the order of its fields; all geometries are written at once."""
+    """Values, then geometries of each item, in the order of its fields; all geometries are written at once."""
     rows = [[item] if isinstance(item, BaseGeometry) else _hashed_values(item) for item in items]
     shapes = [[value for value in row if isinstance(value, BaseGeometry)] for row in rows]
     written = iter(shapely.to_wkb(np.array([*chain.from_iterable(shapes)], dtype=object), byte_order=1).tolist())

@@ -15,7 +15,7 @@ CACHE_VARIABLE = "PAVETWIN_CACHE"
 
 OSM_SUFFIXES = (".osm", ".osm.gz", ".osm.pbf")
 NET_SUFFIXES = (".net.xml", ".net.xml.gz")
-"""Of what a world is built from."""
+"""Suffixes of the sources of a world."""
 
 
 def check_target(folder: str | Path, *, force: bool = False) -> None:

@@ -42,7 +42,7 @@ BACK_FROM_LINE_M = (1.0, 2.0, 3.5, 5.0, 7.0)
 
 
 def signals_of(net: RoadNet, radius_m: float) -> Iterator[list[Furniture]]:
-    """For every signalled approach the candidate masts, best first; the arm ends over the last lane's middle."""
+    """Candidate masts of every signalled approach, best first; the arm ends over the last lane's middle."""
     for name, controller in sorted(net.signalled.items()):
         edge = net.edges[name]
         if not edge.for_cars or not edge.carriageway:
@@ -60,7 +60,7 @@ def signals_of(net: RoadNet, radius_m: float) -> Iterator[list[Furniture]]:
 def signs_of(
     net: RoadNet, streets: Sequence[StreetSurface], height_m: float, radius_m: float
 ) -> Iterator[list[Furniture]]:
-    """For every unsignalled approach to a junction of three or more streets the places of its sign, best first."""
+    """Places of the sign at every unsignalled approach to a junction of three or more streets, best first."""
     arms: dict[str, int] = {}
     for street in streets:
         for end in {street.street.start, street.street.end}:
@@ -94,7 +94,7 @@ TREE_SPACING_M, TREE_OVERHANG_M = (11.0, 16.0), 1.0
 PARK_AREA_A_TREE_M2 = 180.0
 CROWN_RADIUS_M, CROWN_BASE_M, TREE_HEIGHT_M = (2.0, 4.0), (2.5, 4.0), (6.0, 12.0)
 MAPPED_NEAR_M = 25.0
-"""With mapped trees (or poles) this near to a segment, none are added by rule [m]."""
+"""No trees (or poles) are added by rule to a segment with mapped ones this near [m]."""
 
 CALM_STREET_MPS = 14.0
 """Trees and poles stand along streets with at most this limit: 50 km/h [m/s]."""
@@ -105,10 +105,10 @@ RADIUS_M = {
     FurnitureKind.SIGN: 0.05,
     FurnitureKind.SIGNAL: 0.12,
 }
-"""Of a mast [m]."""
+"""Radius of a mast [m]."""
 
 LARGEST_MOVE_M = {FurnitureKind.SIGN: 12.0}
-"""How far a mapped thing may be moved off the road [m]; signs are mapped on the middle of the street. Others: 4."""
+"""Largest move of a mapped object off the road [m]; signs are mapped on the middle of the street. Others: 4."""
 
 KEY = 0
 """This file's child of the furniture stream."""
@@ -151,7 +151,7 @@ class Placed:
         return len(self._mapped_trees[kind].query(segment.centre_line, "dwithin", distance=MAPPED_NEAR_M)) > 0
 
     def numbered(self) -> tuple[Furniture, ...]:
-        """By kind in the order of placing, ids such as `tree0001`."""
+        """All furniture by kind in the order of placing, with ids such as `tree0001`."""
         counts: Counter[FurnitureKind] = Counter()
         result = []
         for thing in sorted(self.things, key=lambda thing: thing.kind.value):
@@ -237,14 +237,14 @@ def _tree(
     crown_m: float | None = None,
     height_m: float | None = None,
 ) -> Furniture | None:
-    """A tree of drawn size (three numbers of 0 … 1); None without room for its crown beside a house."""
+    """A tree of drawn size (three numbers of 0 … 1); None without room for its crown next to a house."""
 
     def between(limits: tuple[float, float], share: float) -> float:
         return limits[0] + (limits[1] - limits[0]) * float(share)
 
     room = placed.ground.road_distance_m(at) + TREE_OVERHANG_M
-    beside_house = building_distance_m(at, placed.buildings, 8.0) + 0.5
-    crown = min(crown_m or between(CROWN_RADIUS_M, draw[0]), room, beside_house, 8.0)
+    to_house_m = building_distance_m(at, placed.buildings, 8.0) + 0.5
+    crown = min(crown_m or between(CROWN_RADIUS_M, draw[0]), room, to_house_m, 8.0)
     if crown < 1.0:
         return None
     height = min(35.0, max(3.0, height_m or between(TREE_HEIGHT_M, draw[1])))

@@ -38,7 +38,7 @@ class SourceNetwork:
 
     net_file: Path
     georeference: GeoReference | None = None
-    """None where the file states its own."""
+    """Georeference; None where the file states its own."""
     parks: tuple[Polygon, ...] = ()
     buildings: tuple[Building, ...] = ()
 

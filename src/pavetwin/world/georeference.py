@@ -21,7 +21,7 @@ SOUTHERNMOST_DEG, NORTHERNMOST_DEG = -80.0, 84.0
 """Latitudes that UTM reaches to."""
 
 ELLIPSOID: Final = Geod(ellps="WGS84")
-"""For distances and directions between places in degrees."""
+"""Ellipsoid for distances and directions between places in degrees."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,7 @@ def from_location(location: Mapping[str, str], where: str) -> GeoReference | Non
     if code is None:
         raise PaveTwinError(
             f"'{where}' is projected by '{projection}', which has no EPSG code; "
-            "say where its origin lies with `anchor` LAT,LON."
+            "give the location of its origin as `anchor` LAT,LON."
         )
     return GeoReference(code, -east, -north)
 

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 
 UNSIGNALLED = -1
-"""In a column `link`: no traffic light controls it."""
+"""Value of the column `link` without a traffic light."""
 
 LayerRow = dict[str, Any]
 Item = TypeVar("Item")
@@ -58,7 +58,7 @@ Reader = Callable[[Any], Any]
 
 @dataclass(frozen=True)
 class Layer:
-    """One layer of the GeoPackage and the items of a world that are its rows."""
+    """Layer of the GeoPackage, and the items of a world that are its rows."""
 
     name: str
     geometry: str
@@ -231,7 +231,7 @@ def _edges(row: LayerRow) -> tuple[str, ...]:
 
 
 def _stations(text: str) -> tuple[tuple[float, float], ...]:
-    """From `12.50 40.25; …`."""
+    """Parse `12.50 40.25; …`."""
     pairs = (part.split() for part in text.split(";") if part.strip())
     return tuple((float(first), float(last)) for first, last in pairs)
 
@@ -260,7 +260,7 @@ def _parking_place(row: LayerRow) -> ParkingPlace:
 
 
 def conflicts_of(world: Mapping[str, Any]) -> Iterator[str]:
-    """Where one layer contradicts another, each as a clause."""
+    """Contradictions between layers, each as a clause."""
     lanes: dict[str, Lane] = {}
     places: dict[tuple[str, int], str] = {}
     for lane in world["lanes"]:
@@ -443,7 +443,7 @@ _DOCTYPE: Final = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
 
 
 class Symbol(Enum):
-    """How a feature is drawn: QGIS's type and class of symbol, and the property that its colour is."""
+    """Symbol of a feature: QGIS's type and class of symbol, and the property that holds its colour."""
 
     DOT = ("marker", "SimpleMarker", "color")
     AREA = ("fill", "SimpleFill", "color")
@@ -463,10 +463,10 @@ class LayerStyle:
 
     column: str
     colours: Mapping[str, str]
-    """By value: `#RRGGBB`."""
+    """Colours by value: `#RRGGBB`."""
     symbol: Symbol
     opacity: float = 1.0
-    """Of the symbols, 0 … 1."""
+    """Opacity of the symbols, 0 … 1."""
 
     @property
     def qml(self) -> str:
@@ -478,8 +478,8 @@ class LayerStyle:
         )
         listed, symbols = SubElement(renderer, "categories"), SubElement(renderer, "symbols")
         for number, (value, colour) in enumerate(self.colours.items()):
-            told = {"value": value, "label": value, "symbol": str(number), "render": "true"}
-            SubElement(listed, "category", told)
+            category = {"value": value, "label": value, "symbol": str(number), "render": "true"}
+            SubElement(listed, "category", category)
             symbol = SubElement(symbols, "symbol", {"type": kind, "name": str(number), "alpha": f"{self.opacity:g}"})
             drawn = SubElement(symbol, "layer", {"class": symbol_class, "enabled": "1", "pass": "0", "locked": "0"})
             options = SubElement(drawn, "Option", {"type": "Map"})

@@ -95,7 +95,7 @@ class LaneKind(StrEnum):
     SIDEWALK = "sidewalk"
     BICYCLE = "bicycle"
     PARKING = "parking"
-    """Along the kerb; nobody drives on it."""
+    """Parking lane along the kerb; not driven on."""
 
 
 CARRIAGEWAY_LANES = (LaneKind.DRIVING, LaneKind.BICYCLE, LaneKind.PARKING)
@@ -104,7 +104,7 @@ CARRIAGEWAY_LANES = (LaneKind.DRIVING, LaneKind.BICYCLE, LaneKind.PARKING)
 
 @dataclass(frozen=True, slots=True)
 class Lane:
-    """One lane of a SUMO edge, between its junctions."""
+    """Lane of a SUMO edge, between its junctions."""
 
     id: str
     edge: str
@@ -122,12 +122,12 @@ class Lane:
 
 @dataclass(frozen=True, slots=True)
 class Street:
-    """One street between two junctions: one directed SUMO edge, or two that run beside each other."""
+    """Street between two junctions: one directed SUMO edge, or two parallel ones."""
 
     id: str
     """The ids of its edges, joined by spaces; it does not depend on other streets."""
     name: str
-    """On the map, or its edge's id when it has none; `Segment.street_name` is what people read."""
+    """Name on the map, or the edge's id without one; `Segment.street_name` is the displayed name."""
     kind: str
     """SUMO's edge type, such as `highway.residential`; empty where the source gives none."""
     edges: tuple[str, ...]
@@ -137,9 +137,9 @@ class Street:
     end: str
     """The junction at which the centre line ends."""
     centre_line: LineString
-    """Of the carriageway, from junction to junction."""
+    """Centre line of the carriageway, from junction to junction."""
     latin_name: str = field(default="", hash=False)
-    """The name in Latin letters where the map has one beside a name in another script; not part of content hashes."""
+    """Name in Latin letters if the map has one besides a name in another script; not part of content hashes."""
     bridges: tuple[tuple[float, float], ...] = field(default=(), hash=False)
     """Stations of its centre line between which it lies on a bridge [m]; not part of content hashes."""
 
@@ -158,7 +158,7 @@ class Street:
 
 
 class Direction(StrEnum):
-    """Where a connection leads, as SUMO computed it."""
+    """Direction of a connection, as SUMO computed it."""
 
     STRAIGHT = "straight"
     LEFT = "left"
@@ -170,7 +170,7 @@ class Direction(StrEnum):
 
 
 class SignalLink(NamedTuple):
-    """One letter of a traffic light's state."""
+    """Position of a letter in a traffic light's state."""
 
     controller: str
     """SUMO's id of the traffic light."""
@@ -180,7 +180,7 @@ class SignalLink(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """One way across a junction: from the end of a lane to the beginning of another."""
+    """Path across a junction: from the end of a lane to the beginning of another."""
 
     from_lane: str
     to_lane: str
@@ -190,7 +190,7 @@ class Connection:
     via: str
     """SUMO's internal lane on which it begins; empty in a network without internal lanes."""
     centre_line: LineString
-    """From the end of the one lane along SUMO's internal lanes to the beginning of the other."""
+    """Line from the end of the first lane along SUMO's internal lanes to the beginning of the second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,7 +201,7 @@ class Segment:
     street: str
     """The street's name on the map, or its SUMO edge when it has none: what segments are grouped by."""
     edges: tuple[str, ...]
-    """Its directed SUMO edges: one for a one-way street, two otherwise."""
+    """Directed SUMO edges: one for a one-way street, two otherwise."""
     centre_line: LineString
     polygon: Surface
     width_m: float
@@ -270,24 +270,24 @@ class FurnitureKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Furniture:
-    """Something upright beside the road. `arm_m` reaches from the mast's top along `yaw_rad` (lights, signals)."""
+    """Upright object along the road. `arm_m` reaches from the mast's top along `yaw_rad` (lights, signals)."""
 
     id: str
     kind: FurnitureKind
     position: Point
     height_m: float
     radius_m: float
-    """Of the mast, or of a tree's crown."""
+    """Radius of the mast, or of a tree's crown."""
     yaw_rad: float = 0.0
     arm_m: float = 0.0
     clear_height_m: float = 0.0
-    """Of a tree: where the crown begins. Of an arm: its underside is at `height_m`."""
+    """Height at which a tree's crown begins; the underside of an arm is at `height_m`."""
     controller: str = ""
-    """Of a signal: SUMO's traffic light that it shows."""
+    """SUMO's traffic light that a signal shows."""
 
 
 class Severity(StrEnum):
-    """After ASTM D6433; `pavetwin.defects.severity` has the rules."""
+    """Severity by ASTM D6433; `pavetwin.defects.severity` has the rules."""
 
     LOW = "low"
     MEDIUM = "medium"
@@ -309,32 +309,32 @@ class Defect:
     """0 … n−1 in the order of the world's defects."""
     segment: str
     kind: str
-    """Its class: a lower-case identifier such as `pothole`."""
+    """Class: a lower-case identifier such as `pothole`."""
     centre: Point
     """Origin of its local frame."""
     polygon: Polygon
-    """Its outline, for labels and drawing."""
+    """Outline, for labels and drawing."""
     seed: int
     """Seed of its shape; `pavetwin.defects.heightfield_of` regenerates the shape from it."""
     yaw_rad: float
     """Direction of its local x axis."""
     severity: Severity
     width_m: float
-    """Widest opening of a crack; mean diameter of a pothole; of a user's class what its `width` says."""
+    """Widest opening of a crack; mean diameter of a pothole; for a user's class the value of its `width`."""
     depth_m: float
     """Maximum depth."""
     length_m: float
     """Total length of its cracks; of a user's class without cracks the longer side of the smallest rectangle around
-    it, unless its `length` says otherwise."""
+    it, unless the class defines `length`."""
     volume_m3: float
     """Volume missing below the road surface."""
     parameters: ShapeParameters = ()
-    """What a damage population drew of its shape; the rest comes from the seed."""
+    """Shape parameters drawn by a damage population; the rest comes from the seed."""
     notch: tuple[tuple[float, float], ...] = ()
     """Ring in its local frame [m] within which it has been lost to a defect that lies there: to a pothole in a network;
     empty for nothing."""
     beside: str = ""
-    """What it starts at or runs along (`pavetwin.defects.context`): `cover`, `patch`, `trench`; empty for nothing."""
+    """Feature that it starts at or runs along (`pavetwin.defects.context`): `cover`, `patch`, `trench`; or empty."""
 
     def __post_init__(self) -> None:
         if not is_class_name(self.kind):
@@ -346,7 +346,7 @@ class Defect:
 
     @property
     def facts(self) -> dict[str, str | float]:
-        """Its properties in labels and exported scenes; lengths to 0.1 mm."""
+        """Properties for labels and exported scenes; lengths to 0.1 mm."""
         return {
             "class": self.kind,
             "severity": self.severity.value,
@@ -393,7 +393,7 @@ class World:
     left_hand: bool
     """Traffic keeps left."""
     streets: tuple[Street, ...]
-    """In the order of their segments."""
+    """Streets in the order of their segments."""
     segments: tuple[Segment, ...]
     lanes: tuple[Lane, ...]
     """Sidewalks last."""
@@ -406,7 +406,7 @@ class World:
     parks: tuple[Polygon, ...]
     defects: tuple[Defect, ...]
     base: Point
-    """Where the UAV takes off and lands."""
+    """Place of take-off and landing."""
     parking: tuple[ParkingPlace, ...] = ()
     """Along the streets, in their order."""
     content_hash: str = ""

@@ -26,7 +26,7 @@ from pavetwin.world.osm_file import osm_objects
 from pavetwin.world.sumo import NO_VALIDATION, data_file, run_tool
 
 SPHERE: Final = Geod(a=6_371_009.0, b=6_371_009.0)
-"""With the mean radius of the WGS 84 ellipsoid (IUGG) [m]."""
+"""Sphere with the mean radius of the WGS 84 ellipsoid (IUGG) [m]."""
 
 Degrees = tuple[float, float]
 """Longitude and latitude."""
@@ -80,7 +80,7 @@ STREETS = frozenset(
 """Values of OSM's `highway` (and their `_link`s) that are inspected and driven on."""
 
 WITHOUT_SIDEWALK = frozenset({"motorway", "trunk", "living_street"})
-"""Streets that get a sidewalk only when the map says so; pedestrians use the whole of a living street."""
+"""Streets that get a sidewalk only when the map has one; pedestrians use the whole of a living street."""
 
 NETCONVERT_OPTIONS = (
     "--osm.sidewalks",

@@ -60,9 +60,9 @@ class MapFeatures:
     points: list[MappedPoint] = field(default_factory=list)
     parks: list[Polygon] = field(default_factory=list)
     latin_names: dict[str, str] = field(default_factory=dict)
-    """By the name of a street in another script."""
+    """Latin names by the name of a street in another script."""
     bridges: list[LineString] = field(default_factory=list)
-    """Of streets."""
+    """Bridges of streets."""
     parking: ParkingMap = field(default_factory=ParkingMap)
 
 
@@ -192,7 +192,7 @@ def bridges_on(centre_line: LineString, bridges: Iterable[LineString]) -> tuple[
 
 
 ASPHALT: Final = frozenset({"asphalt", "paved", "chipseal"})
-"""Values of OSM's `surface` to which the defect classes apply; `paved` says no more than that there is a pavement."""
+"""Values of OSM's `surface` to which the defect classes apply; `paved` states only that there is a pavement."""
 
 _WAY: Final = re.compile(r"-?(\d+)(#.*)?")
 """The id of an edge that netconvert makes of an OSM way; of ways joined into one edge it is that of the first."""

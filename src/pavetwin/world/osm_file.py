@@ -40,7 +40,7 @@ def osm_objects(
 
 
 def suffix_of_content(source: Path) -> str:
-    """How the name of an OSM file of this content ends; empty where it is none."""
+    """Suffix for an OSM file of this content; empty where it is no OSM file."""
     try:
         with source.open("rb") as file:
             head = file.read(64)
@@ -58,7 +58,7 @@ LEVEL_HEIGHT_M = 3.0
 """Height of one storey [m]."""
 
 ROOF_HEIGHT_M = 1.5
-"""Added to `building:levels` for a roof whose height and levels the map does not say [m]."""
+"""Added to `building:levels` for a roof whose height and levels are not mapped [m]."""
 
 LOW_KINDS = frozenset(
     {"garage", "garages", "shed", "hut", "carport", "cabin", "kiosk", "toilets", "greenhouse", "roof", "service"}

@@ -29,28 +29,28 @@ MAX_ANGLE_RAD = math.radians(30.0)
 """A way of the map that runs at a larger angle to a kerb is another street."""
 
 REACH_BESIDE_M = 6.0
-"""How far the line of a mapped way may be from a street's carriageway [m]."""
+"""Largest distance of the line of a mapped way from a street's carriageway [m]."""
 
 SHORTEST_M = 2.0
 """Shorter pieces have no room for a vehicle [m]."""
 
 KerbInterval = tuple[float, float]
-"""From station to station along a kerb [m]."""
+"""Interval of stations along a kerb [m]."""
 
 
 @dataclass(frozen=True)
 class Kerb:
-    """One side of a street."""
+    """Side of a street."""
 
     street: StreetSurface
     edge: str
-    """The directed edge beside it."""
+    """Directed edge next to it."""
     side: StreetSide
-    """Of the street, along its centre line."""
+    """Side of the street, along its centre line."""
     line: LineString
-    """In the direction of traffic."""
+    """Kerb line in the direction of traffic."""
     outward: int
-    """Which side of `line` is away from the carriageway: 1 left, −1 right."""
+    """Side of `line` away from the carriageway: 1 left, −1 right."""
     parking_m: float
     """Width of the parking lane along it; 0 without one."""
 
@@ -122,7 +122,7 @@ class Stretch:
     end_m: float
     way: MappedWay | None
     side: StreetSide
-    """Of the way, in its own direction."""
+    """Line of the way, in its own direction."""
 
 
 class WayIndex:
@@ -137,21 +137,21 @@ class WayIndex:
         self._tree = STRtree(self._pieces)
 
     def stretches(self, kerb: Kerb) -> list[Stretch]:
-        """The kerb cut where the way beside it changes."""
+        """The kerb cut where the way along it changes."""
         if not self._ways:
             return [Stretch(0.0, kerb.length_m, None, StreetSide.RIGHT)]
         count = max(1, math.ceil(kerb.length_m / STEP_M))
         borders = np.linspace(0.0, kerb.length_m, count + 1)
         found: list[Stretch] = []
         for start, end in pairwise(borders):
-            way, side = self._beside(kerb, float(start + end) / 2)
+            way, side = self._way_along(kerb, float(start + end) / 2)
             if found and found[-1].way is way and found[-1].side is side:
                 found[-1] = Stretch(found[-1].start_m, float(end), way, side)
             else:
                 found.append(Stretch(float(start), float(end), way, side))
         return found
 
-    def _beside(self, kerb: Kerb, station_m: float) -> tuple[MappedWay | None, StreetSide]:
+    def _way_along(self, kerb: Kerb, station_m: float) -> tuple[MappedWay | None, StreetSide]:
         point, (dx, dy) = kerb.at(station_m)
         near = self._tree.query(point, predicate="dwithin", distance=kerb.width_m + REACH_BESIDE_M)
         turn = self._yaw[near] - math.atan2(dy, dx)
@@ -171,10 +171,10 @@ CAPACITY_SPACING = (0.8, 1.5)
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """One place along a kerb before anything is known about its surroundings."""
+    """Place along a kerb, regardless of its surroundings."""
 
     station_m: float
-    """Of its centre."""
+    """Station of its centre."""
     centre: Point
     yaw_rad: float
     length_m: float
@@ -182,13 +182,13 @@ class Slot:
 
 
 def depth_m(size: PlaceSize) -> float:
-    """How far a place reaches across the street."""
+    """Extent of a place across the street."""
     angle = math.radians(size.angle_deg)
     return size.length_m * math.sin(angle) + size.width_m * math.cos(angle)
 
 
 def lane_depth_m(position: ParkingPosition, depth: float) -> float:
-    """How much of a place's depth lies on the carriageway, where it takes a parking lane; 0 beside it."""
+    """Part of a place's depth that lies on the carriageway and takes a parking lane; 0 off the carriageway."""
     match position:
         case ParkingPosition.LANE:
             return depth

@@ -1,6 +1,6 @@
-"""Parking lanes: which streets get them, how wide they are, and what that makes of the lanes beside them.
+"""Parking lanes: which streets get them, how wide they are, and the effect on the adjacent lanes.
 
-A street that is parked on has a lane along its kerb on which nobody drives, between its sidewalk and its driving lanes.
+A street that is parked on has a lane along its kerb that is not driven on, between its sidewalk and its driving lanes.
 Where the map has the width from kerb to kerb, its driving lanes are narrowed for it; without one, or where they would
 become too narrow, the carriageway is widened.
 """
@@ -25,7 +25,7 @@ from pavetwin.world.segments import StreetSurface
 from pavetwin.world.sumo import NO_VALIDATION, run_tool
 
 LEAST_LANE_M: Final = 2.5
-"""Driving lanes beside parked vehicles are not narrowed further [m]. Ours: the widest vehicle of the mixes is 2.55 m,
+"""Driving lanes along parked vehicles are not narrowed further [m]. Ours: the widest vehicle of the mixes is 2.55 m,
 most are below 2 m."""
 
 HOUSE_CLEARANCE_M: Final = 0.3
@@ -37,12 +37,12 @@ OVER_STREET_SHARE: Final = 0.1
 
 @dataclass(frozen=True, slots=True)
 class EdgeLanes:
-    """What the parking lanes of its street make of a directed edge."""
+    """Widths of a directed edge with the parking lanes of its street."""
 
     kerb_m: float = 0.0
     """Width of the parking lane between its sidewalk and its driving lanes; 0 for none."""
     far_m: float = 0.0
-    """Of the one at the opposite kerb of a one-way street."""
+    """Width of the lane at the opposite kerb of a one-way street."""
     driving_m: tuple[float, ...] = ()
     """Widths of its driving lanes, from the kerb to the middle."""
     centred: bool = False
@@ -91,7 +91,7 @@ def parking_lanes(
 
 
 def _mapped_width_m(kerb: Kerb, ways: WayIndex) -> float | None:
-    """From kerb to kerb, of the way that runs along most of it."""
+    """Width from kerb to kerb, of the way that runs along most of it."""
     along: dict[float | None, float] = {}
     for stretch in ways.stretches(kerb):
         width = stretch.way.width_m if stretch.way else None
@@ -123,14 +123,14 @@ class _Section:
         return round(min(lane.width_m, max(LEAST_LANE_M, lane.width_m * self._share)), 2)
 
     def growths_m(self) -> Iterator[tuple[Kerb, float]]:
-        """How far each kerb with a parking lane moves outwards."""
+        """Outward move of each kerb with a parking lane."""
         for kerb, depth in self._parked:
             beside = next(edge for edge in self._edges if edge.id == kerb.edge).carriageway
             alone = depth + sum(self._width_m(lane) - lane.width_m for lane in beside)
             yield kerb, (self._after_m - self._before_m) / 2 if self._centred else alone
 
     def edges(self, left_hand: bool) -> dict[str, EdgeLanes]:
-        """Of both directions."""
+        """Width of both directions."""
         outer = 1 if left_hand else -1
         kerb_m = {kerb.edge: depth for kerb, depth in self._parked if kerb.outward == outer}
         far_m = {kerb.edge: depth for kerb, depth in self._parked if kerb.outward != outer}
@@ -227,7 +227,7 @@ def _forget_lanes_of_types(path: Path) -> None:
 
 
 def _sidewalks(edges: Path) -> dict[str, int]:
-    """How many lanes of each edge lie between its kerb and its border."""
+    """Number of lanes of each edge between its kerb and its border."""
     return {edge.attrib["id"]: _leading_sidewalks(edge) for edge in parse(edges).getroot().iter("edge")}
 
 

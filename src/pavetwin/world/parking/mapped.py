@@ -1,4 +1,4 @@
-"""What a map says about parking: the streets' tags, areas beside streets, and what interrupts a row of places.
+"""Parking on a map: tags of streets, areas along streets, obstacles that interrupt a row, and hours of restrictions.
 
 Coordinates are in the world frame (metres).
 """
@@ -55,7 +55,7 @@ def _in_span(minute: int, start: int, end: int) -> bool:
 
 
 def _rules(hours: str) -> list[HoursRule] | None:
-    """None where a part of it is not understood."""
+    """Closed hours; None where a part is not understood."""
     rules: list[HoursRule] = []
     for part in filter(None, (part.strip() for part in hours.split(";"))):
         match = _RULE.fullmatch(part)
@@ -89,7 +89,7 @@ def _spans(text: str) -> Iterator[tuple[int, int]]:
 
 
 class Provision(StrEnum):
-    """What a side of a street has."""
+    """Parking on a side of a street."""
 
     PLACES = "places"
     NONE = "none"
@@ -106,9 +106,9 @@ class SideParking:
     position: ParkingPosition = ParkingPosition.LANE
     orientation: ParkingOrientation = ParkingOrientation.PARALLEL
     capacity: int | None = None
-    """Places along the whole side of the way, where the map says so."""
+    """Mapped number of places along the whole side of the way."""
     closed: str = ""
-    """Hours in which nobody parks, as in `hours`."""
+    """Hours without parking."""
 
 
 UNMAPPED: Final = SideParking(Provision.UNMAPPED)
@@ -141,7 +141,7 @@ def sides_of(tags: Mapping[str, str]) -> Mapping[StreetSide, SideParking]:
 
 
 def area_parking(tags: Mapping[str, str]) -> SideParking | None:
-    """Of an area of `amenity=parking` that belongs to a street; None for car parks and where nobody may park."""
+    """Parking of an area `amenity=parking` that belongs to a street; None for car parks and without public parking."""
     position = POSITIONS.get(tags.get("parking", ""))
     if tags.get("amenity") != "parking" or position is None or tags.get("parking") == "yes":
         return None
@@ -217,7 +217,7 @@ MOUTHS = frozenset({"service", "track", "services", "busway"})
 
 
 class ObstacleKind(StrEnum):
-    """What interrupts a row of places."""
+    """Obstacle that interrupts a row of places."""
 
     CROSSING = "crossing"
     MARKED_CROSSING = "marked_crossing"
@@ -240,10 +240,10 @@ class MappedWay:
     line: LineString
     name: str
     width_m: float | None
-    """Of the carriageway from kerb to kerb, with its parking lanes."""
+    """Width of the carriageway from kerb to kerb, with its parking lanes."""
     sides: Mapping[StreetSide, SideParking]
     elevated: bool
-    """On a bridge or in a tunnel."""
+    """Whether it is on a bridge or in a tunnel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,12 +253,12 @@ class MappedArea:
     polygon: Polygon
     parking: SideParking
     street_name: str
-    """Empty where the map does not say."""
+    """Class of the street; empty where it is not mapped."""
 
 
 @dataclass(slots=True)
 class ParkingMap:
-    """All that a map says about parking along streets; empty without a map."""
+    """Parking along the streets of a map; empty without a map."""
 
     ways: list[MappedWay] = field(default_factory=list)
     areas: list[MappedArea] = field(default_factory=list)
@@ -277,7 +277,7 @@ class ParkingMap:
 
 
 def obstacle_kind(tags: Mapping[str, str]) -> ObstacleKind | None:
-    """Of a point of the map; None where it interrupts nothing."""
+    """Obstacle of a point of the map; None where it interrupts nothing."""
     if tags.get("highway") == "bus_stop":
         return ObstacleKind.BUS_STOP
     if tags.get("emergency") == "fire_hydrant":

@@ -8,27 +8,27 @@ from shapely import Point, Polygon, affinity, box
 
 
 class StreetSide(StrEnum):
-    """Of a street, along its centre line."""
+    """Side of a street, along its centre line."""
 
     LEFT = "left"
     RIGHT = "right"
 
 
 class ParkingPosition(StrEnum):
-    """Where a place lies across the street, in the words of OSM's `parking:SIDE`."""
+    """Position of a place across the street, with the values of OSM's `parking:SIDE`."""
 
     LANE = "lane"
-    """On the carriageway, along its kerb."""
+    """Carriageway, along its kerb."""
     HALF_ON_KERB = "half_on_kerb"
     """Two wheels on the sidewalk."""
     ON_KERB = "on_kerb"
-    """On the sidewalk."""
+    """Sidewalk."""
     STREET_SIDE = "street_side"
-    """In a bay beside the carriageway."""
+    """Bay next to the carriageway."""
 
 
 class ParkingOrientation(StrEnum):
-    """How a parked vehicle stands to the kerb."""
+    """Orientation of a parked vehicle to the kerb."""
 
     PARALLEL = "parallel"
     DIAGONAL = "diagonal"
@@ -36,14 +36,14 @@ class ParkingOrientation(StrEnum):
 
 
 class ParkingSource(StrEnum):
-    """How a place came into the world."""
+    """Source of a place."""
 
     TAGGED = "tagged"
-    """By the `parking:*` tags of its street."""
+    """`parking:*` tags of its street."""
     AREA = "area"
-    """Within an area of parking that the map has beside the street."""
+    """Mapped parking area along the street."""
     RULE = "rule"
-    """By the rule for its type of street; the map says nothing."""
+    """Rule for its type of street; the map has no tag."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,10 +66,10 @@ class ParkingPlace:
     length_m: float
     """Along `yaw_rad`."""
     width_m: float
-    """Across `yaw_rad`."""
+    """Width across `yaw_rad`."""
     source: ParkingSource
     closed: str = ""
-    """Hours in which nobody parks there, such as `Mo-Fr 07:00-17:00` of a loading bay; see `hours`."""
+    """Hours without parking, such as `Mo-Fr 07:00-17:00` of a loading bay."""
 
     @property
     def edge(self) -> str:

@@ -43,7 +43,7 @@ CONTINUES_RAD = math.radians(35.0)
 """A street that leaves a junction in line with another to within this is its continuation and no corner."""
 
 CHORD_M = 4.0
-"""Over which a kerb's curvature is measured, before and behind [m]."""
+"""Distance over which a kerb's curvature is measured, in both directions [m]."""
 
 STRIP_M = 8.0
 """A bus stop, a mast or a driveway belongs to a kerb up to this far from it [m]."""
@@ -140,7 +140,7 @@ class ClearKerbs:
                     yield station - clear.hydrant_m, station + clear.hydrant_m
 
     def _before_zebras(self, kerb: Kerb) -> Iterator[KerbInterval]:
-        """Before the crossing at the end of a kerb, which is a zebra where there is no map to say what it is."""
+        """Clearance before the crossing at the end of a kerb, which counts as a zebra where it is not mapped."""
         end, clear_m = Point(kerb.line.coords[-1]), self._clear.marked_crossing_m
         for index in self._zebra_tree.query(end, predicate="dwithin", distance=clear_m):
             yield kerb.length_m - clear_m + self._zebras[int(index)].distance(end), kerb.length_m
@@ -212,9 +212,9 @@ class KerbRow:
     parking: SideParking
     source: ParkingSource
     inner_m: float
-    """Where its places begin, outwards from the kerb; below 0 on the carriageway."""
+    """Inner edge of its places, outwards from the kerb; below 0 on the carriageway."""
     within: Polygon | None = None
-    """What the centres of its places lie in, in an area of the map."""
+    """Mapped area that contains the centres of its places."""
 
 
 class KerbRows:
@@ -243,7 +243,7 @@ class KerbRows:
                 self._areas.setdefault((nearest.edge, nearest.side), []).append(area)
 
     def of_areas(self, kerb: Kerb) -> Iterator[KerbRow]:
-        """The rows in areas of parking beside a kerb."""
+        """The rows in parking areas along a kerb."""
         for area in self._areas.get((kerb.edge, kerb.side), ()):
             corners = shapely.points(area.polygon.exterior.coords)
             stations = shapely.line_locate_point(kerb.line, corners)
@@ -278,7 +278,7 @@ class KerbRows:
                 yield KerbRow(kerb, (stretch.start_m, stretch.end_m), parking, source, inner)
 
     def _inner_m(self, kerb: Kerb, parking: SideParking) -> float | None:
-        """Where a row begins, outwards from the kerb; None where it needs a parking lane that is not there."""
+        """Inner edge of a row, outwards from the kerb; None where it needs a parking lane that does not exist."""
         needed = lane_depth_m(parking.position, self._depth_m(parking))
         return -needed if self._planned or needed <= kerb.parking_m + LANE_TOLERANCE_M else None
 
@@ -360,7 +360,7 @@ def parking_places(
 
 
 class _Ground:
-    """What stands in the way of places, and the places so far."""
+    """Obstacles to places, and the places so far."""
 
     def __init__(
         self,
@@ -384,7 +384,7 @@ class _Ground:
             self._segments.setdefault(segment.edges, []).append(segment)
         self._planned = planned
         self._taken: dict[object, Nearby[Polygon]] = defaultdict(lambda: Nearby(16.0))
-        """By kerb while lanes are planned: they will lie side by side, however narrow the street is before."""
+        """Places by kerb while lanes are planned: they will lie side by side, however narrow the street is now."""
         self.places: list[ParkingPlace] = []
 
     def fill(self, row: KerbRow, clear: ClearKerbs) -> None:

@@ -1,4 +1,4 @@
-"""The rule for parking: sizes of places, what must be kept clear, and where one parks if the map does not say.
+"""Parking rules: sizes of places, clearances, and where vehicles park on streets without parking tags.
 
 A rule is a YAML file of the form of `ParkingRule`. `europe` and `north_america` ship with the package; each names its
 sources.
@@ -22,7 +22,7 @@ NO_RULE: Final = "none"
 
 
 class PlaceSize(Settings):
-    """Of one place by its orientation."""
+    """Size of a place of one orientation."""
 
     spacing_m: PositiveMetres
     """Along the kerb."""
@@ -35,7 +35,7 @@ class PlaceSize(Settings):
 
 
 class Clearances(Settings):
-    """What stays clear along the kerb, in metres."""
+    """Clearances along the kerb, in metres."""
 
     junction_m: Metres
     """Before and behind a junction, from where the edges of the two carriageways would meet."""
@@ -54,16 +54,16 @@ class Clearances(Settings):
     curve_radius_m: Metres
     """A kerb that is curved with a smaller radius stays clear."""
     mast_m: Metres
-    """From a mast or trunk that stands where one would park, to both sides."""
+    """From a mast or trunk within the row, to both sides."""
     walkway_m: Metres
     """Between a place and a building."""
 
 
 class StreetRule(Settings):
-    """Where one parks along a type of street."""
+    """Parking along a type of street."""
 
     sides: Literal["both", "right", "none"]
-    """`right`: of the direction in which the street was drawn."""
+    """`right`: seen in the direction in which the street was drawn."""
     position: ParkingPosition = ParkingPosition.LANE
     orientation: ParkingOrientation = ParkingOrientation.PARALLEL
     max_lanes: Annotated[int, Field(ge=1, le=20)] = 2
@@ -76,16 +76,16 @@ class StreetRule(Settings):
 
 
 class ParkingRule(Settings):
-    """A rule: how large places are, what stays clear, and where one parks if the map does not say."""
+    """Sizes of places, clearances, and parking along streets without parking tags."""
 
     places: Mapping[ParkingOrientation, PlaceSize]
     clear: Clearances
     built_up_reach_m: PositiveMetres
     """A building at most this far from the kerb is near a street."""
     streets: Mapping[str, StreetRule]
-    """By OSM's class of street (`highway=*`)."""
+    """Rules by OSM's class of street (`highway=*`)."""
     otherwise: StreetRule
-    """Of streets without a class, as in generated worlds and SUMO networks."""
+    """Rule of streets without a class, as in generated worlds and SUMO networks."""
 
     def of_street(self, kind: str) -> StreetRule:
         """The rule for SUMO's type of an edge, such as `highway.residential`; none for a class that is not listed."""
@@ -100,7 +100,7 @@ def rule_names() -> list[str]:
 
 @cache
 def parking_rule(name: str) -> ParkingRule | None:
-    """The rule of a name, or of a YAML file of the user's own; None for `none`.
+    """Read a rule by name or from a YAML file; None for `none`.
 
     Raises:
         PaveTwinError: there is no such rule or file, or the file is no rule.
