@@ -17,7 +17,7 @@ from shapely import Point, Polygon
 
 from pavetwin.config import load_settings
 from pavetwin.config.conditions import Conditions
-from pavetwin.config.parking import ParkingSettings
+from pavetwin.config.mission import ParkingSettings
 from pavetwin.traffic.demand import DEFAULT_MIX
 from pavetwin.traffic.kinds import KINDS
 from pavetwin.traffic.parked import ParkedVehicles, occupancy, occupancy_curves, parked_vehicles, surroundings_of

@@ -185,7 +185,7 @@ def _parked(
 ) -> "ParkedVehicles | None":
     """The vehicles that are parked, of the mix of the traffic; None unless they are asked for."""
     from pavetwin.config import Conditions
-    from pavetwin.config.parking import ParkingSettings
+    from pavetwin.config.mission import ParkingSettings
     from pavetwin.traffic.demand import DEFAULT_MIX
     from pavetwin.traffic.parked import parked_vehicles
 

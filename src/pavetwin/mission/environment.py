@@ -25,7 +25,7 @@ from pavetwin.pci import Survey, sample_units
 from pavetwin.scene.light import sun_elevation_deg
 from pavetwin.sensing.frame import Sighting
 from pavetwin.sensing.resolution import orientations_of, smallest_extent_m
-from pavetwin.traffic.mix import DEFAULT_MIX
+from pavetwin.traffic.demand import DEFAULT_MIX
 from pavetwin.traffic.parked import ParkedVehicles, parked_vehicles
 from pavetwin.twin import Agent
 from pavetwin.twin.state import agents_of

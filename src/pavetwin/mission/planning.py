@@ -29,9 +29,8 @@ from pavetwin.navigation.take_off import parse_base
 from pavetwin.policies import load_policy, policy_class, policy_names
 from pavetwin.seeds import Stream, child
 from pavetwin.sensing import load_sensor
-from pavetwin.traffic.demand import DEFAULT_TRAFFIC, Density, density_named
+from pavetwin.traffic.demand import DEFAULT_TRAFFIC, Density, density_named, own_demand
 from pavetwin.traffic.inputs import Inputs
-from pavetwin.traffic.own_demand import own_demand
 from pavetwin.traffic.recording_file import load_recording
 from pavetwin.uav import aircraft_of, camera_of, energy_curve
 from pavetwin.uav.wind import check_wind

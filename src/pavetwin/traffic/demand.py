@@ -22,7 +22,7 @@ from xml.etree import ElementTree
 import yaml
 from pydantic import Field, model_validator
 
-from pavetwin.config.base import Settings
+from pavetwin.config.settings import Settings
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.files import file_sha256
 from pavetwin.traffic.area import TrafficArea

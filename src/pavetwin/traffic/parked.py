@@ -17,10 +17,9 @@ import numpy as np
 from pydantic import Field, PositiveFloat
 
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray, Int64Array
-from pavetwin.config.base import Settings
 from pavetwin.config.conditions import Conditions
-from pavetwin.config.numbers import Share
-from pavetwin.config.parking import ParkingSettings
+from pavetwin.config.mission import ParkingSettings
+from pavetwin.config.settings import Settings, Share
 from pavetwin.config.text import parse_yaml
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic.demand import DEFAULT_MIX, mix_named
