@@ -32,8 +32,7 @@ from pavetwin.twin.state import agents_of
 from pavetwin.uav import AircraftProfile, Camera, aircraft_of, camera_of, energy_curve
 from pavetwin.uav.energy import CURVE_STEP_MPS
 from pavetwin.uav.wind import check_wind
-from pavetwin.world.content import defects_hash
-from pavetwin.world.model import Defect, Segment, Surface, World
+from pavetwin.world.model import Defect, Segment, Surface, World, defects_hash
 from pavetwin.world.solids import SolidKind, Solids, parked_boxes, solids
 
 if TYPE_CHECKING:
