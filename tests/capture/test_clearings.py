@@ -7,14 +7,12 @@ import numpy as np
 import pytest
 import shapely
 
-from pavetwin.capture.clearings import Clearings
 from pavetwin.capture.context import prepare
-from pavetwin.capture.defect_index import ROAD_SHARE, footprint
-from pavetwin.capture.plan import image_specs
+from pavetwin.capture.image_spec import ROAD_SHARE, footprint
 from pavetwin.capture.platforms import CaptureContext
 from pavetwin.capture.platforms.car import Car
-from pavetwin.capture.platforms.uav import Uav
-from pavetwin.capture.samples import draw_sample, next_attempt, relaxed
+from pavetwin.capture.platforms.uav import Clearings, Uav
+from pavetwin.capture.samples import draw_sample, image_specs, next_attempt, relaxed
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.world.build import Built

@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from pycocotools import mask as coco_mask
 
-from pavetwin.capture.contrast import ContrastMeter
-from pavetwin.capture.instance_masks import instance_masks
 from pavetwin.capture.truth import (
+    ContrastMeter,
     LabelledObject,
     Reason,
     SceneState,
     ground_fraction,
     inside_fraction,
+    instance_masks,
     labelled_objects,
 )
 from pavetwin.labels.classes import CAR, PERSON, categories, category_of_agent, category_of_defect

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from pavetwin.capture.mission_sheet import save_mission_sheet
+from pavetwin.capture.sheets import save_mission_sheet
 from pavetwin.draw.contact_sheet import CELL_PX
 from pavetwin.sensing import Outcome
 from pavetwin.sensing.detector import DetectorSensor

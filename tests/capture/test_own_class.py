@@ -9,10 +9,10 @@ import pytest
 import yaml
 
 from pavetwin import plugins
-from pavetwin.capture.contact_sheet import save_sheet
+from pavetwin.capture.record import count
 from pavetwin.capture.run import capture
 from pavetwin.capture.settings import CaptureSettings, _plugins_differ
-from pavetwin.capture.statistics import count
+from pavetwin.capture.sheets import save_sheet
 from pavetwin.defects import DEFECT_CLASSES, DefectOptions, add_defects, heightfield_of, measure
 from pavetwin.draw.world_map import legend
 from pavetwin.errors import PaveTwinError

@@ -8,14 +8,11 @@ import numpy as np
 import pytest
 import yaml
 
-from pavetwin.capture.defect_index import DefectIndex
-from pavetwin.capture.image_spec import ImageSpec
-from pavetwin.capture.names import platform_prefix, prefix
-from pavetwin.capture.parked_bodies import ParkedBodies
+from pavetwin.capture.image_spec import DefectIndex, ImageSpec
 from pavetwin.capture.platforms import CaptureContext, Platform, Pose
 from pavetwin.capture.record import Record, read_records
 from pavetwin.capture.run import capture
-from pavetwin.capture.samples import draw_sample
+from pavetwin.capture.samples import ParkedBodies, draw_sample, platform_prefix, prefix
 from pavetwin.capture.settings import FILE, CaptureSettings
 from pavetwin.capture.truth import SceneState, labelled_objects
 from pavetwin.config import Conditions

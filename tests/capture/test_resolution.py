@@ -9,9 +9,9 @@ import shapely
 from pycocotools.coco import COCO
 
 from pavetwin.capture.context import check
-from pavetwin.capture.plan import image_specs
 from pavetwin.capture.record import Record, read_records
 from pavetwin.capture.run import capture
+from pavetwin.capture.samples import image_specs
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.config.mission import LOWEST_M
 from pavetwin.errors import PaveTwinError

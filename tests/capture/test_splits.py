@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from pavetwin.capture import context, splits
-from pavetwin.capture.presence import SAMPLED_S, presence
 from pavetwin.capture.settings import CaptureSettings
-from pavetwin.capture.splits import split_streets, street_splits
+from pavetwin.capture.splits import SAMPLED_S, presence, split_streets, street_splits
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels import SPLITS
 from pavetwin.traffic.record import record

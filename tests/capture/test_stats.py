@@ -5,7 +5,7 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from pavetwin.capture.statistics import SIZES, Statistics
+from pavetwin.capture.record import SIZES, Statistics
 from pavetwin.capture.truth import Reason
 from pavetwin.cli import capture
 from pavetwin.labels import SPLITS

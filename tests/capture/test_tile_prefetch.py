@@ -12,14 +12,13 @@ from pathlib import Path
 import pytest
 
 from pavetwin.capture import run
-from pavetwin.capture.image_workers import CaptureJob
+from pavetwin.capture.image_workers import CaptureJob, TilePrefetcher
 from pavetwin.capture.platforms import CaptureContext
 from pavetwin.capture.run import capture, processes
 from pavetwin.capture.samples import CameraSample
 from pavetwin.capture.scene_renderer import SceneFrameSource
 from pavetwin.capture.settings import CaptureSettings
-from pavetwin.capture.shards import Order, in_order, schedule
-from pavetwin.capture.tile_prefetch import TilePrefetcher
+from pavetwin.capture.store import Order, in_order, schedule
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.render.nearby import make_missing, wanted_keys
 from pavetwin.scene import scene as scenes

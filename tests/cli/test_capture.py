@@ -13,7 +13,6 @@ import yaml
 from PIL import ExifTags, Image
 from typer.main import get_group
 
-from pavetwin.capture.contact_sheet import pose_text
 from pavetwin.capture.context import prepare
 from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.capture.mission_frames import frame_size, save_frames
@@ -21,6 +20,7 @@ from pavetwin.capture.mission_images import MissionImages
 from pavetwin.capture.platforms import PLATFORMS, Platform, Pose
 from pavetwin.capture.record import read_records
 from pavetwin.capture.settings import FORMAT, CaptureSettings, description
+from pavetwin.capture.sheets import pose_text
 from pavetwin.cli import app
 from pavetwin.cli.capture import make, show, stats
 from pavetwin.cli.flags import with_flags

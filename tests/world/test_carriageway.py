@@ -3,7 +3,7 @@
 import pytest
 import shapely
 
-from pavetwin.capture.defect_index import DefectIndex
+from pavetwin.capture.image_spec import DefectIndex
 from pavetwin.scene.ground import plan_ground
 from scenes import built
 

@@ -79,13 +79,13 @@ def _make(folder: Path, kind: ExhibitKind, place: Path, tell: Callable[[float, s
         return
     tell(0.0, "Drawing the contact sheet")
     if kind is ExhibitKind.CAPTURED:
-        from pavetwin.capture.contact_sheet import save_sheet
+        from pavetwin.capture.sheets import save_sheet
 
         save_sheet(folder, place / SHEET)
     else:
-        from pavetwin.training.datasets.contact_sheet import save_contact_sheet
+        from pavetwin.draw.contact_sheet import save_dataset_sheet
 
-        save_contact_sheet(folder, place / SHEET)
+        save_dataset_sheet(folder, place / SHEET)
 
 
 def _state(folder: Path) -> Iterator[str]:

@@ -3,11 +3,10 @@
 from collections.abc import Mapping, Set
 from functools import partial
 
-from pavetwin.capture.airspace import Airspace
-from pavetwin.capture.defect_index import AIMED_WITHIN_M, DefectIndex
 from pavetwin.capture.formats import FORMATS, find_formats
+from pavetwin.capture.image_spec import AIMED_WITHIN_M, DefectIndex, check_resolution
 from pavetwin.capture.platforms import PLATFORMS, CaptureContext, flying
-from pavetwin.capture.resolution import check_resolution
+from pavetwin.capture.platforms.platform import Airspace
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.splits import RECORDED_S, defect_streets, street_splits
 from pavetwin.defects.registry import DEFECT_CLASSES, kinds

@@ -11,8 +11,8 @@ import numpy as np
 from PIL import ExifTags, Image, PngImagePlugin
 
 from pavetwin.arrays import UInt8Array
+from pavetwin.capture.image_spec import image_gsd_mm
 from pavetwin.capture.platforms import Pose
-from pavetwin.capture.resolution import image_gsd_mm
 from pavetwin.render.frame import Exposure
 from pavetwin.world.georeference import GeoReference
 

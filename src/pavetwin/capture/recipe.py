@@ -1,31 +1,94 @@
-"""Synthetic images of many worlds from one file: worlds are built, images of each are captured, all are joined.
+"""Synthetic images of many worlds from one file: worlds are built, images of each are captured, and all are joined.
 
-Each world belongs to one split as a whole, so that no street of a test image is in a training image. Every stage is
-resumable by itself: the same recipe continues where it stopped.
+Each world belongs to one split as a whole, so that no street of a test image is in a training image. Every stage
+resumes by itself: the same recipe continues where it stopped.
 """
 
-from dataclasses import dataclass
+import json
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Final, Literal, Self
+from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
 from pavetwin.capture.context import check
 from pavetwin.capture.image_workers import FrameSourceFactory
-from pavetwin.capture.joining import JoinedImages, join
 from pavetwin.capture.run import capture
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.config.settings import Settings
 from pavetwin.defects import DefectOptions
 from pavetwin.defects.placement import build_folder
 from pavetwin.errors import PaveTwinError
-from pavetwin.files import file_sha256, working_in
+from pavetwin.files import file_sha256, link_or_copy, working_in, writing
 from pavetwin.labels import SPLITS
 from pavetwin.mission.inputs import OnProgress
 from pavetwin.plugins import load_plugins
 from pavetwin.world.build import BuildOptions
 from pavetwin.world.generate import network_kind
 from pavetwin.world.store import load_record
+
+
+@dataclass(frozen=True)
+class JoinedImages:
+    """What a joined dataset holds."""
+
+    images: Counter[str] = field(default_factory=Counter)
+    """By split."""
+    empty: Counter[str] = field(default_factory=Counter)
+    """Images without any label, by split."""
+    labelled: Counter[tuple[str, str]] = field(default_factory=Counter)
+    """Labels by class and split, without what is ignored."""
+
+
+def join(folders: Sequence[Path], output: Path) -> JoinedImages:
+    """Write `annotations/instances_SPLIT.json` of all captures, and link their images. What is there is replaced.
+
+    Each image also says of which `capture` it is.
+
+    Raises:
+        PaveTwinError: captures have other classes than the first, or two images the same name.
+    """
+    found = JoinedImages()
+    kinds: list[dict[str, Any]] | None = None
+    for split in SPLITS:
+        images: list[dict[str, Any]] = []
+        annotations: list[dict[str, Any]] = []
+        info: dict[str, Any] = {}
+        for folder in folders:
+            path = folder / "annotations" / f"instances_{split}.json"
+            if not path.is_file():
+                continue
+            content = json.loads(path.read_text(encoding="utf-8"))
+            info, kinds = content["info"], kinds or content["categories"]
+            if content["categories"] != kinds:
+                raise PaveTwinError(f"'{folder}' has other classes than '{folders[0]}'; captures must have the same.")
+            numbers = {image["id"]: len(images) + at for at, image in enumerate(content["images"])}
+            images += [{**each, "id": numbers[each["id"]], "capture": folder.name} for each in content["images"]]
+            first = len(annotations)
+            annotations += [
+                {**each, "id": first + at + 1, "image_id": numbers[each["image_id"]]}
+                for at, each in enumerate(content["annotations"])
+            ]
+            for each in content["images"]:
+                link_or_copy(
+                    folder / "images" / split / each["file_name"], output / "images" / split / each["file_name"]
+                )
+        if not images:
+            continue
+        if len({each["file_name"] for each in images}) < len(images):
+            raise PaveTwinError("Two captures have images of the same name; name every world differently.")
+        content = {"info": info, "licenses": [], "categories": kinds, "images": images, "annotations": annotations}
+        with writing(output / "annotations" / f"instances_{split}.json") as temporary:
+            temporary.write_text(json.dumps(content, ensure_ascii=False), encoding="utf-8")
+        names = {each["id"]: each["name"] for each in kinds or ()}
+        shown = {each["image_id"] for each in annotations}
+        found.images[split] = len(images)
+        found.empty[split] = sum(each["id"] not in shown for each in images)
+        found.labelled.update((names[each["category_id"]], split) for each in annotations if not each["iscrowd"])
+    return found
+
 
 WORLDS: Final = "worlds"
 CAPTURES: Final = "captures"

@@ -9,7 +9,6 @@ from typing import Any, Final
 
 from pavetwin._core import __version__
 from pavetwin.capture.context import check, packages_in_use, prepare
-from pavetwin.capture.disk_space import check_disk_space
 from pavetwin.capture.formats import find_formats
 from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.capture.image_workers import (
@@ -20,14 +19,19 @@ from pavetwin.capture.image_workers import (
     platforms_of,
     prefetching,
 )
-from pavetwin.capture.names import image_name, platform_prefix
-from pavetwin.capture.plan import image_specs
 from pavetwin.capture.platforms import CaptureContext
-from pavetwin.capture.samples import draw_sample
+from pavetwin.capture.record import Statistics, count
+from pavetwin.capture.samples import draw_sample, image_name, image_specs, platform_prefix
 from pavetwin.capture.settings import FILE, CaptureSettings, check_same, description
-from pavetwin.capture.shards import finished_images, in_order, schedule, split_into_shards
-from pavetwin.capture.statistics import Statistics, count
-from pavetwin.capture.store import write_over_all, write_yaml
+from pavetwin.capture.store import (
+    check_disk_space,
+    finished_images,
+    in_order,
+    schedule,
+    split_into_shards,
+    write_over_all,
+    write_yaml,
+)
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import working_in
 from pavetwin.labels import SPLITS

@@ -8,9 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from pavetwin._core import Trace
-from pavetwin.capture.plan import platform_key
 from pavetwin.capture.platforms import CaptureContext
-from pavetwin.capture.samples import CameraSample
+from pavetwin.capture.samples import CameraSample, platform_key
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.render.nearby import FAR_M

@@ -1,12 +1,13 @@
 """Assignment of whole streets to train, val and test, so that no defect is seen in two of them.
 
-It depends on the world, the seed and the shares only: datasets of one world and seed can be joined, whatever took
-their images. Of many assignments the one is taken that is nearest to the target shares of each class's defects and of
-the traffic, and that separates the fewest streets that meet: no image can be taken where streets of two splits meet.
+It depends on the world, the seed and the shares only: datasets of one world and seed can be joined, on any platforms.
+Of many assignments the one nearest to the target shares of each class's defects and of the traffic is taken, with the
+fewest separated streets that meet: no image can be taken where streets of two splits meet. Streets count the recorded
+traffic on them, since images of an empty street hold no vehicle to train or test on.
 """
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from importlib.metadata import PackageNotFoundError, version
@@ -16,14 +17,37 @@ import numpy as np
 import shapely
 
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
-from pavetwin.capture.plan import STREETS
-from pavetwin.capture.presence import presence
+from pavetwin.capture.samples import STREETS
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels import SPLITS
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic.record import record
+from pavetwin.traffic.recording import Recording
 from pavetwin.world.cache import ValueStore, made_by, short_sha256, split_folder
 from pavetwin.world.model import World
+
+SAMPLED_S: Final = 10.0
+"""Interval at which agents are counted."""
+
+BESIDE_M: Final = 5.0
+"""People on sidewalks, and agents on a junction, count as on the street whose carriageway is this near."""
+
+
+def presence(world: World, recordings: Iterable[Recording]) -> Mapping[str, Float64Array]:
+    """Street → (2,) mean number of vehicles and people on it at a time, over all recordings."""
+    names, street = np.unique([segment.street for segment in world.segments], return_inverse=True)
+    tree = shapely.STRtree([segment.polygon for segment in world.segments])
+    counts = np.zeros((len(names), 2))
+    for recording in recordings:
+        frames = range(0, recording.frames, max(1, round(SAMPLED_S / recording.step_s)))
+        offsets = recording.step_offsets
+        rows = np.concatenate([np.arange(offsets[frame], offsets[frame + 1]) for frame in frames])
+        places = shapely.points(recording.x[rows].astype(np.float64), recording.y[rows].astype(np.float64))
+        which, nearest = tree.query_nearest(places, max_distance=BESIDE_M, all_matches=False)
+        walks = recording.agents.is_pedestrian[recording.agent[rows[which]]].astype(np.intp)
+        np.add.at(counts, (street[nearest], walks), 1 / len(frames))
+    return dict(zip(names.tolist(), counts, strict=True))
+
 
 STARTS: Final = 96
 """Number of random starts of the local search; the best result is taken."""

@@ -1,24 +1,31 @@
-"""The labelled objects of one image, from its instance image; and which of them are ignored, and why."""
+"""Labelled objects of an image: their masks, contrast, visible share, and the reasons to ignore them.
+
+How clearly a defect stands out is measured against the same image of defect-free pavement. Width and depth do not
+decide it: a fine crack shows in low sun, and a wide one vanishes in coarse texture. The image alone does not decide it
+either: a joint, a marking or a shadow edge next to a defect is not part of it. The contrast is the change that the
+defect makes to the image, in units of the variation of the pavement there, pooled over all of its pixels.
+"""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
+from functools import cached_property
 from math import hypot
 from typing import TYPE_CHECKING, Any, Final
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 import shapely
 from shapely import Polygon
 
-from pavetwin.arrays import Float64Array
-from pavetwin.capture.contrast import ContrastMeter
-from pavetwin.capture.defect_index import footprint
-from pavetwin.capture.instance_masks import InstanceMask, instance_masks
+from pavetwin.arrays import BoolArray, Float32Array, Float64Array, IndexArray, UInt8Array, UInt32Array
+from pavetwin.capture.image_spec import footprint
 from pavetwin.labels.boxes import PixelBox
 from pavetwin.labels.classes import Category, category_of_agent, category_of_defect
 from pavetwin.labels.rle import encode
 from pavetwin.render.frame import RenderedFrame
+from pavetwin.scene.light import LUMINANCE
 from pavetwin.scene.model import labelled_agent, labelled_defect, labelled_place
 from pavetwin.scene.view import View
 from pavetwin.traffic.parked import ParkedVehicles
@@ -26,6 +33,125 @@ from pavetwin.world.model import Defect, World
 
 if TYPE_CHECKING:
     from pavetwin._core import PoseColumns
+
+
+@dataclass(frozen=True)
+class InstanceMask:
+    """The visible pixels of one object in one image."""
+
+    label: int
+    box: PixelBox
+    bits: BoolArray
+    """(bottom − top, right − left): which pixels of the box show it. Each edge of the box has at least one."""
+
+    @property
+    def area_px(self) -> int:
+        return int(self.bits.sum())
+
+    @property
+    def sides_px(self) -> tuple[int, int]:
+        """The longer and the shorter side of the box."""
+        return max(self.bits.shape), min(self.bits.shape)
+
+    def mask(self, size: tuple[int, int]) -> BoolArray:
+        """The mask in the whole image (height, width)."""
+        mask = np.zeros(size, dtype=np.bool_)
+        left, top, right, bottom = self.box
+        mask[top:bottom, left:right] = self.bits
+        return mask
+
+    def touches_border(self, size: tuple[int, int]) -> bool:
+        """Whether it reaches the border of an image (height, width), so that it may be cut off."""
+        left, top, right, bottom = self.box
+        return left == 0 or top == 0 or right == size[1] or bottom == size[0]
+
+
+def instance_masks(labels: UInt32Array) -> list[InstanceMask]:
+    """One mask for each label of an instance image (height, width), in ascending order; 0 is background."""
+    where = np.flatnonzero(labels)
+    if not len(where):
+        return []
+    values = labels.ravel()[where]
+    order = np.argsort(values, kind="stable")
+    values, where = values[order], where[order]
+    starts = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]]))
+    return [
+        _instance_mask(int(values[start]), places, labels.shape[1])
+        for start, places in zip(starts, np.split(where, starts[1:]), strict=True)
+    ]
+
+
+def _instance_mask(label: int, places: IndexArray, width: int) -> InstanceMask:
+    rows, columns = np.divmod(places, width)
+    top, bottom, left, right = rows.min(), rows.max() + 1, columns.min(), columns.max() + 1
+    bits = np.zeros((bottom - top, right - left), dtype=np.bool_)
+    bits[rows - top, columns - left] = True
+    return InstanceMask(label, (int(left), int(top), int(right), int(bottom)), bits)
+
+
+REACH_PX = 2
+"""The lens, sharpening and motion spread a defect's change this far beyond its mask."""
+
+POOLING = 3.0
+"""Minkowski exponent of the sum over pixels: near the slope of the psychometric function, by which the probabilities of
+seeing any one part add up (Quick 1974, A vector-magnitude model of contrast detection; Watson 1979, Probability
+summation over time). A sum of squares would count faint haze over a wide area as visible."""
+
+_GROUND_PX = 11
+"""Side of the window of the local mean: slower variation of the pavement masks no defect."""
+
+_QUARTILES = 1.349
+"""Standard deviations between the quartiles of a normal distribution."""
+
+_LEAST_SPREAD = 0.5
+"""In grey levels of 255: the variation that rounding leaves on a uniform surface."""
+
+_LUMA = LUMINANCE.astype(np.float32)
+
+
+class ContrastMeter:
+    """Measures the contrast of the defects in one image, from its instance image and its defect-free version."""
+
+    def __init__(self, rgb: UInt8Array, defect_free: UInt8Array, labels: UInt32Array) -> None:
+        """All of the same height and width; `defect_free` as `RenderedFrame.defect_free`."""
+        self._rgb, self._defect_free, self._labels = rgb, defect_free, labels
+
+    def contrast(self, instance: InstanceMask) -> float:
+        """Of an instance, in standard deviations of defect-free pavement."""
+        left, top, right, bottom = instance.box
+        height, width = self._labels.shape
+        rows = slice(max(0, top - REACH_PX), min(height, bottom + REACH_PX))
+        columns = slice(max(0, left - REACH_PX), min(width, right + REACH_PX))
+        labels = self._labels[rows, columns]
+        here = labels == instance.label
+        reached = _beside(here) & ((labels == 0) | here)
+        pavement = self._grain[rows, columns][reached]
+        # By quartiles, so that a marking or shadow edge that crosses the defect does not count as texture.
+        low, high = np.quantile(pavement, (0.25, 0.75))
+        change = np.abs(self._change[rows, columns][reached])
+        return float(np.sum(change**POOLING) ** (1 / POOLING) / max((high - low) / _QUARTILES, _LEAST_SPREAD))
+
+    @cached_property
+    def _luma(self) -> Float32Array:
+        return np.asarray(self._defect_free.astype(np.float32) @ _LUMA, dtype=np.float32)
+
+    @cached_property
+    def _change(self) -> Float32Array:
+        """By how much defects change the luma of each pixel."""
+        return np.asarray(self._rgb.astype(np.float32) @ _LUMA - self._luma, dtype=np.float32)
+
+    @cached_property
+    def _grain(self) -> Float32Array:
+        """Luma of the defect-free pavement less its local mean."""
+        mean = cv2.blur(self._luma, (_GROUND_PX, _GROUND_PX), borderType=cv2.BORDER_REPLICATE)
+        return np.asarray(self._luma - mean, dtype=np.float32)
+
+
+def _beside(mask: BoolArray) -> BoolArray:
+    """The mask and all within a square of `REACH_PX` around it."""
+    square = np.ones((2 * REACH_PX + 1, 2 * REACH_PX + 1), dtype=np.uint8)
+    return cv2.dilate(mask.astype(np.uint8), square, borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
+
 
 LEAST_VISIBLE_SHARE: Final = 0.15
 LEAST_INSIDE_SHARE: Final = 0.15

@@ -30,8 +30,8 @@ from pavetwin.errors import PaveTwinError
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from pavetwin.capture.record import Statistics
     from pavetwin.capture.settings import CaptureSettings
-    from pavetwin.capture.statistics import Statistics
     from pavetwin.mission.inputs import OnProgress
 
 
@@ -248,7 +248,7 @@ def show(
     pavetwin capture show datasets/town
     pavetwin capture show datasets/town --split val --count 12 -o val.png
     """
-    from pavetwin.capture.contact_sheet import save_sheet
+    from pavetwin.capture.sheets import save_sheet
 
     path = output or dataset / "contact-sheet.png"
     with progress("Drawing"):
@@ -263,8 +263,8 @@ def stats(dataset: DatasetFolder) -> None:
     \b
     pavetwin capture stats datasets/town
     """
+    from pavetwin.capture.record import count
     from pavetwin.capture.settings import read_description
-    from pavetwin.capture.statistics import count
 
     description = read_description(dataset)
     with progress("Counting"):
@@ -319,7 +319,7 @@ def _labels(statistics: "Statistics") -> "Table":
 
 def _kinds(statistics: "Statistics") -> "Table":
     """A row a class: labels by severity and by size. Together with the splits they would not fit 80 columns."""
-    from pavetwin.capture.statistics import SIZES
+    from pavetwin.capture.record import SIZES
 
     levels, sizes = ("low", "medium", "high"), tuple(name for name, _ in SIZES)
     table = _table("Labels by severity and size")

@@ -334,9 +334,9 @@ def show(
     pavetwin data show datasets/pdd
     pavetwin data show datasets/pdd --count 12 -o pdd.jpg
     """
-    from pavetwin.training.datasets.contact_sheet import save_contact_sheet
+    from pavetwin.draw.contact_sheet import save_dataset_sheet
 
     path = output or dataset / "contact-sheet.png"
     with progress("Drawing"):
-        drawn = save_contact_sheet(dataset, path, count=count)
+        drawn = save_dataset_sheet(dataset, path, count=count)
     out.line(f"{drawn} images on {path}")

@@ -14,8 +14,7 @@ from pavetwin.errors import PaveTwinError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from pavetwin.capture.joining import JoinedImages
-    from pavetwin.capture.recipe import SyntheticRecipe, SyntheticSummary
+    from pavetwin.capture.recipe import JoinedImages, SyntheticRecipe, SyntheticSummary
     from pavetwin.training.datasets.recipe import BuildSummary, Recipe, RecipePack
 
 SYNTHETIC_KEYS = ("worlds", "captures")

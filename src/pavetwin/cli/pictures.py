@@ -71,7 +71,7 @@ def drawing_sheet(images: "MissionImages") -> Drawing:
     """Draws the contact sheet of a mission whose sensor looked at images."""
 
     def draw_sheet(mission: "MissionResult", path: Path) -> None:
-        from pavetwin.capture.mission_sheet import save_mission_sheet
+        from pavetwin.capture.sheets import save_mission_sheet
         from pavetwin.sensing import load_sensor
 
         with progress(f"Drawing what was found: {mission.policy}"):

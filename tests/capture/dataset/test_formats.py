@@ -11,9 +11,8 @@ import yaml
 from PIL import ExifTags, Image
 from pycocotools.coco import COCO
 
-from pavetwin.capture.contact_sheet import save_sheet
-from pavetwin.capture.record import Record
-from pavetwin.capture.statistics import counted
+from pavetwin.capture.record import Record, counted
+from pavetwin.capture.sheets import save_sheet
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.rle import decode
 from pavetwin.world.store import load_world

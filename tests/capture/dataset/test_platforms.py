@@ -10,9 +10,9 @@ import shapely
 import yaml
 
 from pavetwin.capture.context import _check_reached
-from pavetwin.capture.names import platform_prefix
 from pavetwin.capture.record import Record, read_records
 from pavetwin.capture.run import capture
+from pavetwin.capture.samples import platform_prefix
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.store import load_world

@@ -14,7 +14,7 @@ import shapely
 
 from pavetwin.arrays import IndexArray
 from pavetwin.capture.image_spec import ImageSpec
-from pavetwin.capture.platforms.base import Platform, Pose, platform
+from pavetwin.capture.platforms.platform import Platform, Pose, platform
 from pavetwin.scene.view import look
 from pavetwin.traffic.kinds import KINDS
 from pavetwin.traffic.recording import Recording

@@ -1,24 +1,127 @@
-"""The UAV's camera over a street: mostly nadir and along the street, as inspections are flown, with some variation."""
+"""The UAV's camera over a street: mostly nadir and along the street, as inspections are flown, with some variation.
 
+Images without defects are taken of a person or vehicle of the recorded traffic, or of a part of the road far from every
+defect.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import atan2, floor, log2, pi, radians, tan
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 import shapely
 
-from pavetwin.arrays import Float64Array
-from pavetwin.capture.clearings import Clearings
-from pavetwin.capture.defect_index import INNER
-from pavetwin.capture.image_spec import ImageSpec
-from pavetwin.capture.platforms.base import CaptureContext, Platform, Pose, platform
-from pavetwin.capture.road_users import RoadUsers
+from pavetwin.arrays import Float64Array, IndexArray
+from pavetwin.capture.image_spec import INNER, ImageSpec
+from pavetwin.capture.platforms.platform import CaptureContext, Platform, Pose, platform
+from pavetwin.capture.splits import SAMPLED_S
 from pavetwin.config.mission import CEILING_M, LOWEST_M
 from pavetwin.scene.view import View, look
+from pavetwin.traffic.recording import Recording
 from pavetwin.uav.cameras import find_camera
 from pavetwin.world.model import Segment
 from pavetwin.world.segments import direction_at
+
+
+@dataclass(frozen=True)
+class Clearings:
+    """The carriageway of some segments without what is near a defect, as triangles to sample points from."""
+
+    corners: Float64Array
+    """(n, 3, 2) metres, world frame."""
+    owners: tuple[Segment, ...]
+    """(n,) the segment of each."""
+
+    @classmethod
+    def of(cls, segments: Sequence[Segment], defects: shapely.STRtree, radius_m: float) -> Self:
+        """The points from which a disc of that radius holds no defect: centres of images without defects."""
+        parts, owners = [], []
+        for segment in segments:
+            near = defects.geometries[defects.query(segment.polygon, predicate="dwithin", distance=radius_m)]
+            # Convex hulls are hardly larger than the outlines, and fifty times as fast to buffer.
+            around = shapely.buffer(shapely.convex_hull(near), radius_m, quad_segs=4)
+            clear = shapely.difference(segment.polygon, shapely.union_all(around))
+            triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(clear))
+            parts.append(shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3])
+            owners += [segment] * len(triangles)
+        return cls(np.concatenate([np.empty((0, 3, 2)), *parts]), tuple(owners))
+
+    def draw(self, rng: np.random.Generator) -> tuple[Float64Array, Segment] | None:
+        """A point (2,) drawn uniformly over the area, and its segment; None if there is no such area."""
+        sides = self.corners[:, 1:] - self.corners[:, :1]
+        areas = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
+        if not areas.sum() > 0:
+            return None
+        index = int(rng.choice(len(areas), p=areas / areas.sum()))
+        shares = rng.random(2)
+        # The half of the parallelogram beyond the triangle is folded back onto it (Turk 1990).
+        shares = shares if shares.sum() <= 1 else 1 - shares
+        return self.corners[index, 0] + shares @ sides[index], self.owners[index]
+
+
+BESIDE_M: Final = 2.0
+"""People on a sidewalk are taken where the carriageway is this near."""
+
+TRIES: Final = 50
+"""Road users that are drawn until one is far enough from every defect."""
+
+
+@dataclass(frozen=True)
+class RoadUser:
+    """A person or vehicle at a time of the recording."""
+
+    xy: Float64Array
+    """(2,) metres, world frame."""
+    time_s: float
+    segment: Segment
+    """The nearest."""
+
+
+@dataclass(frozen=True)
+class RoadUsers:
+    """Samples of a recording on some segments. Arrays are (samples,), people first."""
+
+    segments: Sequence[Segment]
+    xy: Float64Array
+    """(samples, 2) metres."""
+    time_s: Float64Array
+    nearest: IndexArray
+    """Index into `segments`."""
+    people: int
+    """How many of the samples are people."""
+
+    @classmethod
+    def of(cls, recording: Recording, segments: Sequence[Segment]) -> Self:
+        """Everyone on the segments or just beside them, every ten seconds."""
+        frames = np.arange(0, recording.frames, max(1, round(SAMPLED_S / recording.step_s)))
+        first, last = recording.step_offsets[frames], recording.step_offsets[frames + 1]
+        rows = np.concatenate([np.arange(*bounds) for bounds in zip(first, last, strict=True)])
+        time_s = np.repeat(frames * recording.step_s, last - first)
+        xy = np.column_stack([recording.x[rows], recording.y[rows]]).astype(np.float64)
+        tree = shapely.STRtree([segment.polygon for segment in segments])
+        inside, nearest = tree.query_nearest(shapely.points(xy), max_distance=BESIDE_M, all_matches=False)
+        walks = recording.agents.is_pedestrian[recording.agent[rows[inside]]]
+        order = np.argsort(~walks, kind="stable")
+        inside, nearest = inside[order], nearest[order]
+        return cls(segments, xy[inside], time_s[inside], nearest, int(walks.sum()))
+
+    def draw(self, rng: np.random.Generator, defects: shapely.STRtree, radius_m: float) -> RoadUser | None:
+        """One with no defect within a radius: half of them people, half vehicles; None if none was found.
+
+        Args:
+            defects: their outlines.
+        """
+        groups = [(0, self.people), (self.people, len(self.xy))]
+        groups = [(first, last) for first, last in groups if last > first]
+        for _ in range(TRIES if groups else 0):
+            first, last = groups[int(rng.integers(len(groups)))]
+            row = int(rng.integers(first, last))
+            if not len(defects.query(shapely.Point(self.xy[row]), predicate="dwithin", distance=radius_m)):
+                return RoadUser(self.xy[row], float(self.time_s[row]), self.segments[int(self.nearest[row])])
+        return None
+
 
 _ALONG, _ACROSS = 0.75, 0.15
 """Shares of images headed along the street, either way, and across it; the rest have a random heading."""

@@ -1,18 +1,20 @@
-"""What a platform is, and where platforms are registered."""
+"""Carriers of the camera: their context, the airspace they may use, the poses they propose, and their registry."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
+import shapely
 
 from pavetwin._core import Trace
-from pavetwin.capture.airspace import Airspace
-from pavetwin.capture.defect_index import DefectIndex
-from pavetwin.capture.image_spec import ImageSpec
+from pavetwin.capture.image_spec import DefectIndex, ImageSpec
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.config import Conditions
+from pavetwin.config.mission import VERTICAL_CLEARANCE_M, UavSettings
+from pavetwin.navigation.navmesh import corridors
 from pavetwin.registry import Registry
 from pavetwin.scene.view import View
 from pavetwin.traffic.demand import density_named
@@ -20,6 +22,37 @@ from pavetwin.traffic.parked import ParkedVehicles, ParkingDraws
 from pavetwin.traffic.recording import Recording
 from pavetwin.uav.cameras import Camera
 from pavetwin.world.model import World
+from pavetwin.world.solids import Solids, solids
+
+
+@dataclass(frozen=True)
+class Airspace:
+    """The road corridors, and what stands in them."""
+
+    corridors: shapely.Geometry
+    """Less the UAV's radius; prepared."""
+    standing: Solids
+    bases: shapely.STRtree
+    """(n,) of the solids."""
+    radius_m: float
+    """Of the UAV."""
+
+    @classmethod
+    def of(cls, world: World) -> Self:
+        standing, radius_m = solids(world), UavSettings().radius_m
+        free = shapely.buffer(corridors(world), -radius_m, quad_segs=4)
+        shapely.prepare(free)
+        bases = shapely.STRtree([shapely.Polygon(standing.base(index)) for index in range(len(standing))])
+        return cls(free, standing, bases, radius_m)
+
+    def contains(self, x_m: float, y_m: float, altitude_m: float) -> bool:
+        """Whether the UAV fits in there: within a corridor, and clear of what reaches into its altitude ± clearance."""
+        place = shapely.Point(x_m, y_m)
+        if not shapely.contains(self.corridors, place):
+            return False
+        near = self.bases.query(place, predicate="dwithin", distance=self.radius_m)
+        low, high = altitude_m - VERTICAL_CLEARANCE_M, altitude_m + VERTICAL_CLEARANCE_M
+        return not ((self.standing.z0[near] < high) & (self.standing.z1[near] > low)).any()
 
 
 @dataclass(frozen=True)
