@@ -24,9 +24,7 @@ class Stream(IntEnum):
     BALANCE = 13
     COMPOSITE = 14
     TRAINING = 15
-    PHOTOGRAPHS = 16
     FALSE_ALARMS = 17
-    DISTRACTORS = 18
 
 
 def child(seed: int, stream: Stream, *keys: int) -> np.random.Generator:

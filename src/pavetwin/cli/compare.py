@@ -99,7 +99,7 @@ def compare(
     count = None
     total = len(files) + len(wanted) + len(foreign)
     if _has_torch():
-        from pavetwin.training.trainer.untrained import export_untrained, gflops_of
+        from pavetwin.training.trainer.export import export_untrained, gflops_of
 
         count = gflops_of
     with TemporaryDirectory() as folder, progress("Comparing") as tell:
@@ -113,7 +113,7 @@ def compare(
             rows.append(compared(name, path, split=None, frames=frames, threads=threads, count=count))
             tell(len(rows) / total)
         for name, given in foreign:
-            from pavetwin.training.trainer.cost import gflops
+            from pavetwin.training.network.network import gflops
 
             told = name if isinstance(given, Path) else f"{name}, untrained"
             row = compared_ultralytics(told, given, split=labels, frames=frames, threads=threads, count=gflops)

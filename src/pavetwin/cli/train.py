@@ -12,61 +12,58 @@ from pavetwin.cli.console import err, out
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
-    from pavetwin.training.trainer.trainer import Watcher
+    from pavetwin.training.trainer.watchers import Watcher
 
 
 def train(
     datasets: Annotated[list[Path], typer.Argument(help="Folders with COCO files, or packed files (`data pack`).")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the run.")] = None,
-    size: Annotated[str | None, typer.Option(help="n, s, m or l; n unless given.")] = None,
-    image: Annotated[int | None, typer.Option(help="Side of images in pixels; 640 unless given.")] = None,
+    size: Annotated[str | None, typer.Option(help="n (default), s, m or l.")] = None,
+    image: Annotated[int | None, typer.Option(help="Side of images in pixels; default: 640.")] = None,
     native: Annotated[
-        bool, typer.Option("--native", help="Crops at native resolution from larger images: thin cracks stay visible.")
+        bool, typer.Option("--native", help="Crop larger images at native resolution, which keeps thin cracks visible.")
     ] = False,
     order: Annotated[
         str | None,
-        typer.Option(help="real-synthetic, synthetic-real, mixed, real or synthetic; the first unless given."),
+        typer.Option(help="real-synthetic (default), synthetic-real, mixed, real or synthetic."),
     ] = None,
-    epochs: Annotated[int | None, typer.Option(help="Of the detector in each stage; 40 unless given.")] = None,
-    batch: Annotated[int | None, typer.Option(help="Images of a step; 16 unless given.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Random seed; 0 is a seed too.")] = None,
+    epochs: Annotated[int | None, typer.Option(help="Epochs of the detector in each stage; default: 40.")] = None,
+    batch: Annotated[int | None, typer.Option(help="Images per step; default: 16.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Random seed; default: 0.")] = None,
     without: Annotated[
-        str | None, typer.Option(help="Classes that the data need not have, as in --without Person,Car.")
+        str | None, typer.Option(help="Classes that may be missing from the data, as in --without Person,Car.")
     ] = None,
     overrides: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Any other setting, as in --set width=0.125; repeatable."),
+        typer.Option("--set", metavar="NAME=VALUE", help="Another setting, as in --set width=0.125; repeatable."),
     ] = None,
     start: Annotated[
         str | None,
-        typer.Option(help="Weights to begin with: best.pt of a run, an exported model, or one that ships, by name."),
-    ] = None,
-    photographs: Annotated[
-        Path | None, typer.Option(help="Photographs without labels, for fourier, appearance and teacher_weight.")
+        typer.Option(help="Initial weights: best.pt of a run, an exported model, or a detector that ships, by name."),
     ] = None,
     stop_after: Annotated[
-        float | None, typer.Option(metavar="MINUTES", min=0, help="Save after this time and stop; run again to go on.")
+        float | None,
+        typer.Option(metavar="MINUTES", min=0, help="Save and stop after this time; run again to continue."),
     ] = None,
-    device: Annotated[str, typer.Option(help="cpu or cuda; a graphics card where there is one unless given.")] = "",
+    device: Annotated[str, typer.Option(help="cpu or cuda; default: a graphics card if there is one.")] = "",
     workers: Annotated[int, typer.Option(min=0, help="Processes that prepare images.")] = 0,
     held_gb: Annotated[
-        float, typer.Option(metavar="GB", min=0, help="Decoded pictures of each dataset that are kept in memory.")
+        float, typer.Option(metavar="GB", min=0, help="Decoded images of each dataset kept in memory.")
     ] = 2.0,
     views: Annotated[
         str,
-        typer.Option(help="Where views are drawn: processor or device; a card that has room unless given."),
+        typer.Option(help="Where views are drawn: processor or device; default: a graphics card with enough memory."),
     ] = "",
     compiled: Annotated[
         bool, typer.Option("--compile", help="Compile the network first, which takes a minute or more.")
     ] = False,
 ) -> None:
-    """Train the detector on labelled images, or go on with a run that was stopped.
+    """Train the detector on labelled images, or continue a stopped run.
 
     \b
     pavetwin train datasets/china datasets/town -o runs/first
     pavetwin train datasets/china -o runs/real --size s --without Person,Car
     pavetwin train datasets/mine -o runs/mine --start photographs --image 512 --native --without Person,Car
-    pavetwin train datasets/town -o runs/adapted --photographs photos --set fourier=0.01
     pavetwin train datasets.pack -o runs/small --image 320 --native --set width=0.125 --stop-after 9
 
     Needs PyTorch (`pip install pavetwin\\[train]`). The same settings, data and hardware give the same weights.
@@ -75,7 +72,6 @@ def train(
         raise PaveTwinError("Say where the run goes with -o, for example -o runs/first.")
     from pavetwin.perception.shipped import start_path
     from pavetwin.training.datasets.packs import read_examples
-    from pavetwin.training.datasets.unlabelled import read_unlabelled
     from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
 
     given: dict[str, Any] = {"size": size, "image_px": image, "order": order, "epochs": epochs, "batch": batch}
@@ -84,15 +80,14 @@ def train(
     options = TrainingOptions.parse([*pairs, *(overrides or [])])
     machine = TrainingMachine(device, workers, held_gb, views, compiled)
     begun = start_path(start) if start is not None else None
-    unlabelled = read_unlabelled(photographs) if photographs is not None else None
     check_torch("Training")
     from pavetwin.training.trainer.trainer import Trainer
 
     with _watched() as watcher:
-        trainer = Trainer(read_examples(datasets), output, options, machine, watcher, begun, unlabelled)
+        trainer = Trainer(read_examples(datasets), output, options, machine, watcher, begun)
         finished = trainer.run(60 * stop_after if stop_after is not None else None)
     if not finished:
-        out.line(f"Stopped in time; the same command goes on with {output}/.")
+        out.line(f"Stopped on time; the same command continues {output}/.")
         return
     where = quote(str(output / "best.pt"))
     out.line(f"Trained: {where}, mAP@0.5 {trainer.best_map50:.3f} on the validation images.")
@@ -100,7 +95,7 @@ def train(
 
 def check_torch(what: str) -> None:
     """Raises:
-    PaveTwinError: PyTorch is not installed, which is needed for this.
+    PaveTwinError: PyTorch is not installed.
     """
     from importlib.util import find_spec
 
@@ -110,7 +105,7 @@ def check_torch(what: str) -> None:
 
 @contextmanager
 def _watched() -> Iterator["Watcher"]:
-    """Live curves on a terminal, plain lines elsewhere."""
+    """Watcher with live curves on a terminal, and plain lines elsewhere."""
     if not err.rich.is_terminal:
         from pavetwin.training.trainer.watchers import PlainLines
 

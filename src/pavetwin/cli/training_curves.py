@@ -1,4 +1,4 @@
-"""The curves of a training on the terminal, as they grow."""
+"""Live curves of a training on the terminal."""
 
 import time
 from typing import TYPE_CHECKING, Final
@@ -19,22 +19,21 @@ SHOWN: Final = (
     ("classes", "classes"),
     ("subtype", "subtype"),
     ("mask", "mask"),
-    ("taught", "photographs"),
     ("map50", "mAP@0.5"),
     ("map", "mAP@0.5:0.95"),
 )
-"""Column of the curves, and what it is called."""
+"""Columns of the curves and their display names."""
 
 BLOCKS: Final = "▁▂▃▄▅▆▇█"
 WIDTH: Final = 48
-"""Epochs in a line; of more, the last."""
+"""Number of last epochs in a line."""
 
 STEP_S: Final = 0.2
-"""Between two drawings within an epoch."""
+"""Seconds between two updates within an epoch."""
 
 
 class LiveCurves:
-    """A line for each loss and precision, with a bar for the epoch."""
+    """Watcher with a line for each loss and precision, and a progress bar of the epoch."""
 
     def __init__(self, live: "Live") -> None:
         self._live = live
@@ -42,7 +41,7 @@ class LiveCurves:
         self._drawn_s = 0.0
 
     def on_start(self, where: str) -> None:
-        """The steps begin."""
+        """Training starts."""
         self._live.console.print(where, highlight=False)
 
     def on_step(self, phase: "Phase", epoch: int, step: int, steps: int, total: float) -> None:
@@ -61,7 +60,7 @@ class LiveCurves:
 
 
 def curves_table(curves: "Curves") -> Table:
-    """A row for each curve: its shape, its last value and its best."""
+    """Table with shape, last value and best value of each curve."""
     table = Table(box=None, pad_edge=False, header_style="bold")
     table.add_column(f"{len(curves)} epochs")
     table.add_column("", no_wrap=True)
@@ -76,7 +75,7 @@ def curves_table(curves: "Curves") -> Table:
 
 
 def sparkline(values: list[float]) -> str:
-    """A curve as one line of blocks, from its least to its greatest value."""
+    """A curve as one line of blocks, scaled from its minimum to its maximum."""
     low, high = min(values), max(values)
     steps = len(BLOCKS) - 1
     return "".join(BLOCKS[round(steps * (value - low) / (high - low)) if high > low else 0] for value in values)

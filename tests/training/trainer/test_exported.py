@@ -11,21 +11,21 @@ import onnx
 import onnxruntime
 import pytest
 import torch
-from onnx import TensorProto, helper, numpy_helper
+from onnx import TensorProto, helper
 from torch import Tensor, nn
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.inference.model_file import ModelFacts
 from pavetwin.perception.shipped import start_path
 from pavetwin.training.datasets.examples import ExampleSet
-from pavetwin.training.trainer.architecture import Architecture, variant
+from pavetwin.training.network.architecture import Architecture, variant
+from pavetwin.training.network.losses import no_targets
+from pavetwin.training.network.network import DetectorNetwork
 from pavetwin.training.trainer.batches import Batch
 from pavetwin.training.trainer.export import onnx_model
-from pavetwin.training.trainer.exported import exported_network, measure_normalisations
-from pavetwin.training.trainer.network import DetectorNetwork
+from pavetwin.training.trainer.exported import exported_model, measure_normalisations
 from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
-from pavetwin.training.trainer.run_folder import load_network, load_weights
-from pavetwin.training.trainer.targets import no_targets
+from pavetwin.training.trainer.run_folder import load_network
 from pavetwin.training.trainer.trainer import Trainer
 from pavetwin.training.trainer.watchers import Silent
 from scenes.command_line import pavetwin, plain_refusal
@@ -104,16 +104,16 @@ def away(one: Sequence[Tensor], other: Sequence[Tensor]) -> float:
     ("architecture", "half"),
     [
         (None, True),
-        (variant("n", width=0.0625, depth=0.1, p2=True, activation="relu", masks=False), False),
+        (variant("n", width=0.0625, depth=0.1, activation="relu", masks=False), False),
     ],
-    ids=["what ships", "p2, ReLU, no masks"],
+    ids=["a shipped model", "ReLU, no masks"],
 )
 def test_the_network_says_what_the_model_says(architecture: Architecture | None, half: bool, tmp_path: Path) -> None:
     """Before its normalisations are measured, and afterwards."""
-    path = start_path("synthetic-1")
+    path = start_path("rendered")
     if architecture is not None:
         path = written(architecture, tmp_path / "model.onnx", half=half)
-    network, images = exported_network(path), shown(4)
+    network, images = exported_model(path)[0], shown(4)
     scores, boxes = said_by_model(path, images)
     limit = torch.tensor([96.0, 64.0, 96.0, 64.0])
     before = said(network, images)
@@ -126,27 +126,9 @@ def test_the_network_says_what_the_model_says(architecture: Architecture | None,
     assert len(before) == len(after) == (4 if network.regions.mask is not None else 3)
 
 
-def test_a_level_that_the_model_lacks_still_normalises(tiny: Path) -> None:
-    """Its weights are random, so its normalisations must not undo what they do."""
-    network, images = DetectorNetwork(replace(TINY.architecture, p2=True)).eval(), shown(6)
-    lacking = load_weights(network, tiny)
-    norms = {
-        name
-        for name, each in network.named_modules()
-        if isinstance(each, nn.BatchNorm2d) and f"{name}.weight" in lacking
-    }
-    assert len(norms) > 4
-    before = said(network, images)
-    measure_normalisations(network, [batch_of(images, 1)], random=lacking)
-    assert away(before[:1], said(network, images)[:1]) < 1e-3
-    for name, each in network.named_modules():
-        if isinstance(each, nn.BatchNorm2d):
-            assert bool((each.weight == 1).all()) == (name in norms), name
-
-
 def test_normalisations_have_the_statistics_of_what_they_see(tiny: Path) -> None:
     """On the images they were measured on, normalising by the batch changes nothing."""
-    network, images = exported_network(tiny), shown(6)
+    network, images = exported_model(tiny)[0], shown(6)
     measure_normalisations(network, [batch_of(images, 1)])
     assert not network.training
     stored = said(network, images)
@@ -154,14 +136,14 @@ def test_normalisations_have_the_statistics_of_what_they_see(tiny: Path) -> None
     assert away(stored[:1] + stored[2:], by_batch[:1] + by_batch[2:]) < 1e-3
     norms = [each for each in network.modules() if isinstance(each, nn.BatchNorm2d)]
     assert all(float(each.running_mean.abs().max()) > 0 for each in norms)
-    one, other = exported_network(tiny), exported_network(tiny)
+    one, other = exported_model(tiny)[0], exported_model(tiny)[0]
     measure_normalisations(one, [batch_of(images, 1)])
     measure_normalisations(other, [batch_of(images[:2], 1), batch_of(images[2:], 1, REGIONS[:0])])
     assert torch.allclose(one.backbone.stem.norm.running_var, other.backbone.stem.norm.running_var, rtol=1e-5)
 
 
 def test_heads_of_regions_that_nothing_is_shown_to_stay_as_they_are(tiny: Path) -> None:
-    network, images = exported_network(tiny), shown(4)
+    network, images = exported_model(tiny)[0], shown(4)
     before = said(network, images)
     measure_normalisations(network, [batch_of(images, 1, REGIONS[:0])])
     assert float(network.regions.subtype[0].norm.running_mean.abs().max()) == 0
@@ -197,9 +179,9 @@ def refusal(start: Path, data: list[ExampleSet], run: Path, options: TrainingOpt
 def test_models_that_cannot_be_begun_with_are_refused(tiny: Path, data: list[ExampleSet], tmp_path: Path) -> None:
     run = tmp_path / "run"
     other = replace(TINY, width=0.125)
-    assert "is of another architecture: width 0.03, not 0.125; give what it has" in refusal(tiny, data, run, other)
+    assert "is of another architecture: width 0.03, not 0.125; use its settings" in refusal(tiny, data, run, other)
     (tmp_path / "damaged.onnx").write_bytes(tiny.read_bytes()[:-2000])
-    assert "is damaged, or no ONNX model" in refusal(tmp_path / "damaged.onnx", data, run)
+    assert "is damaged, or not an ONNX model" in refusal(tmp_path / "damaged.onnx", data, run)
 
     def changed(name: str, change: Any) -> str:
         model = onnx.load(tiny)
@@ -216,20 +198,13 @@ def test_models_that_cannot_be_begun_with_are_refused(tiny: Path, data: list[Exa
 
     assert "holds no weights of a detector of this version" in changed("renamed.onnx", renamed)
 
-    def in_int8(model: Any) -> None:
-        values = [("stored", np.int8([3])), ("step", np.float32(0.1))]
-        model.graph.initializer.extend(numpy_helper.from_array(np.asarray(value), name) for name, value in values)
-        model.graph.node.append(helper.make_node("DequantizeLinear", ["stored", "step"], ["restored"]))
-
-    assert "is stored in int8; take the model in single or half precision" in changed("int8.onnx", in_int8)
-
 
 def test_the_command_takes_what_ships_by_name(tmp_path: Path) -> None:
     folder = drawn_roads(tmp_path / "roads", {"train": 8, "val": 2}, size=(64, 64))
     words = ("train", folder, "-o", tmp_path / "run", "--image", 64, "--batch", 4, "--epochs", 1, "--device", "cpu")
-    done = pavetwin(*words, "--start", "synthetic-1", "--set", "classifier_epochs=0")
+    done = pavetwin(*words, "--start", "rendered", "--set", "classifier_epochs=0")
     assert done.returncode == 0, done.stderr
-    assert json.loads((tmp_path / "run" / "run.json").read_text())["start"] == "synthetic-1.onnx"
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["start"] == "rendered.onnx"
     refused = plain_refusal(pavetwin(*words[:3], tmp_path / "other", "--start", "synthetic-none"))
     assert refused.startswith("Error: --start: there is no file of weights 'synthetic-none'; name the best.pt of a run")
-    assert "synthetic-1" in refused
+    assert "rendered" in refused

@@ -5,18 +5,20 @@ from math import atan, exp, log, pi
 import pytest
 import torch
 
-from pavetwin.training.trainer.architecture import Architecture
-from pavetwin.training.trainer.assignment import assign, uncounted
-from pavetwin.training.trainer.losses import (
+from pavetwin.training.network.architecture import Architecture
+from pavetwin.training.network.losses import (
     Losses,
+    Targets,
+    assign,
     complete_iou,
     detection_losses,
     mask_loss,
+    no_targets,
     subtype_loss,
+    uncounted,
 )
-from pavetwin.training.trainer.network import Anchors, DetectorNetwork, Encoded
+from pavetwin.training.network.network import Anchors, DetectorNetwork, Encoded
 from pavetwin.training.trainer.options import LossWeights
-from pavetwin.training.trainer.targets import Targets, no_targets
 
 STRIDES = (8, 16, 32)
 SIZE = (64, 96)
@@ -264,27 +266,3 @@ def test_the_total_is_the_weighted_sum() -> None:
     parts = dict(zip(("box", "classes", "distribution", "subtype", "mask"), torch.arange(1.0, 6.0), strict=True))
     assert float(Losses(**parts).total(LossWeights())) == pytest.approx(7.5 + 1.0 + 4.5 + 4.0 + 5.0)
     assert float(Losses(**parts).total(LossWeights(subtype=2.0, mask=0.0))) == pytest.approx(7.5 + 1.0 + 4.5 + 8.0)
-
-
-def test_anchors_of_stride_4_learn_small_objects_by_themselves() -> None:
-    """Also where the other levels, which were trained before, find them well; and the others learn as without them."""
-    objects = labels(*OBJECTS, ((40.0, 8.0, 46.0, 20.0), 1, False), ((70.0, 50.0, 90.0, 62.0), 1, True))
-    coarse = made(3)
-    fine = torch.tensor([[4 * column + 2.0, 4 * row + 2.0] for row in range(16) for column in range(24)])
-    anchors = Anchors(
-        torch.cat([coarse.anchors.centres, fine]), torch.cat([coarse.anchors.strides, torch.full((len(fine),), 4.0)])
-    )
-    boxes = torch.cat([coarse.boxes, torch.cat([fine - 4, fine + 4], dim=1)[None]], dim=1)
-    scores = torch.cat([torch.full_like(coarse.scores, 0.9), torch.full((1, len(fine), 3), 1e-5)], dim=1)
-    count = len(coarse.anchors.strides)
-    found = assign(scores, boxes, anchors, objects)
-    alone = assign(scores[:, :count], boxes[:, :count], coarse.anchors, objects)
-    assert torch.equal(found.objects[:, :count], alone.objects)
-    assert torch.equal(found.scores[:, :count], alone.scores)
-    of_fine, shares = found.objects[0, count:], found.scores[0, count:]
-    small = {2: OBJECTS[2][0], 4: (40.0, 8.0, 46.0, 20.0)}  # 64 and 72 px²; the others that count have over 1,024
-    assert set(of_fine.tolist()) == {-1, *small}
-    for row, box in small.items():
-        own = torch.nonzero(of_fine == row).squeeze(1)
-        best = max(overlap(boxes[0, count + each].tolist(), list(box)) for each in own.tolist())
-        assert float(shares[own].max()) == pytest.approx(best)

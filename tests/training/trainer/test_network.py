@@ -8,14 +8,11 @@ from torchvision.ops import roi_align
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.classes import COARSE
-from pavetwin.training.trainer.architecture import Architecture, variant
-from pavetwin.training.trainer.batches import Batch
-from pavetwin.training.trainer.cost import gflops, parameters
-from pavetwin.training.trainer.detect import DetectLimits, detect
-from pavetwin.training.trainer.heads import pooled, sample_regions
-from pavetwin.training.trainer.network import DetectorNetwork
-from pavetwin.training.trainer.targets import no_targets
-from pavetwin.training.trainer.validate import LIMITS, validate
+from pavetwin.training.network.architecture import Architecture, variant
+from pavetwin.training.network.layers import pooled, sample_regions
+from pavetwin.training.network.losses import no_targets
+from pavetwin.training.network.network import DetectLimits, DetectorNetwork, detect, gflops, parameters
+from pavetwin.training.trainer.batches import LIMITS, Batch, validate
 
 TINY = Architecture(width=0.125)
 
@@ -53,10 +50,9 @@ def test_an_image_is_encoded_once() -> None:
     ("architecture", "anchors"),
     [
         (TINY, 12 * 8 + 6 * 4 + 3 * 2),
-        (Architecture(width=0.125, p2=True), 24 * 16 + 12 * 8 + 6 * 4 + 3 * 2),
         (Architecture(width=0.125, depth=1.0, activation="relu", masks=False), 12 * 8 + 6 * 4 + 3 * 2),
     ],
-    ids=["tiny", "p2", "relu without masks"],
+    ids=["tiny", "relu without masks"],
 )
 def test_every_option_gives_boxes_and_regions(architecture: Architecture, anchors: int) -> None:
     network = DetectorNetwork(architecture).eval()
@@ -70,19 +66,6 @@ def test_every_option_gives_boxes_and_regions(architecture: Architecture, anchor
     assert masks is None or masks.shape == (2, 28, 28)
     kinds = {type(each) for each in network.modules()}
     assert (torch.nn.SiLU in kinds) == (architecture.activation == "silu")
-
-
-def test_a_level_of_stride_4_changes_nothing_on_the_others() -> None:
-    without = DetectorNetwork(TINY).eval()
-    network = DetectorNetwork(Architecture(width=0.125, p2=True)).eval()
-    assert not network.load_state_dict(without.state_dict(), strict=False).unexpected_keys
-    images = torch.rand(2, 3, 64, 96)
-    found, alone = network(images), without(images)
-    coarse = 12 * 8 + 6 * 4 + 3 * 2
-    assert found.anchors.strides.tolist() == alone.anchors.strides.tolist() + [4.0] * (24 * 16)
-    assert torch.equal(found.scores[:, :coarse], alone.scores)
-    assert torch.equal(found.boxes[:, :coarse], alone.boxes)
-    assert torch.equal(found.maps, alone.maps)
 
 
 def test_validation_draws_no_masks_and_finds_the_same() -> None:

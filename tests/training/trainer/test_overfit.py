@@ -12,8 +12,8 @@ from torchvision.ops import box_iou
 
 from pavetwin.perception.classes import ROAD_DEFECT, SUBTYPES
 from pavetwin.training.datasets.examples import read_coco
+from pavetwin.training.network.network import DetectLimits, ImageDetections, detect
 from pavetwin.training.trainer.batches import Batch, ValidationViews, batches
-from pavetwin.training.trainer.detect import DetectLimits, ImageDetections, detect
 from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
 from pavetwin.training.trainer.run_folder import load_network
 from pavetwin.training.trainer.trainer import Trainer

@@ -19,11 +19,10 @@ import torch
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.classes import CAR, PERSON, ROAD_DEFECT
 from pavetwin.training.datasets.examples import ExampleSet, read_coco
-from pavetwin.training.datasets.unlabelled import read_unlabelled
 from pavetwin.training.trainer.__main__ import main
-from pavetwin.training.trainer.held_pictures import HeldExampleSet
 from pavetwin.training.trainer.machine import check_compiler, has_half
 from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
+from pavetwin.training.trainer.pictures import HeldExampleSet
 from pavetwin.training.trainer.run_folder import load_network
 from pavetwin.training.trainer.schedule import MovingAverage, epoch_order, phases_of, rate_at
 from pavetwin.training.trainer.trainer import Trainer
@@ -167,15 +166,6 @@ def test_from_random_weights_a_network_is_compiled_once_its_normalisation_is_set
     assert compiled_calls == [4] * (3 * 14 - 34)
 
 
-def test_where_pictures_are_changed_a_processor_draws_views(
-    folder: Path, data: list[ExampleSet], tmp_path: Path
-) -> None:
-    machine, options = TrainingMachine("cpu", views="device"), replace(TINY, fourier=0.01)
-    with pytest.raises(PaveTwinError, match="a processor draws views where fourier is set"):
-        Trainer(data, tmp_path / "run", options, machine, Silent(), photographs=read_unlabelled(folder))
-    assert not (tmp_path / "run").exists()
-
-
 def test_pictures_that_the_device_holds_are_not_kept_elsewhere(
     data: list[ExampleSet], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -191,8 +181,6 @@ def test_a_command_says_where_views_are_drawn(folder: Path, tmp_path: Path, caps
     words = [str(folder), "-o", str(tmp_path / "run"), "--device", "cpu"]
     assert main([*words, *values, "--views", "devise"]) == 2
     assert "did you mean 'device'" in capsys.readouterr().err
-    assert main([*words, *values, "--set=fourier=0.01", "--photographs", str(folder), "--views", "device"]) == 2
-    assert "a processor draws views where fourier is set" in capsys.readouterr().err
     assert main([*words, *values, "--views", "device"]) == 0
     precision = "bfloat16" if has_half(torch.device("cpu")) else "single precision"
     told = f"Training on cpu in {precision}; views are drawn by"
@@ -261,7 +249,6 @@ def test_training_needs_nothing_but_torch_numpy_and_pillow(folder: Path, tmp_pat
     script = f"""
 import sys
 sys.modules.update(dict.fromkeys({BLOCKED!r}))
-from pavetwin.training.datasets.unlabelled import read_unlabelled
 from pavetwin.training.trainer.__main__ import main
 sys.exit(main([{str(folder)!r}, "-o", {str(tmp_path / "run")!r}, "--device", "cpu", "--set", "width=0.03", "--set",
                "epochs=1", "--set", "classifier_epochs=0", "--set", "image_px=64", "--set", "depth=0.01"]))

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from pavetwin.training.trainer.architecture import variant
-from pavetwin.training.trainer.untrained import gflops_of
+from pavetwin.training.network.architecture import variant
+from pavetwin.training.trainer.export import gflops_of
 from scenes.command_line import pavetwin
 
 pytestmark = pytest.mark.slow

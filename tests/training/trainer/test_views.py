@@ -11,10 +11,21 @@ from PIL import Image
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.classes import ROAD_DEFECT
 from pavetwin.training.datasets.examples import Example, ExampleSet, read_coco
-from pavetwin.training.trainer.augment import Member, ViewOptions, _turned, random_view, vary_colours
 from pavetwin.training.trainer.batches import TrainingViews, ValidationViews, batches, collated, labelled
-from pavetwin.training.trainer.held_pictures import HeldExampleSet
-from pavetwin.training.trainer.views import LabelledView, fitted, mask_of, tiles, view_of
+from pavetwin.training.trainer.pictures import HeldExampleSet
+from pavetwin.training.trainer.views import (
+    LabelledView,
+    Member,
+    ViewOptions,
+    _turned,
+    fitted,
+    in_colours,
+    mask_of,
+    random_view,
+    tiles,
+    varied_colours,
+    view_of,
+)
 from scenes.drawn_roads import drawn_roads
 
 DARK = 70
@@ -219,7 +230,7 @@ COLOURS = np.uint8([[[120, 120, 120], [200, 40, 60], [30, 90, 160]]])
 
 def coloured(seed: int, **spread: float) -> np.ndarray:
     options = replace(PLAIN, **spread)
-    return vary_colours(COLOURS, options, np.random.default_rng(seed)).astype(float)
+    return in_colours(COLOURS, varied_colours(options, np.random.default_rng(seed))).astype(float)
 
 
 @pytest.mark.parametrize("seed", range(5))

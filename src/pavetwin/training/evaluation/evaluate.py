@@ -18,7 +18,7 @@ from pavetwin.training.evaluation.confusion import (
 )
 from pavetwin.training.evaluation.detections import FoundBox
 from pavetwin.training.evaluation.labelled import LabelledSplit
-from pavetwin.training.evaluation.matching import Matched, check_installed, match_coarse, match_five, told_apart
+from pavetwin.training.evaluation.matching import Matched, check_installed, labelled_only, match_coarse, match_five
 from pavetwin.training.evaluation.resampling import (
     Metrics,
     ResampledDifference,
@@ -178,7 +178,7 @@ def check_evaluation(confidence: float, resamples: int, seed: int) -> None:
 
 
 def _both(split: LabelledSplit, found: Sequence[FoundBox]) -> tuple[Matched, Matched]:
-    kept = told_apart(split.images, found)
+    kept = labelled_only(split.images, found)
     return match_five(split.images, kept), match_coarse(split.images, kept)
 
 

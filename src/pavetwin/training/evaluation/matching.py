@@ -1,8 +1,7 @@
-"""Detections matched to true objects by the COCO protocol, with the published evaluation (pycocotools).
+"""Detections matched to true objects by the COCO protocol (Lin et al. 2014), with pycocotools.
 
-From the most confident on, each detection of a class is matched to the free true object of that class that it overlaps
-most, at IoU thresholds from 0.50 to 0.95. One that matches nothing but an ignored region is left out. Of a class, the
-100 most confident detections of an image count (Lin et al. 2014).
+In order of confidence, each detection of a class is matched to the free true object of that class with the greatest
+overlap, at IoU thresholds from 0.50 to 0.95. A detection that matches only an ignored region is left out.
 """
 
 import contextlib
@@ -18,39 +17,42 @@ import numpy as np
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.classes import CLASSES, COARSE, ROAD_DEFECT, SUBTYPES
-from pavetwin.training.evaluation.average_precision import MOST_DETECTIONS, THRESHOLDS
 from pavetwin.training.evaluation.detections import FoundBox
 from pavetwin.training.evaluation.labelled import LabelledImage, LabelledRegion
 
+THRESHOLDS: Final = np.linspace(0.5, 0.95, 10)
 HALF: Final = 0
-"""The place of IoU 0.5 among the thresholds."""
+"""Index of IoU 0.5 in `THRESHOLDS`."""
+
+MOST_DETECTIONS: Final = 100
+"""Maximum detections of a class in an image; the most confident count."""
 
 
 @dataclass(frozen=True, slots=True)
 class MatchedClass:
-    """The detections of one class, from the most confident on, and its true objects that count."""
+    """Detections of one class, most confident first, and its true objects that are not ignored."""
 
     name: str
     average_precision: Float64Array
     """(thresholds,) in 0 … 1; NaN without a true object."""
     found: IndexArray
-    """(n,) which detection."""
+    """(n,) index of the detection."""
     image: IndexArray
-    """(n,) which image, by its place."""
+    """(n,) index of the image."""
     confidence: Float64Array
     """(n,)"""
     hit: BoolArray
-    """(thresholds, n) it matches a true object that counts."""
+    """(thresholds, n) whether it matches a true object."""
     left_out: BoolArray
-    """(thresholds, n) it matches an ignored region only."""
+    """(thresholds, n) whether it matches only an ignored region."""
     true_image: IndexArray
-    """(m,) image of each true object."""
+    """(m,) index of the image of each true object."""
     true_number: IndexArray
     """(m,) number of its annotation."""
     true_confidence: Float64Array
-    """(m,) of the detection that matches it at IoU 0.5; NaN where none does."""
+    """(m,) confidence of the detection that matches it at IoU 0.5; NaN where missed."""
     true_found: IndexArray
-    """(m,) which detection that is; -1 where none does."""
+    """(m,) index of that detection; −1 where missed."""
 
     @property
     def objects(self) -> int:
@@ -59,33 +61,33 @@ class MatchedClass:
 
 @dataclass(frozen=True)
 class Matched:
-    """Detections of a split matched to its objects, class by class."""
+    """Detections of a split matched to its objects, by class."""
 
     images: tuple[LabelledImage, ...]
     found: tuple[FoundBox, ...]
     classes: tuple[MatchedClass, ...]
 
     def mean_precision(self, threshold: int | None = None) -> float:
-        """Mean average precision over classes that have objects: at one threshold, or over all; NaN without any."""
+        """Mean average precision over classes with objects, at one threshold or over all; NaN without objects."""
         values = np.array([each.average_precision for each in self.classes if each.objects])
         if not len(values):
             return float("nan")
         return float(values.mean() if threshold is None else values[:, threshold].mean())
 
 
-def told_apart(images: tuple[LabelledImage, ...], found: Sequence[FoundBox]) -> tuple[FoundBox, ...]:
-    """Detections in these images, without those of classes that are not labelled in their image's source."""
+def labelled_only(images: tuple[LabelledImage, ...], found: Sequence[FoundBox]) -> tuple[FoundBox, ...]:
+    """Detections in these images, except those of classes that the image's source does not label."""
     known = {image.number: image.known for image in images}
     return tuple(each for each in found if each.coarse in known.get(each.image, frozenset()))
 
 
 def match_five(images: tuple[LabelledImage, ...], found: tuple[FoundBox, ...]) -> Matched:
-    """Over the five classes, with final confidences. Defects of other classes are ignored regions of every subtype."""
+    """Match the five classes by final confidence. Defects of other classes are ignored regions of every subtype."""
     return _matched(images, found, CLASSES)
 
 
 def match_coarse(images: tuple[LabelledImage, ...], found: tuple[FoundBox, ...]) -> Matched:
-    """Over the three coarse classes, with confidences of the detection."""
+    """Match the three coarse classes by detection confidence."""
     return _matched(images, found, COARSE)
 
 
@@ -97,23 +99,20 @@ def _matched(images: tuple[LabelledImage, ...], found: tuple[FoundBox, ...], nam
         for region in image.regions:
             classes, is_ignored = _true_classes(region, is_coarse=is_coarse)
             for each in classes:
-                left, top, right, bottom = region.true.box
-                rows.append(_row(len(rows) + 1, place, each, (left, top, right - left, bottom - top), is_ignored))
+                rows.append(coco_row(len(rows) + 1, place, each, region.true.box, is_ignored=is_ignored))
                 numbers.append(region.number)
     places = {image.number: place for place, image in enumerate(images)}
-    said = []
+    results = []
     for at, box in enumerate(found):
-        left, top, right, bottom = box.box
-        each = box.coarse if is_coarse else box.number_of_class
-        row = _row(at + 1, places[box.image], each, (left, top, right - left, bottom - top), False)
-        said.append({**row, "score": box.detection if is_coarse else box.confidence})
-    judge = _judged(rows, said, len(images), len(names))
+        row = coco_row(at + 1, places[box.image], box.coarse if is_coarse else box.number_of_class, box.box)
+        results.append({**row, "score": box.detection if is_coarse else box.confidence})
+    judge = judged(rows, results, len(images), len(names))
     of = np.array(numbers, dtype=np.intp)
     return Matched(images, found, tuple(_of_class(judge, at, name, of, len(images)) for at, name in enumerate(names)))
 
 
 def _true_classes(region: LabelledRegion, *, is_coarse: bool) -> tuple[Sequence[int], bool]:
-    """The classes in which a region stands, and whether it is ignored there."""
+    """Classes to which a region belongs, and whether it is ignored there."""
     if is_coarse:
         return (region.true.coarse,), region.true.is_ignored
     if (number := region.number_of_class) is not None:
@@ -122,13 +121,21 @@ def _true_classes(region: LabelledRegion, *, is_coarse: bool) -> tuple[Sequence[
     return range(len(SUBTYPES)), True
 
 
-def _row(number: int, image: int, category: int, box: tuple[float, ...], is_ignored: bool) -> dict[str, Any]:
+def coco_row(
+    number: int, image: int, category: int, box: Sequence[float], *, is_ignored: bool = False
+) -> dict[str, Any]:
+    """Annotation as pycocotools takes it.
+
+    Args:
+        box: left, top, right, bottom.
+    """
+    left, top, right, bottom = box
     return {
         "id": number,
         "image_id": image,
         "category_id": category,
-        "bbox": list(box),
-        "area": box[2] * box[3],
+        "bbox": [left, top, right - left, bottom - top],
+        "area": (right - left) * (bottom - top),
         "iscrowd": int(is_ignored),
     }
 
@@ -143,19 +150,24 @@ def check_installed() -> None:
         )
 
 
-def _judged(rows: list[dict[str, Any]], said: list[dict[str, Any]], images: int, classes: int) -> Any:
+def judged(truth: list[dict[str, Any]], found: list[dict[str, Any]], images: int, classes: int) -> Any:
+    """Evaluated `COCOeval` of annotations and scored detections made by `coco_row`.
+
+    Raises:
+        PaveTwinError: pycocotools is not installed.
+    """
     check_installed()
     coco, evaluation = import_module("pycocotools.coco"), import_module("pycocotools.cocoeval")
     with contextlib.redirect_stdout(io.StringIO()):
-        truth, results = coco.COCO(), coco.COCO()
-        for holder, held in ((truth, rows), (results, said)):
+        labels, results = coco.COCO(), coco.COCO()
+        for holder, held in ((labels, truth), (results, found)):
             holder.dataset = {
                 "images": [{"id": at} for at in range(images)],
                 "annotations": held,
                 "categories": [{"id": at} for at in range(classes)],
             }
             holder.createIndex()
-        judge = evaluation.COCOeval(truth, results, "bbox")
+        judge = evaluation.COCOeval(labels, results, "bbox")
         judge.params.iouThrs = THRESHOLDS
         judge.params.maxDets = [MOST_DETECTIONS]
         judge.params.areaRng, judge.params.areaRngLbl = [[0, float("inf")]], ["all"]
@@ -164,8 +176,14 @@ def _judged(rows: list[dict[str, Any]], said: list[dict[str, Any]], images: int,
     return judge
 
 
+def precision_of(judge: Any) -> Float64Array:
+    """(thresholds, classes) average precision; NaN for a class without objects."""
+    precision = judge.eval["precision"][:, :, :, 0, 0].mean(axis=1)
+    return np.asarray(np.where(precision < 0, np.nan, precision), dtype=np.float64)
+
+
 def _of_class(judge: Any, number: int, name: str, numbers: IndexArray, images: int) -> MatchedClass:
-    # Of each image what pycocotools says, or None where it has neither a detection nor an object of the class.
+    # Results of each image; pycocotools gives None for images without detections and objects of the class.
     held = [each for each in judge.evalImgs[number * images : (number + 1) * images] if each is not None]
     scores = _joined([each["dtScores"] for each in held], np.float64)
     order = np.argsort(-scores, kind="mergesort")
@@ -175,10 +193,9 @@ def _of_class(judge: Any, number: int, name: str, numbers: IndexArray, images: i
     counts = ~_joined([each["gtIgnore"] for each in held], np.bool_)
     matches = _joined([each["gtMatches"][HALF] for each in held], np.intp)[counts] - 1
     confidence = dict(zip(found.tolist(), scores.tolist(), strict=True))
-    precision = judge.eval["precision"][:, :, number, 0, 0].mean(axis=1)
     return MatchedClass(
         name=name,
-        average_precision=np.where(precision < 0, np.nan, precision),
+        average_precision=precision_of(judge)[:, number],
         found=found[order],
         image=_repeated(held, "dtIds")[order],
         confidence=scores[order],

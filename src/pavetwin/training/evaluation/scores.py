@@ -1,12 +1,15 @@
 """Precision, recall and F1 at a confidence, and the confidence at which F1 is best; IoU 0.5."""
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from pavetwin.arrays import BoolArray, Float64Array
-from pavetwin.training.evaluation.average_precision import RECALLS
 from pavetwin.training.evaluation.matching import HALF, Matched, MatchedClass
+
+RECALLS: Final = np.linspace(0.0, 1.0, 101)
+"""Recall levels at which precision is read."""
 
 
 @dataclass(frozen=True, slots=True)

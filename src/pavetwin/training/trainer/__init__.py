@@ -1,5 +1,5 @@
-"""The network, its losses and its training, in PyTorch (`pip install pavetwin[train]`).
+"""Training and export of the detector, in PyTorch (`pip install pavetwin[train]`).
 
-This package needs torch, torchvision, NumPy and Pillow only, so that it runs on a machine that has no more than those:
-`python -m pavetwin.training.trainer`.
+Training needs torch, torchvision, NumPy, Pillow and pycocotools only: `python -m pavetwin.training.trainer` runs where
+nothing else is installed.
 """

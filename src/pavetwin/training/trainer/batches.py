@@ -1,8 +1,6 @@
-"""Batches for training and validation.
+"""Batches for training and validation, and average precision on validation images.
 
-What a view shows depends on (seed, phase, epoch, index) alone, so that it is the same whichever process makes it and
-wherever a run was stopped.
-"""
+A view depends on (seed, phase, epoch, index) only: it is the same in any process and after any interruption."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,38 +11,51 @@ import torch
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset, default_collate
 
-from pavetwin.arrays import UInt8Array
+from pavetwin.arrays import Float64Array, UInt8Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import FloatBox
-from pavetwin.perception.classes import COARSE, NO_SUBTYPE, ROAD_DEFECT, class_of
+from pavetwin.perception.classes import CLASSES, COARSE, NO_SUBTYPE, ROAD_DEFECT, class_of, coarse_of_classes
 from pavetwin.seeds import Stream, child
 from pavetwin.training.datasets.examples import TrueObject
-from pavetwin.training.trainer.augment import Member, Photometric, ViewOptions, planned_view, random_view
-from pavetwin.training.trainer.device_pictures import Drawing, PictureRows, drawing_of, drawn_together
-from pavetwin.training.trainer.targets import Targets
-from pavetwin.training.trainer.views import ImagePart, ViewLabels, fitted, labels_of, mask_of, tiles, view_of
+from pavetwin.training.evaluation.matching import coco_row, judged, precision_of
+from pavetwin.training.network.losses import Targets
+from pavetwin.training.network.network import DetectLimits, DetectorNetwork, detect
+from pavetwin.training.trainer.pictures import Drawing, PictureRows, drawing_of, drawn_together, images_of
+from pavetwin.training.trainer.views import (
+    ImagePart,
+    Member,
+    ViewLabels,
+    ViewOptions,
+    fitted,
+    labels_of,
+    mask_of,
+    planned_view,
+    random_view,
+    tiles,
+    view_of,
+)
 
 REGION_JITTER: Final = 0.05
-"""Standard deviation of the edges of a region, as a share of its sides: in use it is a predicted box."""
+"""Standard deviation of the edges of a training region, as a share of its sides, since regions in use are predicted."""
 
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """Images and what they should give."""
+    """Images and their targets."""
 
     images: Tensor | Drawing
-    """(batch, 3, height, width) uint8; or how they are drawn on the device that holds the pictures."""
+    """(batch, 3, height, width) uint8, or instructions for drawing them on the device that holds the images."""
     targets: Targets
     final: Tensor
-    """(objects,) int64 number in `CLASSES` of each of the targets' objects; −1 for a defect of no known subtype."""
+    """(objects,) int64 index into `CLASSES` of each of the targets' objects; −1 for a defect of unknown subtype."""
 
 
 @dataclass(frozen=True, slots=True)
 class Labelled:
-    """A view as numbers."""
+    """Image and targets of one view, as in `Batch`."""
 
     image: Tensor | Drawing
-    """(3, height, width) uint8; or how it is drawn."""
+    """(3, height, width) uint8, or drawing instructions."""
     boxes: Tensor
     classes: Tensor
     final: Tensor
@@ -58,7 +69,7 @@ class Labelled:
 
 
 class TrainingViews(Dataset[Labelled]):
-    """The views of one epoch."""
+    """Views of one epoch."""
 
     def __init__(
         self,
@@ -68,17 +79,15 @@ class TrainingViews(Dataset[Labelled]):
         options: ViewOptions,
         mask_px: int,
         key: tuple[int, ...],
-        photometric: Sequence[Photometric] = (),
         held: PictureRows | None = None,
     ) -> None:
         """Args:
-        order: the members in the order of the epoch.
+        order: indices of the members in the order of the epoch.
         key: seed, phase and epoch.
-        held: where the device holds the pictures; then views are drawn there, and `photometric` is empty.
+        held: rows of the images on the device, if views are drawn there.
         """
         self._members, self._order, self._known = members, order, known
-        self._options, self._mask_px, self._key, self._photometric = options, mask_px, key, photometric
-        self._held = held
+        self._options, self._mask_px, self._key, self._held = options, mask_px, key, held
 
     def __len__(self) -> int:
         return len(self._order)
@@ -91,12 +100,12 @@ class TrainingViews(Dataset[Labelled]):
             plan = planned_view(member, self._members, self._options, rng)
             drawing = drawing_of(plan, self._held, self._options.size_px)
             return labelled(drawing, labels_of(plan.parts), self._known, self._mask_px, rng)
-        view = random_view(member, self._members, self._options, rng, self._photometric)
+        view = random_view(member, self._members, self._options, rng)
         return labelled(tensor_of(view.pixels), view.labels, self._known, self._mask_px, rng)
 
 
 class ValidationViews(Dataset[Labelled]):
-    """Whole images, or all tiles of them; nothing is random."""
+    """Whole images or all of their tiles, without randomness."""
 
     def __init__(
         self, members: Sequence[Member], known: Mapping[str, frozenset[int]], options: ViewOptions, mask_px: int
@@ -123,11 +132,11 @@ def labelled(
     mask_px: int,
     rng: np.random.Generator | None,
 ) -> Labelled:
-    """A view as numbers.
+    """Image and targets of a view.
 
     Args:
-        known: source → coarse classes that it labels. A class counts in a view if all its images label it.
-        rng: varies the regions; without it they are the boxes.
+        known: source → coarse classes that it labels. A class counts in a view if all its sources label it.
+        rng: varies the regions; without it they equal the boxes.
     """
     objects = labels.objects
     defects = [each for each in objects if each.true.coarse == ROAD_DEFECT and not each.is_ignored]
@@ -178,7 +187,7 @@ def _whole(values: Sequence[int]) -> Tensor:
 
 
 def collated(views: Sequence[Labelled]) -> Batch:
-    """Views as a batch."""
+    """Collate views into a batch."""
     counts = torch.tensor([len(each.boxes) for each in views])
     regions = [
         torch.cat([torch.full((len(each.regions), 1), float(at)), each.regions], dim=1) for at, each in enumerate(views)
@@ -201,18 +210,21 @@ def _together(images: Sequence[Tensor | Drawing]) -> Tensor | Drawing:
     drawings = [each for each in images if isinstance(each, Drawing)]
     if drawings:
         return drawn_together(drawings)
-    # In a process that makes views, this puts them where the training process reads them, without another copy.
+    # In a worker process, this collates into shared memory without another copy.
     return default_collate(list(images))
 
 
 def batches(
     views: Dataset[Labelled], size: int, *, first: int = 0, workers: int = 0, whole: bool = True
 ) -> Iterator[Batch]:
-    """The batches of an epoch, from the `first` on.
+    """Batches of an epoch, from the `first` on.
 
     Args:
-        workers: processes that make views; 0 makes them here.
-        whole: leave out a last batch that is not full, unless it is the only one.
+        workers: processes that make views; 0 makes them in this process.
+        whole: omit an incomplete last batch, unless it is the only one.
+
+    Raises:
+        PaveTwinError: an image cannot be read, here or in a worker.
     """
     count = len(views)
     starts = range(0, count, size)
@@ -226,14 +238,37 @@ def batches(
         collate_fn=collated,
         pin_memory=torch.cuda.is_available(),
     )
-    yield from read(loader)
-
-
-def read(loader: Iterable[Any]) -> Iterator[Any]:
-    """What a loader gives; an error that one of its processes meets is told as here, without its traceback."""
     try:
         yield from loader
     except PaveTwinError as error:
-        # The message of the process ends with the name and the message of its error.
-        told = str(error).rstrip().rpartition(f"{PaveTwinError.__name__}: ")[2]
-        raise PaveTwinError(told) from error
+        # The traceback of a worker ends with the name and the message of its error.
+        raise PaveTwinError(str(error).rstrip().rpartition(f"{PaveTwinError.__name__}: ")[2]) from error
+
+
+LIMITS = DetectLimits(confidence=0.001)
+"""Limits of validation: average precision reads the whole curve."""
+
+
+def validate(network: DetectorNetwork, batches: Iterable[Batch], device: torch.device) -> Float64Array:
+    """(five classes, thresholds) average precision by the COCO protocol; NaN for a class without objects.
+
+    Detections of classes that an image's source does not label are left out.
+    """
+    truth: list[dict[str, Any]] = []
+    found: list[dict[str, Any]] = []
+    images = 0
+    for batch in batches:
+        for at, each in enumerate(detect(network, images_of(batch.images, device), LIMITS, masks=False)):
+            classes = each.classes.cpu().numpy()
+            counted = batch.targets.known[at].numpy()[coarse_of_classes(classes)]
+            rows = zip(classes.tolist(), each.boxes.double().tolist(), each.confidence.double().tolist(), strict=True)
+            for is_counted, (number, box, confidence) in zip(counted.tolist(), rows, strict=True):
+                if is_counted:
+                    found.append({**coco_row(len(found) + 1, images, number, box), "score": confidence})
+            for row in torch.nonzero(batch.targets.images == at).squeeze(1).tolist():
+                number, box = int(batch.final[row]), batch.targets.boxes[row].double().tolist()
+                is_ignored = bool(batch.targets.ignored[row])
+                truth.append(coco_row(len(truth) + 1, images, number, box, is_ignored=is_ignored))
+            images += 1
+    judge = judged(truth, found, images, len(CLASSES))
+    return precision_of(judge).T

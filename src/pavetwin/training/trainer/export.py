@@ -1,9 +1,8 @@
-"""One ONNX file of a trained network: images in, boxes, classes, confidences and masks out.
+"""Export of a network as one ONNX file: images in, boxes, classes, confidences and masks out.
 
-PyTorch exports the encoder and the heads of regions; what lies between them is `export_graph`.
-"""
+PyTorch exports the encoder and the heads of regions; export_graph supplies the graph between them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from hashlib import sha256
 from pathlib import Path
@@ -19,23 +18,22 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.perception.classes import CLASSES
 from pavetwin.perception.inference.model_file import OUTPUTS, ModelFacts
-from pavetwin.training.trainer.averaging import averaged_network, weights_of
-from pavetwin.training.trainer.detect import DetectLimits
+from pavetwin.training.network.architecture import STRIDES, Architecture, variant
+from pavetwin.training.network.layers import REGION_STRIDE, RegionHead, pooled
+from pavetwin.training.network.network import DetectLimits, DetectorNetwork, gflops
 from pavetwin.training.trainer.export_graph import OPSET, answers, joined, store_in_half, suppression
 from pavetwin.training.trainer.exported import exported_model, is_exported
-from pavetwin.training.trainer.heads import REGION_STRIDE, RegionHead, pooled
-from pavetwin.training.trainer.network import DetectorNetwork
-from pavetwin.training.trainer.run_folder import SETTINGS
+from pavetwin.training.trainer.run_folder import BEST, SETTINGS, load_network
 
 SIDE_STEP: Final = 32
-"""Sides of images are multiples of it."""
+"""Sides of images are multiples of this length, in pixels."""
 
 _LARGEST_STEPS: Final = 512
-"""Longest side of an image, in such steps."""
+"""Longest side of an image, in steps."""
 
 
 class _Encoder(nn.Module):
-    """Images as they are stored → boxes, scores, and the map that regions are cut from."""
+    """Boxes, scores, and the map from which regions are sampled, of images (batch, rows, columns, 3) uint8."""
 
     def __init__(self, network: DetectorNetwork) -> None:
         super().__init__()
@@ -50,7 +48,7 @@ class _Encoder(nn.Module):
 
 
 class _Regions(nn.Module):
-    """Sampled regions (n, channels, points, points) → probabilities of subtypes, and masks where there is a head."""
+    """Probabilities of subtypes, and masks if there is a head, of sampled regions (n, channels, points, points)."""
 
     def __init__(self, head: RegionHead) -> None:
         super().__init__()
@@ -63,27 +61,25 @@ class _Regions(nn.Module):
         return subtypes, self.head.mask(sampled).squeeze(1).sigmoid()
 
 
-def export(runs: Path | Sequence[Path], target: Path, *, licence: str = "", half: bool = False) -> ModelFacts:
-    """Write the ONNX file of a run's best weights, or of a file of weights; of several, with the mean of their weights.
+def export(run: Path, target: Path, *, licence: str = "", half: bool = False) -> ModelFacts:
+    """Write the ONNX file of the best weights of a run.
 
     Args:
-        runs: one may be an exported model, of which another file is made: it keeps what the model says of itself.
-        licence: of the weights, as the file shall say it; unless given, as an exported model says it.
-        half: store the weights in half precision: half the size; they are computed with in single precision.
+        run: folder of a run, a file of weights, or an exported model, whose facts are kept.
+        licence: licence of the weights to be stated in the file; by default that of an exported model.
+        half: store the weights in half precision, which halves the size; computation stays in single precision.
 
     Raises:
-        PaveTwinError: there are no weights, they are damaged, a mean cannot be made of them (`averaged_network`), or
-            the file cannot be written.
+        PaveTwinError: the weights are missing or damaged, or the file cannot be written.
     """
-    given = [runs] if isinstance(runs, Path) else list(runs)
-    if len(given) == 1 and is_exported(given[0]):
-        network, facts = exported_model(given[0])
+    if is_exported(run):
+        network, facts = exported_model(run)
     else:
-        network, told = averaged_network(given)
-        settings = [weights_of(run).parent / SETTINGS for run in given]
-        is_known = all(each.is_file() for each in settings)
-        recipe = sha256(b"".join(each.read_bytes() for each in settings)).hexdigest() if is_known else ""
-        facts = replace(facts_of(network, told), recipe=recipe)
+        weights = run / BEST if run.is_dir() else run
+        network, content = load_network(weights)
+        settings = weights.parent / SETTINGS
+        recipe = sha256(settings.read_bytes()).hexdigest() if settings.is_file() else ""
+        facts = replace(facts_of(network, content), recipe=recipe)
     facts = replace(facts, licence=licence or facts.licence)
     content = onnx_model(network, facts, half=half).SerializeToString()
     with writing(target) as temporary:
@@ -91,13 +87,13 @@ def export(runs: Path | Sequence[Path], target: Path, *, licence: str = "", half
     return facts
 
 
-def facts_of(network: DetectorNetwork, told: Mapping[str, Any]) -> ModelFacts:
-    """What a file of weights says of itself, but for recipe and licence.
+def facts_of(network: DetectorNetwork, content: Mapping[str, Any]) -> ModelFacts:
+    """Facts for an exported file, except recipe and licence.
 
     Args:
-        told: what `load_network` gives beside the network.
+        content: other contents of the file of weights, from `load_network`.
     """
-    options = told.get("options", {})
+    options = content.get("options", {})
     return ModelFacts(
         classes=CLASSES,
         image_px=int(options.get("image_px", 640)),
@@ -111,16 +107,16 @@ def facts_of(network: DetectorNetwork, told: Mapping[str, Any]) -> ModelFacts:
 def onnx_model(
     network: DetectorNetwork, facts: ModelFacts, *, limits: DetectLimits | None = None, half: bool = False
 ) -> Any:
-    """A network on the processor, in `eval` mode, as an ONNX model.
+    """ONNX model of a network that is on the processor and in `eval` mode.
 
     Args:
-        limits: what is kept; confidence and overlap may be changed when it runs.
+        limits: default limits; confidence and overlap are also inputs of the model.
 
     Raises:
         PaveTwinError: a weight is not finite.
     """
     if not all(torch.isfinite(each).all() for each in network.state_dict().values()):
-        raise PaveTwinError("The weights are not all finite numbers; export those of another run.")
+        raise PaveTwinError("Some weights are not finite; export another run.")
     images = torch.zeros(2, 2 * SIDE_STEP, 3 * SIDE_STEP, 3, dtype=torch.uint8)
     steps = {name: SIDE_STEP * Dim(name, min=1, max=_LARGEST_STEPS) for name in ("down", "across")}
     encoder = _exported(
@@ -130,7 +126,7 @@ def onnx_model(
         ["images"],
         ["all_boxes", "scores", "maps"],
     )
-    channels = network.neck.outputs[network.architecture.strides.index(REGION_STRIDE)]
+    channels = network.neck.outputs[STRIDES.index(REGION_STRIDE)]
     sampled = torch.zeros(2, channels, network.regions.points, network.regions.points)
     names = ["of_subtypes", "of_masks"] if facts.mask_px else ["of_subtypes"]
     regions = _exported(_Regions(network.regions), sampled, {0: Dim("regions")}, ["sampled"], names)
@@ -157,3 +153,23 @@ def _exported(module: nn.Module, example: Tensor, dims: dict[int, Any], inputs: 
         verbose=False,
     )
     return compose.add_prefix(program.model_proto, f"{outputs[0]}/", rename_inputs=False, rename_outputs=False)
+
+
+def export_untrained(size: str, target: Path) -> None:
+    """Write the model of a published size with random weights, for measurements of size and speed.
+
+    Raises:
+        PaveTwinError: the size is unknown, or the file cannot be written.
+    """
+    architecture = variant(size)
+    torch.manual_seed(0)
+    network = DetectorNetwork(architecture).eval()
+    facts = ModelFacts(mask_px=architecture.mask_px, architecture=architecture.as_mapping())
+    content = onnx_model(network, facts).SerializeToString()
+    with writing(target) as temporary:
+        temporary.write_bytes(content)
+
+
+def gflops_of(architecture: Mapping[str, Any]) -> float:
+    """Billions of operations of an architecture for one image of 640 × 640 px."""
+    return gflops(DetectorNetwork(Architecture(**architecture)))

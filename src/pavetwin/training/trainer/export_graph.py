@@ -1,7 +1,7 @@
-"""The parts of the exported model that no network computes: suppression of duplicates, regions, and final answers.
+"""Parts of the exported model between and after the networks: suppression of duplicates, regions, and final outputs.
 
-They are ONNX's standard operators in ONNX's own text form, for any number of images and of detections, and do what
-`detect` does in PyTorch, in the same order: limits are for an image, not for a class.
+They are standard operators in ONNX's text form, for any number of images and detections, and follow `detect` in PyTorch
+step by step: limits apply to an image, not to a class.
 """
 
 from collections.abc import Sequence
@@ -20,16 +20,16 @@ _HEADER: Final = f'<ir_version: 10, opset_import: ["" : {OPSET}]>'
 def suppression(
     channels: int, points: int, stride: int, *, confidence: float, overlap: float, candidates: int, most: int
 ) -> Any:
-    """Duplicates are dropped, and regions of defects sampled. Boxes of one class in one image suppress each other.
+    """Model that drops duplicates and samples regions of defects. Boxes of one class in one image suppress each other.
 
     Args:
-        channels: of the map that regions are cut from.
-        points: of a region, along each side.
-        stride: of that map, in pixels.
-        confidence: from which a score counts, unless the model is told otherwise.
-        overlap: IoU above which the less confident box is dropped, unless the model is told otherwise.
-        candidates: boxes of an image before duplicates are dropped.
-        most: boxes of an image afterwards.
+        channels: channels of the map from which regions are sampled.
+        points: sampling points along each side of a region.
+        stride: stride of that map, in pixels.
+        confidence: default minimum score.
+        overlap: default IoU above which the less confident box is dropped.
+        candidates: maximum boxes of an image before duplicates are dropped.
+        most: maximum boxes of an image afterwards.
     """
     return parser.parse_model(f"""
 {_HEADER}
@@ -86,7 +86,7 @@ suppression (float[b, a, 4] all_boxes, float[b, a, {len(COARSE)}] scores, float[
 
 
 def answers(mask_px: int) -> Any:
-    """Final classes, and rows for what is no defect: a subtype's confidence of 1, and an empty mask."""
+    """Model of the final outputs; persons and cars get a subtype confidence of 1 and an empty mask."""
     masks = (
         f"""
     mask_side = Constant <value = int64[2] {{{mask_px}, {mask_px}}}> ()
@@ -118,7 +118,7 @@ answers (int64[n] coarse, int64[d, 1] defects, float[d, {len(SUBTYPES)}] of_subt
 
 
 def joined(parts: Sequence[Any], outputs: Sequence[str]) -> Any:
-    """Models as one, in which a value that one gives is what another of the same name takes."""
+    """Join models, connecting outputs to inputs of the same name."""
     graphs = [part.graph for part in parts]
     given = {value.name: value for graph in graphs for value in graph.output}
     graph = helper.make_graph(
@@ -133,14 +133,14 @@ def joined(parts: Sequence[Any], outputs: Sequence[str]) -> Any:
 
 
 def _plain(node: Any) -> Any:
-    """A node without the notes of the exporter, which name files of the machine it ran on."""
+    """Remove the exporter's metadata from a node, which names files of the machine."""
     del node.metadata_props[:]
     node.doc_string = ""
     return node
 
 
 def store_in_half(model: Any) -> None:
-    """Keep weights as float16, each with a cast to float32, which is done once when the file is opened."""
+    """Store weights as float16, each with a cast to float32, which runs once when the file is opened."""
     casts = []
     for weight in model.graph.initializer:
         if weight.data_type != TensorProto.FLOAT or np.prod(weight.dims) < 64:

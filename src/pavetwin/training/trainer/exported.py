@@ -1,13 +1,12 @@
-"""The network of an exported model, so that a training can begin with it.
+"""The network of an exported model, for further training.
 
-An exported model has no batch normalisation: each is folded into the convolution before it, as w' = w γ / √(v + ε) and
-b' = β − m γ / √(v + ε). What the network computes is kept in w' and b', but m and v, the mean and the variance of what
-is normalised, are gone, and training needs normalisation. So w' becomes the convolution's weight, and the
-normalisation after it gets m and v as they are measured on training images, γ = √(v + ε) and β = b' + m: it changes
-nothing but the bias, until it is trained.
+An exported model has no batch normalisation: each is folded into the preceding convolution, as w' = w γ / √(v + ε) and
+b' = β − m γ / √(v + ε). The mean m and the variance v of the normalised values are lost, and training needs them. So w'
+becomes the convolution's weight, and the normalisation after it gets m and v as measured on training images,
+γ = √(v + ε) and β = b' + m. Until it is trained, it only adds the bias.
 """
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -16,49 +15,41 @@ import torch
 from torch import Tensor, nn
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.training.trainer.architecture import Architecture
+from pavetwin.training.network.architecture import Architecture
+from pavetwin.training.network.network import DetectorNetwork
 from pavetwin.training.trainer.batches import Batch
-from pavetwin.training.trainer.device_pictures import DevicePictures, images_of
-from pavetwin.training.trainer.network import DetectorNetwork
+from pavetwin.training.trainer.pictures import DevicePictures, images_of
 
 if TYPE_CHECKING:
     from pavetwin.perception.inference.model_file import ModelFacts
 
 SUFFIX: Final = ".onnx"
-"""Of exported models."""
+"""Suffix of exported models."""
 
 _PARTS: Final = {"all_boxes/network.": "", "of_subtypes/head.": "regions."}
-"""How the names of weights begin in a model, and in the network."""
+"""Prefixes of the names of weights in a model, and the corresponding ones in the network."""
 
 _LAYERS: Final = ("Conv", "ConvTranspose", "Gemm")
 
 
 def is_exported(path: Path) -> bool:
-    """Whether a file's name is that of an exported model."""
+    """Whether a file has the suffix of an exported model."""
     return path.suffix.lower() == SUFFIX
 
 
-def exported_network(path: Path) -> DetectorNetwork:
-    """The network of `exported_model`."""
-    return exported_model(path)[0]
-
-
 def exported_model(path: Path) -> "tuple[DetectorNetwork, ModelFacts]":
-    """The network of an exported model, in `eval` mode, in which it says what the model says, and what the model says
-    of itself.
+    """The network of an exported model, in `eval` mode with the same output, and the facts in the file.
 
-    Its normalisations have a mean of 0 and a variance of 1 until `measure_normalisations` has seen images.
+    Its normalisations have mean 0 and variance 1 until `measure_normalisations` sets them.
 
     Raises:
-        PaveTwinError: the file is damaged, another model, in int8, or of another version; or `onnx` is not installed.
+        PaveTwinError: the file is damaged, another model or of another version; or `onnx` is not installed.
     """
-    # Inside, so that a training without an exported model needs none of what opens one.
+    # A training without an exported model needs none of these packages.
     from pavetwin.perception.inference.model_file import ModelFacts
 
     model = _read(path)
     facts = ModelFacts.of_properties({each.key: each.value for each in model.metadata_props}, f"'{path}'")
-    if any(node.op_type == "DequantizeLinear" for node in model.graph.node):
-        raise PaveTwinError(f"'{path}' is stored in int8; take the model in single or half precision.")
     try:
         network = DetectorNetwork(Architecture(**facts.architecture)).eval()
         weights = _weights(model, network)
@@ -75,19 +66,19 @@ def _read(path: Path) -> Any:
         import onnx
     except ImportError as error:
         raise PaveTwinError(
-            f"The weights of '{path}' are read by onnx, which is an extra: `pip install pavetwin[train]`."
+            f"Reading the weights of '{path}' needs onnx, an extra; install it with `pip install pavetwin[train]`."
         ) from error
     try:
         model = onnx.load(path)
         onnx.checker.check_model(model)
-    # Its exceptions have no class in common but this one.
+    # Its exceptions share no other base class.
     except Exception as error:
-        raise PaveTwinError(f"'{path}' is damaged, or no ONNX model.") from error
+        raise PaveTwinError(f"'{path}' is damaged, or not an ONNX model.") from error
     return model
 
 
 def _weights(model: Any, network: DetectorNetwork) -> dict[str, Tensor]:
-    """The network's state: each layer's weights as the model has them, and normalisations that only add a bias."""
+    """State of the network: the weights of the model, and normalisations that only add a bias."""
     values, found = _values(model), dict[str, Tensor]()
     norms = {name: each for name, each in network.named_modules() if isinstance(each, nn.BatchNorm2d)}
     for node in model.graph.node:
@@ -111,7 +102,7 @@ def _weights(model: Any, network: DetectorNetwork) -> dict[str, Tensor]:
 
 
 def _values(model: Any) -> dict[str, Tensor]:
-    """The constants of a model by name, in single precision, also where it casts them."""
+    """Constants of a model by name, in single precision, including those that it casts."""
     from onnx import numpy_helper
 
     found = {each.name: numpy_helper.to_array(each) for each in model.graph.initializer}
@@ -124,10 +115,10 @@ def _values(model: Any) -> dict[str, Tensor]:
 
 
 def _name_in_network(weight: str) -> str:
-    """Of the layer that a weight of the model belongs to.
+    """Name of the layer in the network to which a weight of the model belongs.
 
     Raises:
-        ValueError: the name is none of a detector's layers.
+        ValueError: it belongs to no layer of a detector.
     """
     for begins, instead in _PARTS.items():
         if weight.startswith(begins) and weight.endswith(".weight"):
@@ -137,25 +128,16 @@ def _name_in_network(weight: str) -> str:
 
 @torch.no_grad()
 def measure_normalisations(
-    network: DetectorNetwork,
-    batches: Iterable[Batch],
-    pictures: DevicePictures | None = None,
-    random: Collection[str] = (),
+    network: DetectorNetwork, batches: Iterable[Batch], pictures: DevicePictures | None = None
 ) -> None:
-    """Give each normalisation the mean and the variance of what it sees; what the network says stays as it is.
+    """Set mean and variance of each normalisation to those of its inputs, without a change of the network's output.
 
     Args:
-        network: of `exported_network`.
-        batches: training images. A head of regions of which they have none stays as it is.
-        pictures: of which they are drawn, where they are no pixels yet.
-        random: names of weights that the model lacks. Normalisations among them are left as they are: they have
-            random weights before them, which need normalising.
+        network: a network of `exported_model`.
+        batches: training images. Without regions among them, the heads of regions stay unchanged.
+        pictures: images on the device, if the batches hold drawing instructions.
     """
-    norms = [
-        each
-        for name, each in network.named_modules()
-        if isinstance(each, nn.BatchNorm2d) and f"{name}.weight" not in random
-    ]
+    norms = [each for each in network.modules() if isinstance(each, nn.BatchNorm2d)]
     device = next(network.parameters()).device
     sums = {each: torch.zeros(3, each.num_features, dtype=torch.float64, device=device) for each in norms}
 
@@ -183,7 +165,7 @@ def measure_normalisations(
             continue
         mean = total / count
         variance = (squares / count - mean.square()).clamp(min=0)
-        # As stored, so that scale and statistics agree to the last bit.
+        # From the stored values, so that scale and statistics agree to the last bit.
         norm.running_mean.copy_(mean)
         norm.running_var.copy_(variance)
         norm.weight.copy_((norm.running_var.double() + norm.eps).sqrt())

@@ -1,4 +1,4 @@
-"""What a training asks of the machine that it runs on."""
+"""Device, compiler and memory that a training uses."""
 
 import os
 import shlex
@@ -11,34 +11,29 @@ import torch
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.training.datasets.examples import ExampleSet
-from pavetwin.training.trainer.augment import Member
-from pavetwin.training.trainer.device_pictures import room_of
-from pavetwin.training.trainer.held_pictures import GIGABYTE, HeldExampleSet, is_inherited
 from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
+from pavetwin.training.trainer.pictures import GIGABYTE, HeldExampleSet, is_inherited, room_of
+from pavetwin.training.trainer.views import Member
 
 PICTURES_SHARE: Final = 0.25
-"""Of a graphics card's free memory that training pictures may take, so that views are drawn there."""
+"""Maximum share of a graphics card's free memory for training images, if views are drawn there by default."""
 
 HALF_INSTRUCTIONS: Final = ("amx_bf16", "avx512_bf16")
-"""Of processors that multiply bfloat16 faster than single precision, as `torch.cpu.get_capabilities` names them."""
+"""Processor instructions that multiply bfloat16 faster than single precision, in `torch.cpu.get_capabilities`."""
 
 _CPP_COMPILERS: Final = {"darwin": "clang++", "win32": "cl"}
-"""What `torch.compile` starts where CXX names none; elsewhere it is g++."""
+"""Compiler that `torch.compile` starts unless CXX names one; on other systems it is g++."""
 
 
 def draws_views(
     training: Sequence[Member], options: TrainingOptions, machine: TrainingMachine, device: torch.device
 ) -> bool:
-    """Whether the device holds the training pictures and draws views of them.
+    """Whether the device holds the training images and draws the views.
 
     Raises:
-        PaveTwinError: that is asked for, and it has no room, or photographs without labels are used, which only a
-            processor does.
+        PaveTwinError: this is requested, and the device has too little memory.
     """
-    if machine.views == "device" and options.adaptations:
-        told = ", ".join(options.adaptations)
-        raise PaveTwinError(f"`views` device: a processor draws views where {told} is set; leave `views` out.")
-    if machine.views == "processor" or options.adaptations:
+    if machine.views == "processor":
         return False
     if device.type != "cuda":
         return machine.views == "device"
@@ -55,10 +50,10 @@ def draws_views(
 
 
 def check_compiler(machine: TrainingMachine, device: torch.device) -> None:
-    """Check that what `torch.compile` writes can be built: C++ for a processor, and C to start kernels on a card.
+    """Check for the compiler that `torch.compile` needs: C++ for a processor, C for a graphics card.
 
     Raises:
-        PaveTwinError: compiling is asked for, and there is no compiler.
+        PaveTwinError: compilation is requested, and there is no compiler.
     """
     variable, names = "CXX", [_CPP_COMPILERS.get(sys.platform, "g++")]
     if device.type == "cuda":
@@ -72,10 +67,10 @@ def check_compiler(machine: TrainingMachine, device: torch.device) -> None:
 
 
 def held_sets(sets: Sequence[ExampleSet], machine: TrainingMachine, splits: Sequence[str]) -> Sequence[ExampleSet]:
-    """The datasets, which decode each picture of some splits once.
+    """The datasets with decoded images of some splits kept in memory.
 
-    Processes that prepare images end with each epoch, and what they would keep is lost. So they get all from here where
-    they are forked, and keep nothing elsewhere.
+    Worker processes end with each epoch and lose what they keep. So forked workers inherit the images from this
+    process, and other workers keep none.
     """
     if machine.workers and not is_inherited():
         return sets
@@ -83,10 +78,10 @@ def held_sets(sets: Sequence[ExampleSet], machine: TrainingMachine, splits: Sequ
 
 
 def device_of(machine: TrainingMachine) -> torch.device:
-    """The device that trains.
+    """Device of the training.
 
     Raises:
-        PaveTwinError: it is not there.
+        PaveTwinError: it does not exist.
     """
     try:
         device = torch.device(machine.device or ("cuda" if torch.cuda.is_available() else "cpu"))
@@ -97,9 +92,9 @@ def device_of(machine: TrainingMachine) -> torch.device:
 
 
 def has_half(device: torch.device) -> bool:
-    """Whether bfloat16 is faster than single precision there: on most graphics cards, and on processors with
-    instructions for it (AMX or AVX-512 BF16)."""
+    """Whether bfloat16 is faster than single precision: on most graphics cards, and on processors with AMX or AVX-512
+    BF16."""
     if device.type == "cuda":
         return torch.cuda.is_bf16_supported()
-    told = getattr(torch.cpu, "get_capabilities", None)  # not in all versions
-    return device.type == "cpu" and told is not None and any(map(told().get, HALF_INSTRUCTIONS))
+    capabilities = getattr(torch.cpu, "get_capabilities", None)  # missing in some versions
+    return device.type == "cpu" and capabilities is not None and any(map(capabilities().get, HALF_INSTRUCTIONS))

@@ -1,4 +1,4 @@
-"""What a training depends on, as a value; and what only the machine decides."""
+"""Options of a training, and settings of the machine that do not affect its result."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields
@@ -7,29 +7,16 @@ from typing import Any, Final, Self
 
 from pavetwin.errors import PaveTwinError, nearest_name, no_such
 from pavetwin.perception.classes import COARSE, SUBTYPES
-from pavetwin.training.trainer.architecture import Architecture, variant
-from pavetwin.training.trainer.augment import ViewOptions
+from pavetwin.training.network.architecture import Architecture, LossWeights, variant
+from pavetwin.training.trainer.views import ViewOptions
 
 ORDERS: Final = ("real-synthetic", "synthetic-real", "mixed", "real", "synthetic")
-"""Stages of the detector: photographs and then synthetic images with some photographs among them, the other way round,
-both together with the same share of photographs, or one of them alone."""
+"""Stages of the detector: photographs, then synthetic images with some photographs; the reverse; both together with the
+same share of photographs; or one of them alone."""
 
 
 VIEWS: Final = ("processor", "device")
-"""Where training views are drawn."""
-
-
-@dataclass(frozen=True, slots=True)
-class LossWeights:
-    """Of the parts; the first three are those of the published YOLOv8."""
-
-    box: float = 7.5
-    classes: float = 0.5
-    distribution: float = 1.5
-    subtype: float = 1.0
-    """α"""
-    mask: float = 1.0
-    """μ; 0 trains no masks."""
+"""Places where training views are drawn."""
 
 
 def _about(text: str, default: Any, low: float | None = None, high: float | None = None) -> Any:
@@ -38,12 +25,11 @@ def _about(text: str, default: Any, low: float | None = None, high: float | None
 
 @dataclass(frozen=True, slots=True)
 class TrainingOptions:
-    """Two runs with the same options, data and hardware have the same result."""
+    """Options of a run: equal options, data and hardware give the same result."""
 
     size: str = _about("Published size: n, s, m or l.", "n")
-    depth: float = _about("Multiple of the numbers of blocks; 0 takes that of the size.", 0.0, 0, 2)
-    width: float = _about("Multiple of the numbers of channels; 0 takes that of the size.", 0.0, 0, 2)
-    p2: bool = _about("A fourth detection level of stride 4, for small objects.", default=False)
+    depth: float = _about("Multiplier of the numbers of blocks; 0: as the size.", 0.0, 0, 2)
+    width: float = _about("Multiplier of the numbers of channels; 0: as the size.", 0.0, 0, 2)
     activation: str = _about("silu or relu.", "silu")
     masks: bool = _about("Whether there is a mask head.", default=True)
     mask_points: int = _about("Sampling points along each side of a region: 7, 14 or 28.", 14)
@@ -53,39 +39,30 @@ class TrainingOptions:
     replay: float = _about(
         "Share of the other kind's images in an epoch of the second stage, or of `mixed`.", 0.25, 0, 0.9
     )
-    skip_first: bool = _about("Leave the first of two stages out; for weights that have had it.", default=False)
-    without: str = _about("Classes that the data need not have, with commas.", "")
-    epochs: int = _about("Of the detector, in each stage.", 40, 0, 10_000)
-    repeats: int = _about("How often an epoch shows each image.", 1, 1, 10_000)
-    classifier_epochs: int = _about("Of the subtype and mask heads alone, afterwards.", 10, 0, 10_000)
+    skip_first: bool = _about("Skip the first of two stages, for weights that have been through it.", default=False)
+    without: str = _about("Classes that may be missing from the data, separated by commas.", "")
+    epochs: int = _about("Epochs of the detector in each stage.", 40, 0, 10_000)
+    repeats: int = _about("Views of each image in an epoch.", 1, 1, 10_000)
+    classifier_epochs: int = _about("Final epochs of the subtype and mask heads alone.", 10, 0, 10_000)
     batch: int = _about("Images of a step.", 16, 1, 4096)
     rate: float = _about("Greatest learning rate; the default suits a batch of 16.", 1e-3, 0, 1)
     final_rate: float = _about("Last learning rate, as a share of the greatest.", 0.01, 0, 1)
     warmup_epochs: float = _about("Epochs in which the rate rises.", 3.0, 0, 100)
-    weight_decay: float = _about("Of AdamW, for weights of convolutions.", 5e-4, 0, 1)
-    ema_decay: float = _about("Of the moving average of the weights, in the end.", 0.9999, 0, 1)
-    ema_steps: int = _about("Steps over which that decay is reached.", 2000, 1, 1_000_000)
+    weight_decay: float = _about("Weight decay of AdamW, for convolutions.", 5e-4, 0, 1)
+    ema_decay: float = _about("Final decay of the moving average of the weights.", 0.9999, 0, 1)
+    ema_steps: int = _about("Time constant of that decay, in steps.", 2000, 1, 1_000_000)
     patience: int = _about("Epochs without a better result after which a phase ends.", 20, 1, 10_000)
     mosaic: float = _about("Share of views made of four images.", 1.0, 0, 1)
     mosaic_off: int = _about("Last epochs of each stage without mosaics.", 10, 0, 10_000)
     scale: float = _about("Scales vary from 1 − this to 1 + this.", 0.5, 0, 0.9)
-    mirror: float = _about("Share of images with left and right exchanged.", 0.5, 0, 1)
-    upside_down: float = _about("Share of images with top and bottom exchanged, but for those from a car.", 0.0, 0, 1)
+    mirror: float = _about("Share of images mirrored left to right.", 0.5, 0, 1)
+    upside_down: float = _about("Share of images mirrored top to bottom, except those from a car.", 0.0, 0, 1)
     hue: float = _about("Hues turn by at most this share of a circle.", 0.015, 0, 0.5)
     saturation: float = _about("Saturations vary by at most this share.", 0.7, 0, 1)
     brightness: float = _about("Brightnesses vary by at most this share.", 0.4, 0, 1)
-    distractors: int = _about("Random shapes tried for each view, where nothing is labelled.", 0, 0, 64)
     subtype_weight: float = _about("α of L_total.", 1.0, 0, 100)
-    mask_weight: float = _about("Of the mask loss; 0 trains no masks.", 1.0, 0, 100)
-    freeze: bool = _about("Train only the level that `p2` adds to what `start` has.", default=False)
+    mask_weight: float = _about("μ of L_total; 0 trains no masks.", 1.0, 0, 100)
     seed: int = _about("Random seed; 0 is a seed too.", 0, 0, 2**31)
-    fourier: float = _about("β of Fourier amplitude transfer from photographs; 0: none.", 0.0, 0, 0.5)
-    appearance: float = _about("Share of synthetic images moved to photographs' colours, noise, blur.", 0.0, 0, 1)
-    teacher_weight: float = _about("Of the loss on photographs that the mean teacher labels; 0: none.", 0.0, 0, 100)
-    teacher_photographs: int = _about("Unlabelled photographs of a step.", 8, 1, 4096)
-    teacher_confidence: float = _about("From which the teacher's detections are objects.", 0.6, 0, 1)
-    teacher_doubt: float = _about("From which they are neither objects nor background.", 0.2, 0, 1)
-    teacher_after: int = _about("Epochs of the first stage without a teacher.", 5, 0, 10_000)
 
     def __post_init__(self) -> None:
         """Raises:
@@ -97,11 +74,6 @@ class TrainingOptions:
                 raise PaveTwinError(f"`{each.name}` {value:g}: it must be from {low:g} to {high:g}.")
         if self.order not in ORDERS:
             raise PaveTwinError(no_such("order", self.order, ORDERS, key="`order`"))
-        if self.teacher_doubt > self.teacher_confidence:
-            raise PaveTwinError(
-                f"`teacher_doubt` {self.teacher_doubt:g}: it is at most `teacher_confidence` "
-                f"({self.teacher_confidence:g})."
-            )
         if self.image_px % 32:
             raise PaveTwinError(f"`image_px` {self.image_px}: it must be a multiple of 32.")
         known = (*SUBTYPES, *COARSE[1:])
@@ -112,12 +84,11 @@ class TrainingOptions:
 
     @property
     def architecture(self) -> Architecture:
-        """Of the network."""
+        """Architecture of the network."""
         given = {"depth": self.depth, "width": self.width}
         others = {name: value for name, value in given.items() if value}
         return variant(
             self.size,
-            p2=self.p2,
             activation=self.activation,
             masks=self.masks,
             mask_points=self.mask_points,
@@ -126,21 +97,16 @@ class TrainingOptions:
 
     @property
     def without_classes(self) -> frozenset[str]:
-        """Classes that the data need not have."""
+        """Classes that may be missing from the data."""
         return frozenset(filter(None, (name.strip() for name in self.without.split(","))))
 
     @property
     def weights(self) -> LossWeights:
-        """Of the losses."""
+        """Weights of the losses."""
         return LossWeights(subtype=self.subtype_weight, mask=self.mask_weight)
 
-    @property
-    def adaptations(self) -> tuple[str, ...]:
-        """The settings, other than 0, that need unlabelled photographs."""
-        return tuple(name for name in ("fourier", "appearance", "teacher_weight") if getattr(self, name))
-
     def views(self, *, mosaic: bool) -> ViewOptions:
-        """How training images vary."""
+        """Augmentation of training images."""
         return ViewOptions(
             size_px=self.image_px,
             native=self.native,
@@ -154,15 +120,15 @@ class TrainingOptions:
         )
 
     def as_mapping(self) -> dict[str, Any]:
-        """As JSON and checkpoints hold it."""
+        """Values by name."""
         return asdict(self)
 
     @classmethod
     def parse(cls, values: Iterable[str] | Mapping[str, Any]) -> Self:
-        """From `name=value` texts, or from names and values.
+        """Options from `name=value` texts, or from a mapping.
 
         Raises:
-            PaveTwinError: a name is not known, or a value is not what it takes.
+            PaveTwinError: a name is unknown, or a value is invalid.
         """
         if not isinstance(values, Mapping):
             pairs = [text.partition("=") for text in values]
@@ -180,7 +146,7 @@ class TrainingOptions:
 
 
 def _value(name: str, value: Any, kind: type) -> Any:
-    """A text as the type of its setting."""
+    """Convert a text to the type of its setting."""
     if not isinstance(value, str) or kind is str:
         return value
     if kind is bool:
@@ -196,21 +162,21 @@ def _value(name: str, value: Any, kind: type) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class TrainingMachine:
-    """How this machine trains; not part of what a run is."""
+    """Settings of the machine, which do not belong to the identity of a run."""
 
     device: str = ""
-    """`cpu`, `cuda` or another of torch's; empty takes a graphics card where there is one."""
+    """`cpu`, `cuda` or another device of torch; empty: a graphics card if there is one."""
     workers: int = 0
     """Processes that make views; 0 makes them in the main process."""
     held_gb: float = 2.0
-    """Decoded pictures of each dataset that are kept in memory, in 10⁹ bytes: 2 are about 2,500 of 512 × 512."""
+    """Decoded images of each dataset kept in memory, in 10⁹ bytes; 2 hold about 2,500 images of 512 × 512."""
     views: str = ""
-    """Where views are drawn: `processor`, or `device`, which then holds all training pictures; empty takes a graphics
-    card that has room for them."""
+    """Place where views are drawn: `processor`, or `device`, which then holds all training images; empty: a graphics
+    card with enough memory, otherwise the processor."""
     compiled: bool = False
-    """The network by `torch.compile`, which takes a minute at first."""
+    """Compile the network with `torch.compile`, which takes a minute at first."""
     half: bool = True
-    """Mixed precision (bfloat16) on graphics cards that have it, and on processors with AMX or AVX-512 BF16."""
+    """Mixed precision (bfloat16) on graphics cards that support it, and on processors with AMX or AVX-512 BF16."""
 
     def __post_init__(self) -> None:
         """Raises:

@@ -1,29 +1,26 @@
-"""A run on disk: its settings, its curves, the checkpoint from which it goes on, and the best weights.
+"""A run on disk: settings, curves, checkpoint and best weights.
 
-- `run.json`: options, architecture and the fingerprints of the data.
+- `run.json`: options and fingerprints of the data and the initial weights.
 - `curves.csv`: a row for each epoch.
-- `checkpoint.pt`: everything, so that another machine continues to the same curve.
+- `checkpoint.pt`: the complete state, from which any machine continues to the same curve.
 - `best.pt`: the moving average of the weights at the best epoch; the result of the run.
 """
 
 import csv
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import torch
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.files import writing
+from pavetwin.files import FORMAT, check_format, writing
 from pavetwin.perception.classes import CLASSES
-from pavetwin.training.trainer.architecture import Architecture
-from pavetwin.training.trainer.exported import exported_network, is_exported
-from pavetwin.training.trainer.network import DetectorNetwork
-
-FORMAT: Final = 1
-"""Of checkpoints and weights."""
+from pavetwin.training.network.architecture import Architecture
+from pavetwin.training.network.network import DetectorNetwork
+from pavetwin.training.trainer.exported import exported_model, is_exported
 
 CHECKPOINT: Final = "checkpoint.pt"
 BEST: Final = "best.pt"
@@ -34,42 +31,33 @@ COLUMNS: Final = (
     *("phase", "epoch", "rate", "box", "classes", "distribution", "subtype", "mask", "total", "map50", "map"),
     *CLASSES,
 )
-"""Of the curves: mean losses of the epoch, then mean average precision of the validation images, then that at an IoU of
-0.5 of each class."""
-
-TAUGHT: Final = "taught"
-"""Column of the loss on unlabelled photographs; only runs with a teacher have it."""
+"""Columns of the curves: mean losses of the epoch, mean average precision on the validation images at IoU 0.5 and over
+0.5 to 0.95, and average precision of each class at IoU 0.5."""
 
 Curves = list[dict[str, Any]]
 
 
 @dataclass(frozen=True, slots=True)
 class RunFolder:
-    """The files of a run."""
+    """Files of a run."""
 
     path: Path
 
-    def claim(self, settings: Mapping[str, Any], defaults: Mapping[str, Any]) -> None:
-        """Write the settings of a new run, or check that a run that is there has the same.
-
-        Args:
-            defaults: of the options: what a run has that was begun before an option was there.
+    def claim(self, settings: Mapping[str, Any]) -> None:
+        """Write the settings of a new run, or check that an existing run has the same ones.
 
         Raises:
-            PaveTwinError: it has others, the folder holds something else, or it cannot be written.
+            PaveTwinError: they differ, the folder holds something else, or it cannot be written.
         """
         file = self.path / SETTINGS
         if file.is_file():
             try:
                 found = json.loads(file.read_text(encoding="utf-8"))
-                found["options"] = {**defaults, **found["options"]}
-                # Runs of earlier versions name the file that they began with alone.
-                found.setdefault("start_sha256", settings.get("start_sha256"))
-            except (OSError, ValueError, KeyError, TypeError) as error:
+            except (OSError, ValueError) as error:
                 raise PaveTwinError(f"'{file}' is damaged; choose another folder for the run.") from error
             if difference := _difference(found, settings):
                 raise PaveTwinError(
-                    f"'{self.path}' holds a run with {difference}; give what it has, or choose another folder."
+                    f"'{self.path}' holds a run with {difference}; use its settings, or choose another folder."
                 )
             return
         if self.path.exists() and (not self.path.is_dir() or any(self.path.iterdir())):
@@ -78,56 +66,55 @@ class RunFolder:
             temporary.write_text(json.dumps(settings, indent=1) + "\n", encoding="utf-8")
 
     def write_curves(self, curves: Curves) -> None:
-        """A row for each epoch so far."""
+        """Write a row for each epoch."""
         with writing(self.path / CURVES) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
-            more = [TAUGHT] if any(TAUGHT in row for row in curves) else []
-            table = csv.DictWriter(stream, [*COLUMNS, *more], lineterminator="\n")
+            table = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
             table.writeheader()
             table.writerows(curves)
 
     @property
     def has_checkpoint(self) -> bool:
-        """Whether there is something to go on from."""
+        """Whether there is a checkpoint."""
         return (self.path / CHECKPOINT).is_file()
 
     def save(self, state: Mapping[str, Any]) -> None:
-        """Write the checkpoint, and the curves up to it."""
+        """Write the checkpoint and the curves."""
         _save(self.path / CHECKPOINT, state)
         self.write_curves(state["curves"])
 
     def load(self, device: torch.device) -> dict[str, Any] | None:
-        """The checkpoint; None where there is none yet.
+        """The checkpoint, or None.
 
         Raises:
             PaveTwinError: it is damaged.
         """
         return _load(self.path / CHECKPOINT, device) if self.has_checkpoint else None
 
-    def save_best(self, network: DetectorNetwork, told: Mapping[str, Any]) -> None:
-        """Write weights that can be used, with what they are of."""
+    def save_best(self, network: DetectorNetwork, facts: Mapping[str, Any]) -> None:
+        """Write usable weights with facts about their training."""
         state = {
             "architecture": network.architecture.as_mapping(),
             "classes": list(CLASSES),
             "weights": network.state_dict(),
-            **told,
+            **facts,
         }
         _save(self.path / BEST, state)
 
     @property
     def best_map50(self) -> float:
-        """What `best.pt` says of itself: its mAP@0.5 on the validation images.
+        """mAP@0.5 of `best.pt` on the validation images.
 
         Raises:
-            PaveTwinError: there is none, or it is damaged.
+            PaveTwinError: the file is missing or damaged.
         """
         return float(load_network(self.path / BEST)[1]["map50"])
 
 
 def load_network(path: Path, device: torch.device | str = "cpu") -> tuple[DetectorNetwork, dict[str, Any]]:
-    """The network of a file of weights (`best.pt`), ready for use, and what else the file says.
+    """The network of a file of weights (`best.pt`) in `eval` mode, and the other contents of the file.
 
     Raises:
-        PaveTwinError: there is no such file, or it is damaged.
+        PaveTwinError: the file is missing or damaged.
     """
     if not path.is_file():
         raise PaveTwinError(f"There is no file of weights '{path}'; a finished run has a {BEST}.")
@@ -140,27 +127,21 @@ def load_network(path: Path, device: torch.device | str = "cpu") -> tuple[Detect
     return network.to(device).eval(), content
 
 
-def load_weights(network: DetectorNetwork, path: Path) -> frozenset[str]:
-    """Begin with the weights of a file, or of an exported model.
-
-    A level of stride 4 that the file lacks keeps its random weights.
-
-    Returns:
-        Names of the weights that the file lacks.
+def load_weights(network: DetectorNetwork, path: Path) -> None:
+    """Load the weights of a file or of an exported model.
 
     Raises:
-        PaveTwinError: there is no such file, it is damaged, or it is of another architecture.
+        PaveTwinError: the file is missing, damaged or of another architecture.
     """
     if is_exported(path):
-        other = exported_network(path)
+        other, _ = exported_model(path)
     else:
         other, _ = load_network(path, next(network.parameters()).device)
-    wanted = network.architecture
-    if difference := replace(other.architecture, p2=other.architecture.p2 or wanted.p2).difference(wanted):
+    if difference := other.architecture.difference(network.architecture):
         raise PaveTwinError(
-            f"'{path}' is of another architecture: {difference}; give what it has, or start without it."
+            f"'{path}' is of another architecture: {difference}; use its settings, or start without it."
         )
-    return frozenset(network.load_state_dict(other.state_dict(), strict=other.architecture == wanted).missing_keys)
+    network.load_state_dict(other.state_dict())
 
 
 def _save(path: Path, state: Mapping[str, Any]) -> None:
@@ -172,19 +153,18 @@ def _load(path: Path, device: torch.device) -> dict[str, Any]:
     try:
         content = torch.load(path, map_location=device, weights_only=True)
         number = content["format"]
-    # What it raises of a file that is something else depends on the first bytes.
+    # The type of the exception depends on the first bytes of the file.
     except Exception as error:
-        raise PaveTwinError(f"'{path}' is damaged, or no file of this program's.") from error
-    if number != FORMAT:
-        raise PaveTwinError(f"'{path}' is of format {number}, this version's is {FORMAT}.")
+        raise PaveTwinError(f"'{path}' is damaged, or not a file of weights of PaveTwin.") from error
+    check_format(number, f"'{path}'")
     return dict(content)
 
 
 def _difference(found: Any, wanted: Any, name: str = "") -> str:
-    """The first value in which two mappings differ, as `rate 0.1, not 0.2`; empty where they are the same."""
+    """The first value in which two mappings differ, as `rate 0.1, not 0.2`; empty if they are equal."""
     if isinstance(found, Mapping) and isinstance(wanted, Mapping):
-        told = (_difference(found.get(key), wanted.get(key), key) for key in {**found, **wanted})
-        return next(filter(None, told), "")
+        each = (_difference(found.get(key), wanted.get(key), key) for key in {**found, **wanted})
+        return next(filter(None, each), "")
     if isinstance(wanted, Sequence) and not isinstance(wanted, str):
         wanted = list(wanted)
     return f"{name} {_short(found)}, not {_short(wanted)}" if found != wanted else ""

@@ -1,4 +1,4 @@
-"""Stages and phases of a run, the learning rate, and the moving average of the weights."""
+"""Phases of a run, the weights that each trains, the learning rate, and the moving average of the weights."""
 
 from collections.abc import Sequence
 from copy import deepcopy
@@ -12,31 +12,31 @@ from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.seeds import Stream, child
-from pavetwin.training.trainer.augment import Member
 from pavetwin.training.trainer.options import TrainingOptions
+from pavetwin.training.trainer.views import Member
 
 
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """A part of a run with its own data and its own learning rate schedule."""
+    """Part of a run with its own data and learning rate schedule."""
 
     name: str
     members: tuple[Member, ...]
-    """The images of every epoch, then those to draw from."""
+    """Images of every epoch, followed by those to draw from."""
     main: int
-    """Number of images that every epoch has."""
+    """Number of images in every epoch."""
     drawn: int
-    """Number of images that every epoch draws from the others."""
+    """Number of images that every epoch draws from the rest."""
     epochs: int
     classifier: bool
-    """Whether the heads of regions are trained alone."""
+    """Whether only the heads of regions are trained."""
 
 
 def phases_of(members: Sequence[Member], options: TrainingOptions) -> list[Phase]:
-    """The phases of a run, in order. Where all images are photographs, or all are synthetic, there is one stage.
+    """Phases of a run, in order. Data of one kind, photographs or synthetic images, have one stage.
 
     Raises:
-        PaveTwinError: the order asks for images that there are not.
+        PaveTwinError: images that the order needs are missing.
     """
     real = [each for each in members if not each[1].is_synthetic]
     synthetic = [each for each in members if each[1].is_synthetic]
@@ -56,7 +56,7 @@ def phases_of(members: Sequence[Member], options: TrainingOptions) -> list[Phase
         stages = [(first, kinds[first], []), (second, kinds[second], kinds[first])]
         stages = stages[options.skip_first :]
     phases = [_phase(name, main, others, options) for name, main, others in stages if options.epochs]
-    if options.classifier_epochs and not options.freeze:
+    if options.classifier_epochs:
         name, main, others = stages[-1]
         phases.append(_phase(f"{name}, classifier", main, others, options, classifier=True))
     if not phases:
@@ -76,13 +76,13 @@ def _phase(
 
 
 def _crops(member: Member, size_px: int) -> int:
-    """Crops of an image in an epoch: about as many as cover it once."""
+    """Crops of an image in an epoch, about as many as cover it once."""
     width, height = member[1].size_px
     return max(1, round(width * height / size_px**2))
 
 
 def epoch_order(phase: Phase, key: tuple[int, ...]) -> list[int]:
-    """Indices of an epoch's members, shuffled; of those to draw from, each is drawn once before any is drawn twice.
+    """Shuffled indices of an epoch's members; every image to draw from is drawn once before any is drawn twice.
 
     Args:
         key: seed, phase and epoch.
@@ -98,11 +98,11 @@ def epoch_order(phase: Phase, key: tuple[int, ...]) -> list[int]:
 
 
 def rate_at(step: int, steps: int, warmup: int, options: TrainingOptions) -> float:
-    """The learning rate of a step: rising in a straight line, then falling as a cosine.
+    """Learning rate of a step: a linear rise, then a cosine decay.
 
     Args:
-        steps: of the phase.
-        warmup: steps in which it rises.
+        steps: number of steps of the phase.
+        warmup: number of steps in which the rate rises.
     """
     if step < warmup:
         return options.rate * (step + 1) / warmup
@@ -111,10 +111,29 @@ def rate_at(step: int, steps: int, warmup: int, options: TrainingOptions) -> flo
     return options.rate * (low + (1 - low) * (1 + cos(pi * share)) / 2)
 
 
-class MovingAverage:
-    """Exponential moving average of a network's weights, which is what is validated and kept.
+def train_part(network: nn.Module, phase: Phase) -> list[nn.Parameter]:
+    """Freeze the weights that a phase does not train, and return the others.
 
-    Early on it forgets fast: its decay is d · (1 − e^(−n/τ)) at step n.
+    A phase trains the whole network, or the heads of regions.
+    """
+    for name, weight in network.named_parameters():
+        weight.requires_grad_(not phase.classifier or name.startswith("regions."))
+    return [each for each in network.parameters() if each.requires_grad]
+
+
+def set_modes(network: nn.Module) -> None:
+    """Put the network in training mode, except frozen normalisations, which keep their statistics."""
+    network.train()
+    for each in network.modules():
+        own = list(each.parameters(recurse=False))
+        if own and not any(weight.requires_grad for weight in own):
+            each.eval()
+
+
+class MovingAverage:
+    """Exponential moving average of a network's weights, which is validated and kept.
+
+    Its decay at step n is d · (1 − e^(−n/τ)).
     """
 
     def __init__(self, network: nn.Module, options: TrainingOptions) -> None:
@@ -124,7 +143,7 @@ class MovingAverage:
 
     @torch.no_grad()
     def update(self, network: nn.Module) -> None:
-        """Take one step's weights in."""
+        """Include the weights of one step."""
         self.steps += 1
         decay = self._decay * (1 - exp(-self.steps / self._tau))
         current, own = network.state_dict(), self.network.state_dict()

@@ -1,20 +1,34 @@
-"""Who is told how a training goes, where there is no terminal to draw on."""
+"""Progress reports of a training."""
 
 import sys
 import time
+from typing import Protocol
 
 from pavetwin.training.trainer.run_folder import Curves
 from pavetwin.training.trainer.schedule import Phase
 
 LINE_S = 30.0
-"""Between two lines within an epoch."""
+"""Seconds between two lines within an epoch."""
+
+
+class Watcher(Protocol):
+    """Receiver of progress reports."""
+
+    def on_start(self, where: str) -> None:
+        """Training starts; `where` is a sentence on the device, its precision, and the place where views are drawn."""
+
+    def on_step(self, phase: Phase, epoch: int, step: int, steps: int, total: float) -> None:
+        """A step is done. `epoch` counts from 0, `step` from 1; `total` is the loss."""
+
+    def on_epoch(self, curves: Curves) -> None:
+        """An epoch is done; its row is the last of the curves."""
 
 
 class Silent:
-    """Says nothing."""
+    """A watcher that ignores all reports."""
 
     def on_start(self, where: str) -> None:
-        """The steps begin."""
+        """Training starts."""
 
     def on_step(self, phase: Phase, epoch: int, step: int, steps: int, total: float) -> None:
         """A step is done."""
@@ -24,32 +38,32 @@ class Silent:
 
 
 class PlainLines:
-    """A line for each epoch, and every half minute, on the error stream."""
+    """Lines on the error stream, for each epoch and every half minute."""
 
     def __init__(self) -> None:
-        self._said = self._began = time.monotonic()
+        self._last_s = self._began_s = time.monotonic()
 
     def on_start(self, where: str) -> None:
-        """The steps begin."""
-        self._say(where)
+        """Training starts."""
+        self._write(where)
 
     def on_step(self, phase: Phase, epoch: int, step: int, steps: int, total: float) -> None:
         """A step is done."""
-        if time.monotonic() > self._said + LINE_S:
-            self._say(f"{phase.name}: epoch {epoch + 1}/{phase.epochs}, step {step}/{steps}, loss {total:.3f}")
+        if time.monotonic() > self._last_s + LINE_S:
+            self._write(f"{phase.name}: epoch {epoch + 1}/{phase.epochs}, step {step}/{steps}, loss {total:.3f}")
 
     def on_epoch(self, curves: Curves) -> None:
         """An epoch is done."""
-        self._say(line_of(curves))
+        self._write(line_of(curves))
 
-    def _say(self, text: str) -> None:
-        self._said = time.monotonic()
-        sys.stderr.write(f"{self._said - self._began:7.0f} s  {text}\n")
+    def _write(self, text: str) -> None:
+        self._last_s = time.monotonic()
+        sys.stderr.write(f"{self._last_s - self._began_s:7.0f} s  {text}\n")
         sys.stderr.flush()
 
 
 def line_of(curves: Curves) -> str:
-    """The last epoch in words."""
+    """Summary of the last epoch in one line."""
     row = curves[-1]
     return (
         f"{row['phase']}: epoch {row['epoch']}, loss {row['total']:.3f}, "

@@ -1,5 +1,5 @@
-"""The detector of a run's weights in PyTorch, for their evaluation without an export; and what its subtype head says of
-regions that it did not find itself, which onnxruntime cannot ask an exported file."""
+"""A detector in PyTorch: evaluates weights without an export, and classifies given regions, which the exported graph
+cannot."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,14 +14,14 @@ from pavetwin.perception.inference.detector import Detector
 from pavetwin.perception.inference.model_file import ModelFacts
 from pavetwin.perception.inference.pictures import Picture, pixels_of
 from pavetwin.perception.inference.tiles import tile_windows
-from pavetwin.training.trainer.detect import DetectLimits, detect
+from pavetwin.training.network.network import DetectLimits, detect
 from pavetwin.training.trainer.export import facts_of
 from pavetwin.training.trainer.exported import exported_model, is_exported
 from pavetwin.training.trainer.run_folder import load_network
 
 
 class WeightsDetector(Detector):
-    """A file of weights (`best.pt`), used as an exported model is; or an exported model, run by PyTorch."""
+    """Detector from a file of weights (`best.pt`) or an exported model, run by PyTorch."""
 
     def _open(self, path: Path, threads: int) -> ModelFacts:
         if threads:
@@ -29,8 +29,8 @@ class WeightsDetector(Detector):
         if is_exported(path):
             self._network, facts = exported_model(path)
             return facts
-        self._network, told = load_network(path)
-        return facts_of(self._network, told)
+        self._network, content = load_network(path)
+        return facts_of(self._network, content)
 
     def _told(self, canvas: UInt8Array) -> dict[str, Any]:
         limits = DetectLimits(confidence=self._confidence, overlap=self._overlap)
@@ -48,20 +48,20 @@ class WeightsDetector(Detector):
 
     @torch.no_grad()
     def subtypes_at(self, image: Picture, boxes: Sequence[FloatBox]) -> list[int]:
-        """The most probable number in `SUBTYPES` of each region.
+        """Most probable index into `SUBTYPES` of each region.
 
         Args:
-            boxes: in pixels of the image. In tiles, a region is looked at in the one that shows most of it.
+            boxes: regions in pixels of the image. With tiles, each is classified in the tile that shows most of it.
 
         Raises:
-            PaveTwinError: a file cannot be read as an image.
+            PaveTwinError: the file is not a readable image.
         """
         pixels = pixels_of(image)
         size = (pixels.shape[1], pixels.shape[0])
         is_cut = self.in_tiles(size)
         windows = tile_windows(size, self.image_px) if is_cut else [(0, 0, *size)]
         shares = np.array([[share_within(box, window) for window in windows] for box in boxes])
-        said = [0] * len(boxes)
+        subtypes = [0] * len(boxes)
         for at in sorted(set(shares.argmax(axis=1).tolist())) if len(boxes) else ():
             left, top, right, bottom = windows[at]
             part = pixels[top:bottom, left:right]
@@ -73,8 +73,8 @@ class WeightsDetector(Detector):
             given = torch.tensor(np.hstack([np.zeros((len(rows), 1)), regions]), dtype=torch.float32)
             logits, _ = self._network.regions(encoded.maps, given)
             for row, subtype in zip(rows, logits.argmax(dim=1).tolist(), strict=True):
-                said[row] = subtype
-        return said
+                subtypes[row] = subtype
+        return subtypes
 
 
 def _images(canvas: UInt8Array) -> torch.Tensor:

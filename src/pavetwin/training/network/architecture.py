@@ -1,4 +1,4 @@
-"""What a network is made of, as a value: it names the network in run folders and checkpoints."""
+"""Architecture of the network, as stored in run folders, checkpoints and exported models, and weights of its losses."""
 
 from dataclasses import asdict, dataclass, fields
 from math import ceil
@@ -10,13 +10,13 @@ from pavetwin.perception.classes import COARSE
 REG_MAX: Final = 16
 """Bins of the distribution of each side's distance; a box reaches at most 15 strides from its anchor."""
 
-FINE_STRIDE: Final = 4
-"""Of the level that `p2` adds."""
-
 ACTIVATIONS: Final = ("silu", "relu")
 
 _CHANNEL_STEP: Final = 8
-"""Numbers of channels are multiples of it."""
+"""Channel counts are multiples of this number."""
+
+STRIDES: Final = (8, 16, 32)
+"""Strides of the detection levels, in pixels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,22 +24,20 @@ class Architecture:
     """Width, depth and parts of a network of the YOLOv8 family."""
 
     depth: float = 0.33
-    """Multiple of the numbers of blocks."""
+    """Multiplier of the numbers of blocks."""
     width: float = 0.25
-    """Multiple of the numbers of channels."""
+    """Multiplier of the numbers of channels."""
     most_channels: int = 1024
-    """Of any map, before the multiple of `width`."""
-    p2: bool = False
-    """A fourth detection level of stride 4, for what is small: thin cracks, and persons far ahead of a car."""
+    """Maximum channels of a map, before multiplication by `width`."""
     activation: str = "silu"
-    """`silu`, or `relu`, which int8 runs faster."""
+    """`silu` or `relu`."""
     masks: bool = True
     """Whether there is a mask head."""
     mask_points: int = 14
-    """Sampling points of ROIAlign along each side of a box: 14, or 7 as the subtype head alone needs. The mask has
-    twice as many pixels."""
+    """Sampling points of ROIAlign along each side of a box: 14 or 28, or 7, which is enough without masks. A mask has
+    twice as many pixels along a side."""
     classes: int = len(COARSE)
-    """Of the detection head."""
+    """Classes of the detection head."""
 
     def __post_init__(self) -> None:
         """Raises:
@@ -55,29 +53,24 @@ class Architecture:
             raise PaveTwinError(f"`mask_points` {self.mask_points}: it must be 7, 14 or 28.")
 
     @property
-    def strides(self) -> tuple[int, ...]:
-        """Of the detection levels, in pixels. Stride 4 is last, so that the others' weights are named as without it."""
-        return (8, 16, 32, FINE_STRIDE) if self.p2 else (8, 16, 32)
-
-    @property
     def mask_px(self) -> int:
-        """Side of a mask."""
+        """Side of a mask, in pixels."""
         return 2 * self.mask_points
 
     def channels(self, base: int) -> int:
-        """Channels of a map that has `base` at width 1."""
+        """Channels of a map with `base` channels at width 1."""
         return ceil(min(base, self.most_channels) * self.width / _CHANNEL_STEP) * _CHANNEL_STEP
 
     def blocks(self, base: int) -> int:
-        """Number of blocks where there are `base` at depth 1."""
+        """Blocks of a stage with `base` blocks at depth 1."""
         return max(round(base * self.depth), 1)
 
     def as_mapping(self) -> dict[str, Any]:
-        """As JSON and checkpoints hold it."""
+        """Field values by name."""
         return asdict(self)
 
     def difference(self, other: "Architecture") -> str:
-        """The first value in which two architectures differ, as `width 0.25, not 0.5`; empty where none does."""
+        """The first field in which two architectures differ, as `width 0.25, not 0.5`; empty if they are equal."""
         for field in fields(self):
             mine, others = getattr(self, field.name), getattr(other, field.name)
             if mine != others:
@@ -95,7 +88,7 @@ VARIANTS: Final = {
 
 
 def variant(name: str, **others: Any) -> Architecture:
-    """A published size, with other values than its defaults.
+    """A published size with some values replaced.
 
     Raises:
         PaveTwinError: there is no such size, or a value is out of its range.
@@ -103,3 +96,16 @@ def variant(name: str, **others: Any) -> Architecture:
     if name not in VARIANTS:
         raise PaveTwinError(no_such("size", name, VARIANTS, key="`size`"))
     return Architecture(**{**VARIANTS[name], **others})
+
+
+@dataclass(frozen=True, slots=True)
+class LossWeights:
+    """Weights of the parts; the first three are those published for YOLOv8."""
+
+    box: float = 7.5
+    classes: float = 0.5
+    distribution: float = 1.5
+    subtype: float = 1.0
+    """α"""
+    mask: float = 1.0
+    """μ; 0 trains no masks."""

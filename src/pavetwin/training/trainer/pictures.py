@@ -1,61 +1,123 @@
-"""Pictures held on the device that trains, and views that are drawn of them there.
+"""Decoded images in memory or on the training device, and views drawn on the device.
 
-Making views is most of the work beside a graphics card: a processor's core makes a hundred or two in a second, and a
-card learns from thousands. So the processes that prepare batches say which part of which picture goes where, and the
-device resamples them. Resampling is separable: a view is A P Bᵀ, with P the picture and A, B the triangle filters of
-Pillow's `BILINEAR`, row for row as it computes them. They are dense here, since that is what graphics cards multiply
-fastest.
-"""
+A processor core makes one or two hundred views per second, and a graphics card learns from thousands. So the processes
+that prepare batches only decide which part of which image goes where, and the device resamples them. Resampling is
+separable: a view is A P Bᵀ, with P the image and A, B the triangle filters of Pillow's BILINEAR. They are dense
+matrices, which graphics cards multiply fastest."""
 
 from collections import defaultdict
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from multiprocessing import get_start_method
 from pathlib import Path
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 import torch
+from PIL import Image
 from torch import Tensor
 
 from pavetwin.arrays import UInt8Array
-from pavetwin.training.datasets.examples import Example, ExampleSet
-from pavetwin.training.trainer.augment import Member, ViewPlan
-from pavetwin.training.trainer.views import GREY, shown_of
+from pavetwin.training.datasets.examples import SPLITS_USED, Example, ExampleSet
+from pavetwin.training.trainer.views import GREY, Member, ViewPlan, shown_of
+
+GIGABYTE: Final = 10**9
+
+
+def is_inherited() -> bool:
+    """Whether worker processes inherit the memory of this process."""
+    return get_start_method() == "fork"
+
+
+@dataclass(frozen=True)
+class HeldExampleSet(ExampleSet):
+    """A dataset that decodes each image once and keeps it from epoch to epoch, within a limit.
+
+    The first images stay. Dropping the least recently used one would never hit, since every epoch shows each image
+    once.
+    """
+
+    most_bytes: int
+    splits: tuple[str, ...] = SPLITS_USED
+    """Splits whose images `hold` decodes."""
+    _held: dict[str | tuple[int, int], UInt8Array] = field(default_factory=dict, compare=False, repr=False)
+
+    @classmethod
+    def of(cls, data: ExampleSet, most_bytes: int, splits: Sequence[str] = SPLITS_USED) -> Self:
+        """Copy of a dataset that keeps its images."""
+        return cls(data.path, data.fingerprint, data.examples, most_bytes, tuple(splits))
+
+    @property
+    def held_bytes(self) -> int:
+        """Memory of the images, in bytes."""
+        return sum(each.nbytes for each in self._held.values())
+
+    def picture(self, example: Example) -> Image.Image:
+        """An image in RGB.
+
+        Raises:
+            PaveTwinError: it is not readable, or its size differs from that in its labels.
+        """
+        if (known := self._held.get(example.place)) is not None:
+            return Image.fromarray(known)
+        picture = super().picture(example)
+        if self.held_bytes + 3 * picture.width * picture.height <= self.most_bytes:
+            self._held[example.place] = np.asarray(picture)
+        return picture
+
+    def hold(self, threads: int) -> None:
+        """Decode images up to the limit now, so that forked processes inherit them.
+
+        Raises:
+            PaveTwinError: see `picture`.
+        """
+        room, chosen = self.most_bytes, []
+        for example in self.examples:
+            if example.split not in self.splits:
+                continue
+            room -= 3 * example.size_px[0] * example.size_px[1]
+            if room < 0:
+                break
+            chosen.append(example)
+        with ThreadPoolExecutor(threads) as pool:
+            for example, picture in zip(chosen, pool.map(super().picture, chosen), strict=True):
+                self._held[example.place] = np.asarray(picture)
+
 
 PicturePlace = tuple[Path, tuple[int, int] | str]
-"""A dataset, and where a picture is in it."""
+"""A dataset, and the place of an image in it."""
 
 PictureRows = dict[PicturePlace, tuple[int, int]]
-"""Where a picture is held: which of the stacks, one for each size, and which row of it."""
+"""Stack, one for each image size, and row of each image on the device."""
 
 DECODERS: Final = 8
-"""Threads that decode pictures."""
+"""Threads that decode images."""
 
 WORKING_BYTES: Final = 2 * 10**9
-"""Room in which parts are resampled, as many at once as it holds."""
+"""Memory for resampling, which limits the number of parts resampled at once."""
 
 _COLUMNS: Final = 16
-"""Numbers that say how a part is drawn: stack, row, box on the canvas (4), box of the picture (4), window (4), and
-whether it is mirrored and upside down."""
+"""Values that describe a part: stack, row, box on the canvas (4), box of the image (4), window (4), mirrored, upside
+down."""
 
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """How views are to be drawn of pictures that the device holds."""
+    """Instructions for drawing views from images on the device."""
 
     size_px: int
     """Side of the views."""
     views: Tensor
-    """(parts,) int64 index of the view."""
+    """(parts,) int64 index of the view of each part."""
     parts: Tensor
     """(parts, 16) float32, made by `drawing_of`."""
     colours: Tensor
-    """(views, 3, 3) float32 red, green and blue of the view, of those of the pictures."""
+    """(views, 3, 3) float32 colour matrix of each view."""
 
 
 def drawing_of(plan: ViewPlan, rows: PictureRows, size_px: int) -> Drawing:
-    """How one view is drawn."""
+    """Drawing instructions of one view."""
     found = []
     for part in plan.parts:
         shown = shown_of(part)
@@ -70,7 +132,7 @@ def drawing_of(plan: ViewPlan, rows: PictureRows, size_px: int) -> Drawing:
 
 
 def drawn_together(drawings: Sequence[Drawing]) -> Drawing:
-    """The drawings of single views as one of a batch."""
+    """Collate the instructions of single views for a batch."""
     counts = torch.tensor([len(each.parts) for each in drawings])
     return Drawing(
         drawings[0].size_px,
@@ -81,28 +143,28 @@ def drawn_together(drawings: Sequence[Drawing]) -> Drawing:
 
 
 def place_of(data: ExampleSet, example: Example) -> PicturePlace:
-    """What a picture is found by."""
+    """Key of an image in `PictureRows`."""
     return data.path, example.place
 
 
 def room_of(members: Sequence[Member], size_px: int) -> int:
-    """Bytes that pictures take on the device, with the room in which views of a side are drawn."""
+    """Memory in bytes of images on the device, including the working memory for views of a given side."""
     held = sum(3 * example.size_px[0] * example.size_px[1] for _, example in members)
     return held + max([WORKING_BYTES, *(_room_of_part(*example.size_px, size_px) for _, example in members)])
 
 
 def _room_of_part(width: int, height: int, size: int) -> int:
-    """Bytes in which a part of a picture is resampled: the picture in bytes and in half precision, the filters with
-    what they are made of, and what comes of the first and of the second."""
+    """Memory in bytes for resampling one part: the image in bytes and in half precision, the filters with their
+    intermediate values, and the results of the first and the second filter."""
     return 9 * width * height + 16 * size * (width + height) + 6 * size * height + 18 * size * size
 
 
 class DevicePictures:
-    """Decoded pictures on a device, those of one size in one stack."""
+    """Decoded images on a device, one stack for each size."""
 
     def __init__(self, members: Sequence[Member], device: torch.device) -> None:
         """Raises:
-        PaveTwinError: a picture cannot be read.
+        PaveTwinError: an image cannot be read.
         """
         by_size: dict[tuple[int, int], list[Member]] = defaultdict(list)
         for member in members:
@@ -133,7 +195,7 @@ class DevicePictures:
                 views = drawing.views[chosen].to(self._device)
                 parts = drawing.parts[chosen].to(self._device)
                 pixels, cover = self._resampled(stack, parts, size)
-                # Each pixel of a canvas is of one part at most, so that the order of the sums changes nothing.
+                # Parts do not overlap on a canvas, so the order of the sums does not matter.
                 canvas.index_add_(0, views, pixels.float())
                 covered.index_add_(0, views, cover)
         canvas = canvas + GREY * (1 - covered)
@@ -141,7 +203,7 @@ class DevicePictures:
         return (torch.einsum("vij,vjhw->vihw", colours, canvas) / 255).clamp(0, 1)
 
     def _resampled(self, stack: Tensor, parts: Tensor, size: int) -> tuple[Tensor, Tensor]:
-        """What each part puts on its canvas, nothing elsewhere, and where it does: 0 or 1."""
+        """Contribution of each part to its canvas, and its coverage, 0 or 1."""
         pictures = stack[parts[:, 1].long()].to(self._kind)
         across = _filters(parts[:, [2, 4, 6, 8, 10, 12, 14]], size, stack.shape[3])
         down = _filters(parts[:, [3, 5, 7, 9, 11, 13, 15]], size, stack.shape[2])
@@ -151,11 +213,11 @@ class DevicePictures:
 
 
 def _filters(parts: Tensor, size: int, length: int) -> Tensor:
-    """(parts, size, length) float32: the share that each pixel of the picture has in each of the canvas, along one
-    axis; 0 for pixels of the canvas that the part does not fill.
+    """(parts, size, length) float32: weight of each image pixel in each canvas pixel along one axis; 0 for canvas
+    pixels outside the part.
 
     Args:
-        parts: (parts, 7) first and last pixel of the canvas, begin and end in the picture, window, whether mirrored.
+        parts: (parts, 7) first and last pixel of the canvas, begin and end in the image, window (2), mirrored.
     """
     first, last, begin, end, window, window_end, is_mirrored = (each[:, None] for each in parts.unbind(dim=1))
     at = torch.arange(size, dtype=parts.dtype, device=parts.device)[None]
@@ -171,16 +233,16 @@ def _filters(parts: Tensor, size: int, length: int) -> Tensor:
 
 
 def _decoded(member: Member) -> UInt8Array:
-    """(3, height, width)."""
+    """Pixels (3, height, width)."""
     data, example = member
     return np.array(np.asarray(data.picture(example)).transpose(2, 0, 1))
 
 
 def images_of(images: Tensor | Drawing, device: torch.device, pictures: DevicePictures | None = None) -> Tensor:
-    """The images of a batch on the device, (batch, 3, height, width) float32 in 0 … 1.
+    """Images of a batch on the device, (batch, 3, height, width) float32 in 0 … 1.
 
     Args:
-        pictures: of which drawings are made.
+        pictures: images on the device, needed for drawing instructions.
     """
     if isinstance(images, Drawing):
         assert pictures is not None

@@ -1,0 +1,1 @@
+"""The network of the detector: layers, heads, losses and detections, in PyTorch."""
