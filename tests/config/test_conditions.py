@@ -63,8 +63,6 @@ def test_written_settings_are_read_back() -> None:
         ("conditions.time=10:30Z", "conditions.time: expected a time of day without a time zone"),
         ("conditions.clouds=40", "conditions.clouds"),
         ("conditions.wind_mps=-1", "conditions.wind_mps"),
-        ("energy.wind_mps=6", "energy: 'wind_mps' has moved: give 'conditions.wind_mps'"),
-        ("energy.wind_from_deg=90", "energy: 'wind_from_deg' has moved: give 'conditions.wind_from_deg'"),
     ],
 )
 def test_what_does_not_fit_is_refused(override: str, words: str) -> None:

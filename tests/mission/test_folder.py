@@ -94,7 +94,7 @@ def test_results_moved_together_with_their_world_fly_again(described: Path, tmp_
         other = tmp_path / "other"
         shutil.copytree(moved / "results", other / "results")
         save_world(built("cross", seed=2), other / "town")
-        with pytest.raises(PaveTwinError, match=f"is not at '{home / 'town'}' any more"):
+        with pytest.raises(PaveTwinError, match=f"is no longer at '{home / 'town'}'"):
             world_of(MissionFolder(other / "results" / "m" / "mission.yaml", other_policy=True).spec.world)
     finally:
         hidden.rename(home)

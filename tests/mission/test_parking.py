@@ -169,7 +169,7 @@ def test_an_environment_with_other_parked_vehicles_is_refused() -> None:
         {"settings": scene.settings("parking.occupancy=0.6")},
         {"settings": scene.settings("parking.occupancy=0.5", "conditions.time='11:00'")},
     ):
-        with pytest.raises(PaveTwinError, match="this is not the parking that"):
+        with pytest.raises(PaveTwinError, match="the parking differs"):
             fly(spec.model_copy(update=change), inputs=inputs)
     wind = scene.settings("parking.occupancy=0.5", "conditions.wind_mps=1")
     assert fly(spec.model_copy(update={"settings": wind}), inputs=inputs).rows
@@ -191,7 +191,7 @@ def test_a_mission_parks_the_mix_of_its_traffic() -> None:
     assert set(environment.parked.kind) == kinds
     flown = fly_over(environment, scene.traffic(), settings_, [0], "baseline").spec
     assert flown.parking_mix == spec.parking_mix == "east_asia"
-    with pytest.raises(PaveTwinError, match="this is not the parking that"):
+    with pytest.raises(PaveTwinError, match="the parking differs"):
         fly(flown.model_copy(update={"parking_mix": "europe"}), inputs=MissionInputs(environment, scene.traffic()))
 
 
@@ -299,7 +299,7 @@ def test_nobody_takes_off_from_a_parking_place() -> None:
     world = with_places(scene.world, kerb_place(bare.x, bare.y))
     ours = prepare(world, scene.settings()).world.base
     assert world.parking[0].polygon.distance(ours) >= 1.49
-    with pytest.raises(PaveTwinError, match=r"no room beside what stands there \(parked vehicle\)"):
+    with pytest.raises(PaveTwinError, match=r"a standing object leaves no room \(parked vehicle\)"):
         prepare(world, scene.settings(FULL), base=bare)
     assert prepare(world, scene.settings(EMPTY), base=bare).world.base == bare
 

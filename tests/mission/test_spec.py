@@ -51,7 +51,7 @@ def test_inputs_that_the_spec_does_not_name_are_refused(what: str) -> None:
         "traffic": {"traffic": spec.traffic.model_copy(update={"take_off_s": 5.0})},
         "aircraft": {"aircraft": None},
     }
-    with pytest.raises(PaveTwinError, match=f"`inputs`: this is not the {what} "):
+    with pytest.raises(PaveTwinError, match=f"`inputs`: the {what} differs"):
         fly(spec.model_copy(update=changes[what]), inputs=inputs)
 
 

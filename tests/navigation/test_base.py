@@ -98,7 +98,7 @@ def test_a_base_in_a_house_or_far_from_all_streets_is_refused() -> None:
     high = along.polygon.bounds[3]
     of = world([along], buildings=(block("house", 0, high + 1, 10, high + 9, 4.0),), base=(0, 0))
     for place, words in (
-        (Point(5, high + 2), r"there is no room beside what stands there \(building\)"),
+        (Point(5, high + 2), r"a standing object leaves no room \(building\)"),
         (Point(0, 300), "the nearest street is .* m away"),
     ):
         with pytest.raises(PaveTwinError, match=words):

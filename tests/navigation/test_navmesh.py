@@ -217,7 +217,7 @@ def test_an_altitude_where_the_uav_may_not_fly_is_one_plain_error(altitude_m: fl
 
 def test_a_street_that_is_built_over_is_one_plain_error() -> None:
     covered = straight(buildings=[block("hall", -20, -20, 80, 20, 9.0)])
-    with pytest.raises(PaveTwinError, match="nothing is left to fly in over 'tiny'") as caught:
+    with pytest.raises(PaveTwinError, match="no flight domain is left over 'tiny'") as caught:
         prepare(covered, Scene(covered).settings())
     assert "\n" not in str(caught.value)
     assert flight_domain(covered, 15.0).surface.area > 900

@@ -73,11 +73,11 @@ class Conditions(Settings):
 
     @property
     def wind_velocity_mps(self) -> tuple[float, float]:
-        """Of the air over the ground: east and north."""
+        """Velocity of the air over the ground: east and north."""
         towards = radians(270 - self.wind_from_deg)
         return self.wind_mps * cos(towards), self.wind_mps * sin(towards)
 
 
 def solar_offset(longitude_deg: float) -> dt.timedelta:
-    """By how much mean solar time at a longitude (east positive) is ahead of UTC."""
+    """Mean solar time at a longitude (east positive) minus UTC."""
     return dt.timedelta(hours=longitude_deg / 15)

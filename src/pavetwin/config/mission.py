@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib.resources import files
-from typing import Annotated, Any, ClassVar, Final, Literal, Self
+from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
@@ -27,19 +27,19 @@ VERTICAL_CLEARANCE_M: Final = 1.0
 """Kept above and below the UAV: whatever reaches into altitude ± this is an obstacle."""
 
 TALLEST_VEHICLE_M: Final = 4.0
-"""What Council Directive 96/53/EC allows on the road; the recorded traffic knows of no UAV and gives no way."""
+"""Limit of Council Directive 96/53/EC; recorded traffic does not give way to a UAV."""
 
 LOWEST_M: Final = TALLEST_VEHICLE_M + VERTICAL_CLEARANCE_M
 
 CEILING_M: Final = 120.0
-"""Of the open category in the EU, (EU) 2019/947; 14 CFR 107.51 has 400 ft, 122 m."""
+"""Ceiling of the open category in the EU, (EU) 2019/947; 14 CFR 107.51 has 400 ft, 122 m."""
 
 
 def checked_altitude(altitude_m: float) -> float:
     """The altitude, if the UAV may fly there.
 
     Raises:
-        ValueError: it is too low or too high, or no number; the message says why, without naming the value.
+        ValueError: it is too low, too high, or not a number; the message does not name the value.
     """
     if not altitude_m >= LOWEST_M:
         raise ValueError(
@@ -55,7 +55,7 @@ def checked_altitude(altitude_m: float) -> float:
 
 
 def check_altitude(altitude_m: float) -> None:
-    """Look whether the UAV may fly there.
+    """Check that the UAV may fly at an altitude.
 
     Raises:
         PaveTwinError: it may not; the message names the parameter.
@@ -67,7 +67,7 @@ def check_altitude(altitude_m: float) -> None:
 
 
 Altitude = Annotated[float, AfterValidator(checked_altitude)]
-"""Of settings, in metres."""
+"""Altitude in settings, in metres."""
 
 
 class ParkingSettings(Settings):
@@ -144,7 +144,7 @@ class PatternSettings(Settings):
 
 
 class PolicySettings(Settings):
-    """What the built-in policies read, and the options of a user's own."""
+    """Settings of the shipped policies, and options of a user's own."""
 
     wait_s: Positive = 2.0
     """`hover`: wait between two evaluations."""
@@ -193,12 +193,7 @@ class SensingSettings(Settings):
 
 
 class EnergySettings(Settings):
-    MOVED: ClassVar[Mapping[str, str]] = {
-        "wind_mps": "conditions.wind_mps",
-        "wind_from_deg": "conditions.wind_from_deg",
-        "hover_endurance_s": "aircraft",
-        "mass_kg": "aircraft",
-    }
+    """The energy model and the batteries."""
 
     model: str = "rotor"
     """Energy model: `rotor` or `linear`."""
@@ -289,6 +284,6 @@ def load_settings(preset: str = "default", overrides: Iterable[str] = (), **give
 
 @cache
 def _values(preset: str) -> Mapping[str, Any]:
-    """What a preset's file says: read once, since a study asks hundreds of times. Nobody may change it."""
+    """Content of a preset's file, cached and read-only: a study asks for it hundreds of times."""
     text = (files("pavetwin.config") / "presets" / f"{preset}.yaml").read_text(encoding="utf-8")
     return parse_yaml(text, where=f"preset '{preset}'") or {}

@@ -1,4 +1,4 @@
-"""Data files that go by a name: those that ship with the package, and YAML files of the user's own."""
+"""Data files by name: those that ship with the package, and a user's YAML files."""
 
 from collections.abc import Callable, Mapping, Sequence
 from importlib.resources import files
@@ -15,11 +15,11 @@ Data = TypeVar("Data", bound=Settings)
 
 
 def _no_more(data: Settings) -> None:
-    """The schema says all."""
+    """No check beyond the schema."""
 
 
 def names_in(package: str, folder: str) -> list[str]:
-    """The names of the YAML files in a folder of a package of ours."""
+    """Names of the YAML files in a folder of one of our packages."""
     listed = (files(package) / folder).iterdir()
     return sorted(entry.name.removesuffix(".yaml") for entry in listed if entry.name.endswith(".yaml"))
 
@@ -38,7 +38,7 @@ def read_named(
     """The data of a name, or of a file whose name ends in .yaml or .yml.
 
     Args:
-        what: one of them in words, such as `pavement`.
+        what: the kind of data in words, such as `pavement`.
         key: the parameter that takes their names.
         more: other values of that parameter, for the message.
         check: refuses what the schema cannot know, such as names of other files, by a `PlacedValueError`.
@@ -73,13 +73,13 @@ def checked(
     where: str,
     check: Callable[[Data], None] = _no_more,
 ) -> Data:
-    """What a data file says.
+    """The content of a data file, checked.
 
     Args:
-        values: of the file, by key.
-        text: the file, for the lines of mistakes.
+        values: plain values of the file, by key.
+        text: text of the file, for line numbers in messages.
         where: names the file in messages.
-        check: as `read_named` has it.
+        check: as in `read_named`.
 
     Raises:
         PaveTwinError: a value does not fit; the message names file, line and key.

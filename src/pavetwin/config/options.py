@@ -1,4 +1,4 @@
-"""Options of a policy or a sensor: declared by it with their defaults, checked when a user sets them."""
+"""Options of a policy or sensor, which declares them with their defaults."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,7 +17,7 @@ def _with_absolute_files(options: Mapping[str, OptionValue]) -> Mapping[str, Opt
 
 
 def option_files(options: Mapping[str, OptionValue]) -> dict[str, Path]:
-    """By option, the existing file that its value names, such as a detector's model.
+    """Existing files named by option values, such as a detector's model, by option.
 
     A text without a suffix and without a folder (`fast`) names no file, whatever lies in the current folder.
     """
@@ -35,13 +35,13 @@ _TYPES: Mapping[type, str] = {float: "a number", int: "a whole number", str: "a 
 def checked_options(
     given: Mapping[str, OptionValue], defaults: Mapping[str, OptionValue], *, key: str, owner: str
 ) -> dict[str, OptionValue]:
-    """The value of every option: what is given, or else its default.
+    """The value of every option: the given one, or else its default.
 
     A value must have the type of its default; a whole number is a number too.
 
     Args:
         key: the setting that gives them, such as `sensing.options`.
-        owner: who has them, such as `the sensor 'sharp'`.
+        owner: their owner, such as `the sensor 'sharp'`.
 
     Raises:
         PaveTwinError: there is no such option, or a value is of another type.
@@ -68,12 +68,12 @@ def options_of_one(
     key: str,
     owners: str,
 ) -> dict[str, OptionValue]:
-    """Those of the given options that one of several has, where all share one setting.
+    """The given options that one of several owners has, if all share one setting.
 
     Args:
-        has: the options of each, by its name.
+        has: options of each owner, by its name.
         key: the setting that gives them.
-        owners: what they are together, such as `sensor of the design`.
+        owners: their kind, such as `sensor of the design`.
 
     Raises:
         PaveTwinError: none of them has an option.

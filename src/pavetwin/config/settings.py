@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Final, Self
+from typing import Annotated, Any, Final, Self
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 from yaml import YAMLError
@@ -33,7 +33,7 @@ NameOrFile = Annotated[str, AfterValidator(_file_absolute)]
 
 
 ASKED: Final = "?"
-"""A value that asks what there is; YAML would read a mapping."""
+"""A value that asks for the choices; YAML would read a mapping."""
 
 ALIASES: Final[Mapping[str, str]] = {
     "tau_o": "visibility.threshold",
@@ -43,8 +43,7 @@ ALIASES: Final[Mapping[str, str]] = {
     "max_wait_s": "policy.max_wait_s",
     "wind_mps": "conditions.wind_mps",
 }
-"""Short names that the sweep of a study understands, after the paper's notation; any other setting goes by its full
-name."""
+"""Short names in the sweep of a study, after the paper's notation; other settings take their full name."""
 
 MEANT: Final[Mapping[str, str]] = {
     **dict.fromkeys(("battery", "battery_wh", "power"), "energy"),
@@ -53,25 +52,25 @@ MEANT: Final[Mapping[str, str]] = {
     **ALIASES,
     "wind": "conditions",
 }
-"""Names from memory, each with the one that is meant."""
+"""Likely wrong names, each with the intended one."""
 
 
 _PARAMETER: Final = re.compile(r"^`\w+`: ")
 
 
 def _shown(key: object) -> str:
-    """A key, or the number of an entry, of which the first is 1."""
+    """A key, or the number of an entry, from 1."""
     return str(key + 1) if isinstance(key, int) else str(key)
 
 
 class PlacedValueError(ValueError):
-    """What a validator of a whole section raises about a part of it."""
+    """Error of a validator of a whole section about a part of it."""
 
     def __init__(self, place: tuple[object, ...], words: str, *, named: bool = True) -> None:
         """Args:
         place: keys and indices of entries, from the section on.
-        words: what is wrong, without a full stop; a parameter that they begin with is left out, as the place tells it.
-        named: False where the words name the last of the keys, and messages need not.
+        words: the message, without a full stop and without a leading parameter, which the place shows.
+        named: False if the words name the last of the keys already.
         """
         super().__init__(_PARAMETER.sub("", words))
         self.place = place
@@ -79,20 +78,15 @@ class PlacedValueError(ValueError):
 
 
 class Settings(BaseModel):
-    """The base of every configuration of ours."""
+    """Base class of all configuration."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-    MOVED: ClassVar[Mapping[str, str]] = {}
-    """Keys that this section once had, each with the full name of the setting that took its place."""
 
     @model_validator(mode="before")
     @classmethod
     def _refuse_unknown_keys(cls, values: Any) -> Any:
         if isinstance(values, Mapping):
             for key in values:
-                if key in cls.MOVED:
-                    raise PlacedValueError((key,), f"'{key}' has moved: give '{cls.MOVED[key]}'", named=False)
                 if key not in cls.model_fields:
                     known = ", ".join(cls.model_fields)
                     meant = MEANT.get(str(key), "")
@@ -107,8 +101,8 @@ class Settings(BaseModel):
         """Build from plain values.
 
         Args:
-            where: the source, for messages; empty where the keys are parameters of whoever gives the values.
-            text: of the file that the values are from; messages then tell the line.
+            where: the source, for messages; empty if the keys are parameters of the caller.
+            text: text of the source file; messages then show the line.
 
         Raises:
             PaveTwinError: a key is unknown or a value does not fit.
@@ -123,7 +117,7 @@ class Settings(BaseModel):
 
 
 def _place(error: ValidationError) -> tuple[object, ...]:
-    """Of the first complaint, from the outermost key."""
+    """Place of the first error, from the outermost key."""
     raised = _raised(error)
     return (*error.errors()[0]["loc"], *(raised.place if raised is not None else ()))
 
@@ -136,11 +130,11 @@ def _raised(error: ValidationError) -> PlacedValueError | None:
 _BY_NAME: Final = ("dict_type", "mapping_type", "model_type")
 _LISTS: Final = ("list_type", "tuple_type", "set_type", "frozen_set_type")
 _ONE_VALUE: Final = ("string_type", "float_type", "int_type", "bool_type")
-"""Types of validation errors: a single value where values by name belong, and the other way round."""
+"""Types of validation errors: a single value in place of values by name, and the reverse."""
 
 
 def describe(error: ValidationError) -> str:
-    """The first complaint of a validation error, as `key: what is wrong`, without a full stop."""
+    """The first error of a validation, as `key: message`, without a full stop."""
     first = error.errors()[0]
     raised = _raised(error)
     parts = [_shown(part) for part in first["loc"] if part != "[key]"]
@@ -156,7 +150,7 @@ def describe(error: ValidationError) -> str:
 
 
 def complaint(error: ValidationError) -> str:
-    """What a validation error says first, without its place and a full stop."""
+    """The first message of a validation error, without its place and a full stop."""
     first = error.errors()[0]
     if first["type"] in _LISTS:
         return "it must be a list"
@@ -213,7 +207,7 @@ def _no_switch(value: Any) -> Any:
 
 
 NUMBER: Final = BeforeValidator(_no_switch)
-"""Comes after the bounds of a number, so that its schema still has them."""
+"""Follows the bounds of a number, so that its schema keeps them."""
 
 Number = Annotated[float, NUMBER]
 Positive = Annotated[float, Field(gt=0), NUMBER]
@@ -231,7 +225,7 @@ def _some(weights: Mapping[Any, float]) -> Mapping[Any, float]:
 
 
 SOME: Final = AfterValidator(_some)
-"""Of a table of weights: at least one is above 0."""
+"""Validator of a table of weights: at least one is above 0."""
 
 Title = Annotated[str, Field(min_length=1)]
 

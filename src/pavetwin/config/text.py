@@ -9,7 +9,7 @@ import yaml
 from pavetwin.errors import PaveTwinError
 
 _MERGE: Final = "tag:yaml.org,2002:merge"
-"""Of `<<`: what it brings may be given again, and so may it."""
+"""Tag of `<<`, whose keys may be repeated."""
 
 
 _CLOCK: Final = re.compile(r"^[0-9]+(:[0-5]?[0-9])+(\.[0-9]*)?$")
@@ -20,7 +20,7 @@ _BEGUN: Final = {
     "while parsing a flow sequence": "the brackets that open",
     "while scanning a quoted scalar": "the quoted text that begins",
 }
-"""What may lack its end, by the words of PyYAML: the mistake is then told where it was noticed, lines further on."""
+"""Constructs without an end, by PyYAML's context: it reports the error where it notices it, lines further on."""
 
 
 _RESOLVERS: Final = {
@@ -34,13 +34,13 @@ class _Loader(yaml.SafeLoader):
 
 
 class _QuickLoader(yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader):  # type: ignore[misc]
-    """By libyaml, ten times as fast."""
+    """Loader by libyaml, ten times as fast."""
 
     yaml_implicit_resolvers = _RESOLVERS
 
 
 def parse_yaml(text: str, where: str) -> Any:
-    """What a settings file says, in plain values.
+    """Plain values of a settings file.
 
     Args:
         where: names the file in the message.
@@ -48,12 +48,12 @@ def parse_yaml(text: str, where: str) -> Any:
     Raises:
         PaveTwinError: a key is given twice.
         yaml.YAMLError: it is not valid YAML.
-        ValueError: something looks like a date and is none.
+        ValueError: a text looks like a date and is none.
     """
     try:
         return _parsed(_QuickLoader(text), where)
     except yaml.YAMLError:
-        return _parsed(_Loader(text), where)  # its words say better what is wrong
+        return _parsed(_Loader(text), where)  # its messages are better
 
 
 def _parsed(loader: Any, where: str) -> Any:
@@ -68,7 +68,7 @@ def _parsed(loader: Any, where: str) -> Any:
 
 
 def _check_keys(root: yaml.Node, where: str) -> None:
-    """Refuse a key that is given twice: PyYAML takes the last of them, and tells nobody."""
+    """Refuse a key that is given twice: PyYAML silently takes the last one."""
     waiting, seen = [root], set[int]()
     while waiting:
         node = waiting.pop()
@@ -92,11 +92,11 @@ def _check_keys(root: yaml.Node, where: str) -> None:
 
 
 def line_of(text: str, place: Sequence[object]) -> int:
-    """The line, from 1, in which a settings file says something.
+    """The line, from 1, of a place in a settings file.
 
     Args:
         text: valid YAML.
-        place: keys and numbers of entries, from the outermost; what the file does not hold is where it would be.
+        place: keys and numbers of entries, from the outermost; a missing entry gets the line of its section.
     """
     node = yaml.compose(text, Loader=yaml.SafeLoader)
     line = node.start_mark.line + 1 if node is not None else 1
@@ -114,7 +114,7 @@ def line_of(text: str, place: Sequence[object]) -> int:
 
 
 def why_unread(error: OSError | UnicodeDecodeError | yaml.YAMLError | ValueError) -> str:
-    """Why a settings file could not be read, in plain words without a full stop."""
+    """The reason why a settings file could not be read, without a full stop."""
     if isinstance(error, OSError):
         return (error.strerror or str(error)).lower()
     if isinstance(error, UnicodeDecodeError):

@@ -1,1 +1,1 @@
-"""A survey car that somebody drives by hand: how it moves, where it may be, and what its camera sees of the road."""
+"""Manual driving of a survey car: its motion, the drivable road, and what its camera sees."""

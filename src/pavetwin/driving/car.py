@@ -1,4 +1,4 @@
-"""How the car moves: the kinematic bicycle model about the rear axle.
+"""Motion of the car: the kinematic bicycle model about the rear axle.
 
 With the speed v, the steering angle δ of the front wheels and the wheelbase L, the middle of the rear axle moves along
 the body and the yaw changes by v tan δ / L (Rajamani, Vehicle Dynamics and Control, 2nd ed. 2012, section 2.2). Tyres
@@ -12,26 +12,26 @@ from typing import Final
 from pavetwin.traffic.kinds import KINDS
 
 BODY: Final = KINDS["hatchback"]
-"""Whose length, width and height it has."""
+"""The vehicle kind with the car's length, width and height."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pedals:
-    """What a driver asks for: shares, −1 … 1."""
+    """A driver's input: shares, −1 … 1."""
 
     ahead: float = 0.0
-    """Of the speed, below 0 to brake and then to reverse; at 0 the car slows down."""
+    """Share of the speed; below 0 to brake and then to reverse; at 0 the car slows down."""
     left: float = 0.0
-    """Of the largest steering angle."""
+    """Share of the largest steering angle."""
     is_fast: bool = False
-    """At the higher of the two speeds."""
+    """Drive at the higher of the two speeds."""
     ends: bool = False
-    """Come to rest and end the drive: once for all."""
+    """Come to rest and end the drive; cannot be taken back."""
 
 
 @dataclass(frozen=True, slots=True)
 class CarLimits:
-    """What the car does at most."""
+    """Limits of the car."""
 
     speed_mps: float = 30 / 3.6
     """By judgement: a calm drive in a town."""
@@ -40,21 +40,21 @@ class CarLimits:
     reverse_mps: float = 2.0
     """By judgement."""
     acceleration_mps2: float = 2.6
-    """As SUMO's passenger cars: SUMO, Vehicle Type Parameter Defaults."""
+    """SUMO's passenger cars: SUMO, Vehicle Type Parameter Defaults."""
     braking_mps2: float = 4.5
-    """As SUMO's passenger cars."""
+    """SUMO's passenger cars."""
     slowing_mps2: float = 2.0
-    """Where no pedal is held. By judgement, as electric cars slow down."""
+    """Deceleration without a pedal. By judgement, like electric cars."""
     lateral_mps2: float = 4.0
     """By judgement: about half of what dry asphalt gives. It limits the steering angle at speed."""
     steering_rad: float = radians(35.0)
-    """Of the front wheels. By judgement: a turning circle of some 10 m, as small cars have."""
+    """Largest angle of the front wheels. By judgement: a turning circle of some 10 m, like small cars."""
     steering_rad_s: float = radians(45.0)
-    """How fast the front wheels turn. By judgement: from straight ahead to full lock in 0.8 s."""
+    """Turn rate of the front wheels. By judgement: from straight ahead to full lock in 0.8 s."""
     wheelbase_m: float = 2.43
     """By judgement, for a body of 3.8 m. The axles are as far ahead of the middle as behind it."""
     track_m: float = 1.48
-    """Between the wheels of an axle. By judgement."""
+    """Distance between the wheels of an axle. By judgement."""
 
     def steering_at(self, speed_mps: float) -> float:
         """The largest steering angle at a speed [rad]: a_lat = v² tan δ / L."""
@@ -64,30 +64,30 @@ class CarLimits:
 
 @dataclass(frozen=True, slots=True)
 class CarState:
-    """Where the car is, world frame."""
+    """State of the car, world frame."""
 
     x_m: float
-    """Of the middle of the body."""
+    """Centre of the body."""
     y_m: float
     yaw_rad: float
     speed_mps: float = 0.0
-    """Of the rear axle; below 0 in reverse."""
+    """Speed of the rear axle; below 0 in reverse."""
     steering_rad: float = 0.0
-    """Of the front wheels, counter-clockwise."""
+    """Angle of the front wheels, counter-clockwise."""
 
     @property
     def velocity_mps(self) -> tuple[float, float]:
-        """Along the body (east, north)."""
+        """Velocity along the body (east, north)."""
         return self.speed_mps * cos(self.yaw_rad), self.speed_mps * sin(self.yaw_rad)
 
     def place(self, ahead_m: float, left_m: float = 0.0) -> tuple[float, float]:
-        """A place in the body's frame, in the world's."""
+        """World coordinates of a place in the body's frame."""
         c, s = cos(self.yaw_rad), sin(self.yaw_rad)
         return self.x_m + ahead_m * c - left_m * s, self.y_m + ahead_m * s + left_m * c
 
 
 def speed_after(speed_mps: float, pedals: Pedals, limits: CarLimits, seconds: float) -> float:
-    """The speed a time later. A car that brakes comes to rest first, and reverses only after that."""
+    """The speed after a time. A braking car comes to rest before it reverses."""
     fastest = limits.fast_mps if pedals.is_fast else limits.speed_mps
     wanted = pedals.ahead * (fastest if pedals.ahead > 0 else limits.reverse_mps)
     if pedals.ends or pedals.ahead == 0:
@@ -101,14 +101,14 @@ def speed_after(speed_mps: float, pedals: Pedals, limits: CarLimits, seconds: fl
 
 
 def steering_after(state: CarState, wanted_rad: float, limits: CarLimits, seconds: float) -> float:
-    """The steering angle a time later, within what the speed allows."""
+    """The steering angle after a time, within the limit at the speed."""
     most, turn = limits.steering_at(state.speed_mps), limits.steering_rad_s * seconds
     turned = min(max(wanted_rad, state.steering_rad - turn), state.steering_rad + turn)
     return min(max(turned, -most), most)
 
 
 def moved(state: CarState, speed_mps: float, steering_rad: float, limits: CarLimits, seconds: float) -> CarState:
-    """The state a time later, at the mean of the speeds along an arc."""
+    """The state after a time, at the mean of the speeds along an arc."""
     half_m = limits.wheelbase_m / 2
     x, y = state.place(-half_m)
     way_m = 0.5 * (state.speed_mps + speed_mps) * seconds

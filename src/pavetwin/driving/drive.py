@@ -1,4 +1,4 @@
-"""A drive by hand: over the environment and traffic of missions, with the rear camera of the survey car.
+"""Manual drive over the environment and traffic of missions, with the rear camera of the survey car.
 
 ```python
 drive = Drive(environment, traffic, settings, sensor, street="s0001")
@@ -41,17 +41,17 @@ if TYPE_CHECKING:
 
 @dataclass
 class DefectLooks:
-    """The captures with a defect's centre in them."""
+    """Captures of a defect's centre."""
 
     captures: int = 0
     visible: float = 0.0
     """The largest visible share of its area."""
     time_s: float | None = None
-    """Of the first capture that showed so much."""
+    """Time of the first capture with that share."""
     _hidden: dict[MissReason, float] = field(default_factory=lambda: dict.fromkeys(HIDDEN, 0.0))
 
     def add(self, shares: "DefectShares", time_s: float) -> None:
-        """One more capture."""
+        """Add a capture."""
         self.captures += 1
         if self.time_s is None or shares["visible"] > self.visible:
             self.visible, self.time_s = shares["visible"], time_s
@@ -59,14 +59,14 @@ class DefectLooks:
             self._hidden[reason] += shares[column]  # type: ignore[literal-required]
 
     def hidden_by(self) -> dict[MissReason, float]:
-        """What hid it: shares of its area, as means over the captures."""
+        """Hidden shares of its area by reason, means over the captures."""
         return {reason: share / self.captures for reason, share in self._hidden.items() if share}
 
     def reason(self, least_visible: float) -> MissReason:
-        """Why it was missed.
+        """The reason why it was missed.
 
         Args:
-            least_visible: share that a capture must show of it, for a sensor to report it.
+            least_visible: least visible share for a sensor to report it.
         """
         if not self.captures:
             return MissReason.OUTSIDE_SWATH
@@ -77,16 +77,16 @@ class DefectLooks:
 
 
 UNIT_M: Final = 0.001
-"""Places of cells are told apart to this, which is far below a cell's side."""
+"""Resolution at which places of cells are compared, far below a cell's side."""
 
 
 class SeenCells:
-    """Which cells of each segment were visible in at least one capture."""
+    """Cells of each segment that were visible in at least one capture."""
 
     def __init__(self, ground: Ground, camera: NadirCamera, height_m: float) -> None:
         """Args:
-        camera: looks straight down; what is in its inspection window counts.
-        height_m: of the camera above the ground.
+        camera: a camera that looks straight down; cells in its inspection window count.
+        height_m: height of the camera above the ground.
         """
         self._ground, self._camera, self._height_m = ground, camera, height_m
         self._cells: dict[int, set[tuple[int, int]]] = {}
@@ -94,11 +94,11 @@ class SeenCells:
 
     @property
     def targets(self) -> list[int]:
-        """Indices of the segments of which something was in a capture, in the order of the first."""
+        """Indices of the captured segments, in the order of their first capture."""
         return list(self._cells)
 
     def share(self, segment: int) -> float:
-        """Of a segment's cells, those seen."""
+        """Share of a segment's cells that were seen."""
         if segment not in self._counts:
             nowhere, north = np.zeros((0, 2)), np.zeros(0)
             self._counts[segment] = self._ground.reach(segment, self._camera, self._height_m, nowhere, north)["cells"]
@@ -110,11 +110,10 @@ class SeenCells:
         """Look at segments.
 
         Args:
-            counts: whether it is a capture, so that what is visible counts as seen.
+            counts: the look is a capture, so that visible cells count as seen.
 
         Returns:
-            o, the visible share of their cells in the window that nothing which stands still hides; None where there
-            are none.
+            o, the visible share of the cells in the window that no static object hides; None without any.
         """
         candidates = visible = 0
         for segment in segments:
@@ -128,12 +127,12 @@ class SeenCells:
 
 
 CAPTURE_EVERY_M: Final = 1.5
-"""Driven between two captures: half of what an image shows along the road, so that each place is in two of them."""
+"""Distance between two captures: half an image's extent along the road, so that each place is in two images."""
 
 
 @dataclass(frozen=True, slots=True)
 class PedalChange:
-    """From which step on the pedals were held so."""
+    """A change of the pedals, which holds from `step` on."""
 
     step: int
     pedals: Pedals
@@ -149,12 +148,12 @@ class Capture:
     yaw_rad: float
     segment: int
     visibility: float | None
-    """o; None where no road is in the image that nothing which stands still hides."""
+    """o; None if static objects hide all road in the image."""
 
 
 @dataclass(frozen=True, slots=True)
 class DrivenSegment:
-    """What a drive saw of a segment."""
+    """Results of a drive for a segment."""
 
     segment: str
     street: str
@@ -167,7 +166,7 @@ class DrivenSegment:
 
 
 class Drive:
-    """One drive by hand, a step each `STEP_S`."""
+    """One manual drive, in steps of `STEP_S`."""
 
     def __init__(
         self,
@@ -180,15 +179,14 @@ class Drive:
         limits: CarLimits | None = None,
     ) -> None:
         """Args:
-            street: id of the segment on which it begins; else near the place of take-off.
+            street: id of the segment on which it begins; by default near the place of take-off.
 
         Raises:
-            PaveTwinError: the sensor looks at images, which a drive has none of, or no lane has room for a car.
+            PaveTwinError: the sensor looks at images, which a drive does not have, or no lane has room for a car.
         """
         if sensor.after_landing:
             raise PaveTwinError(
-                f"`sensor`: '{sensor.name}' looks at images after the drive; by hand choose one that answers at once, "
-                "as calibrated does."
+                f"`sensor`: '{sensor.name}' looks at images after the drive; choose one that answers at once, such as calibrated."
             )
         self.environment, self.traffic, self.settings, self.sensor = environment, traffic, settings, sensor
         self.limits = limits or CarLimits()
@@ -196,19 +194,19 @@ class Drive:
         self.state = self.road.start(street)
         self.changes: list[PedalChange] = []
         self.states: list[CarState] = [self.state]
-        """At each step, the start first."""
+        """State at each step, from the start on."""
         self.stops: list[bool] = [False]
-        """Whether it was blocked, at each step."""
+        """For each step, True if the car was blocked."""
         self.looks: list[float | None] = [None]
         """o at each step."""
         self.captures: list[Capture] = []
         self.confirmed: dict[int, float] = {}
-        """When each defect was found [s], by its id."""
+        """Time at which each defect was found [s], by its id."""
         self.looks_at: dict[int, DefectLooks] = {}
-        """The captures of each defect that was in one, by its id."""
+        """Captures of each captured defect, by its id."""
         self.distance_m, self.is_over, self.is_met = 0.0, False, False
         self.meetings = 0
-        """How many recorded road users have been where the car was."""
+        """Number of recorded road users that overlapped the car."""
         self.camera = NadirCamera(
             image_px=REAR.camera.image_px, vertical_fov_rad=REAR.camera.fov_rad, window_rows=1.0, window_columns=1.0
         )
@@ -221,25 +219,25 @@ class Drive:
         self._met: frozenset[int] = frozenset()
         self._sun_deg = environment.sun_elevation_deg(settings.conditions)
         self.below: int | None = None
-        """Index of the segment in the middle of the image; that before between segments; None before the first look."""
+        """Segment in the middle of the image, or the previous one between segments; None before the first look."""
 
     @property
     def time_s(self) -> float:
-        """Since the drive began."""
+        """Time since the start."""
         return (len(self.states) - 1) * STEP_S
 
     @property
     def is_blocked(self) -> bool:
-        """Whether something or the end of the road stopped the car in the last step."""
+        """True if an obstacle or the end of the road stopped the car in the last step."""
         return self.stops[-1]
 
     @property
     def camera_place(self) -> tuple[float, float]:
-        """Of the rear camera, world frame."""
+        """Place of the rear camera, world frame."""
         return self.state.place(REAR.x_m)
 
     def step(self, pedals: Pedals) -> list[int]:
-        """Drive on for `STEP_S`. Returns the defects that were found.
+        """Drive on for `STEP_S`, and return the defects found.
 
         Raises:
             PaveTwinError: the traffic cannot be recorded any further.
@@ -267,7 +265,7 @@ class Drive:
         return {segments[target].id: self.seen.share(target) for target in self.seen.targets}
 
     def rows(self) -> list[DrivenSegment]:
-        """What was seen of each segment."""
+        """Results for each segment."""
         segments, rows = self.environment.world.segments, []
         alarms = Counter(each.segment for each in self.detections.all if each.outcome is Outcome.FALSE_ALARM)
         for target in self.seen.targets:
@@ -288,7 +286,7 @@ class Drive:
         return rows
 
     def _next(self, pedals: Pedals) -> CarState:
-        """The state a step later. A kerb turns the wheels along it; where that is not enough, the car stops."""
+        """The state after a step. A kerb turns the wheels along it; if that does not suffice, the car stops."""
         state, limits = self.state, self.limits
         self.stops.append(False)
         speed_mps = speed_after(state.speed_mps, pedals, limits, STEP_S)
@@ -306,7 +304,7 @@ class Drive:
         return replace(state, speed_mps=0.0, steering_rad=turned)
 
     def _meet(self) -> None:
-        """Which recorded road users are where the car is."""
+        """Count the recorded road users that overlap the car."""
         state, reach_m = self.state, 20.0
         there = self._trace.agents_near(state.x_m, state.y_m, reach_m, self.time_s)
         own, met = body(state), set()
@@ -348,7 +346,7 @@ class Drive:
         return shapely.Polygon([self.state.place(REAR.x_m + a / 2, b / 2) for a, b in corners])
 
     def _detect(self, viewpoint: Viewpoint, below: int) -> list[int]:
-        """What the sensor reports of the latest capture. Returns the defects that it confirms."""
+        """Judge the sensor's detections of the latest capture, and return the defects that they confirm."""
         environment, sensing, window = self.environment, self.settings.sensing, self._window()
         sightings = []
         for number in self._defects_in(window):
@@ -392,11 +390,11 @@ class Drive:
 
 
 def drive_again(drive: Drive, changes: Iterable[PedalChange]) -> None:
-    """Drive what was recorded of another drive, to its end.
+    """Repeat a recorded drive to its end.
 
     Args:
-        drive: not begun yet, over the same inputs.
-        changes: in the order of time; the last one ends the drive.
+        drive: a new drive over the same inputs.
+        changes: the recorded changes, in the order of time; the last one ends the drive.
     """
     given = {change.step: change.pedals for change in changes}
     pedals, step = Pedals(), 0
@@ -407,7 +405,7 @@ def drive_again(drive: Drive, changes: Iterable[PedalChange]) -> None:
 
 
 def pedals_as_values(changes: Sequence[PedalChange]) -> list[dict[str, Any]]:
-    """What was recorded, in plain values; what does not differ from pedals at rest is left out."""
+    """Changes as plain values, without the fields of pedals at rest."""
     rest = asdict(Pedals())
     return [
         {"step": each.step, **{name: value for name, value in asdict(each.pedals).items() if value != rest[name]}}
@@ -416,5 +414,5 @@ def pedals_as_values(changes: Sequence[PedalChange]) -> list[dict[str, Any]]:
 
 
 def pedals_of_values(values: Iterable[dict[str, Any]]) -> list[PedalChange]:
-    """The reverse of `pedals_as_values`."""
+    """Changes from the values of `pedals_as_values`."""
     return [PedalChange(each["step"], Pedals(**{k: v for k, v in each.items() if k != "step"})) for each in values]

@@ -1,4 +1,4 @@
-"""Where the car may be: its wheels on the carriageway, its body clear of what stands."""
+"""The drivable road: the wheels on the carriageway, the body clear of standing objects."""
 
 from collections.abc import Iterator
 from math import atan2
@@ -18,17 +18,17 @@ RIM_M: Final = 0.3
 """A wheel may be this far beyond the carriageway's edge, which bridges gaps between surfaces: a gutter's width."""
 
 LOWEST_M: Final = 0.2
-"""What reaches no higher than this, or begins above the car, is no obstacle."""
+"""Solids that reach no higher than this, or begin above the car, are no obstacles."""
 
 START_EVERY_M: Final = 2.0
-"""Between the places on a lane at which a drive may begin."""
+"""Distance between possible starting places on a lane."""
 
 ASIDE: Final = (0.0, 0.25, -0.25, 0.5, -0.5, 1.0, -1.0)
 """Changes of the steering, as shares of full lock, by which the kerb turns the wheels."""
 
 
 class DrivableRoad:
-    """The carriageways and junctions of a world with all that stands on and beside them, parked vehicles included."""
+    """Carriageways and junctions of a world, with all standing objects, including parked vehicles."""
 
     def __init__(self, world: World, parked: ParkedVehicles, limits: CarLimits) -> None:
         self._world, self._limits = world, limits
@@ -42,17 +42,17 @@ class DrivableRoad:
         self._obstacles = STRtree([Polygon(standing.base(int(number))) for number in in_the_way])
 
     def holds(self, state: CarState) -> bool:
-        """Whether the car may be there: all four wheels on the road, and nothing in the body's way."""
+        """True if all four wheels are on the road and nothing is in the body's way."""
         half_m, side_m = self._limits.wheelbase_m / 2, self._limits.track_m / 2
         wheels = shapely.points([state.place(a, b) for a in (half_m, -half_m) for b in (side_m, -side_m)])
         on_road = self._surfaces.query(wheels, predicate="dwithin", distance=RIM_M)[0]
         return len(np.unique(on_road)) == len(wheels) and not len(self._obstacles.query(body(state), "intersects"))
 
     def start(self, street: str | None) -> CarState:
-        """Where a drive begins: on a lane, along it, and where nothing stands in the way.
+        """Start of a drive: on a lane, along it, with nothing in the way.
 
         Args:
-            street: id of the segment at whose beginning it is, or as near to that as there is room; else on the lane
+            street: id of the segment, for a start as near to its beginning as there is room; by default the lane
                 nearest to the place of take-off.
 
         Raises:

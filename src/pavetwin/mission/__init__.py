@@ -1,4 +1,4 @@
-"""The loop that flies: plan, run, metrics, result files. Imports no renderer and no SUMO."""
+"""Missions: planning, flight, metrics and result files. Imports no renderer and no SUMO."""
 
 from pavetwin._core import BatteryLow, Captured, Occluded
 from pavetwin.mission.environment import MissionEnvironment, prepare

@@ -1,4 +1,4 @@
-"""Other aircraft: given by the user as tracks, flown beside the recorded traffic, kept clear of by the UAV."""
+"""Other aircraft: tracks given by the user, flown above the recorded traffic. The UAV keeps clear of them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from pavetwin.traffic.trace import KeyFrameColumns, TraceArguments
 COLUMNS = ("aircraft", "t_s", "x_m", "y_m", "altitude_m")
 
 SPAN_M = 0.6
-"""Width and length of another UAV where the file does not say: a small quadrotor with its rotors."""
+"""Width and length assumed for every other aircraft: a small quadrotor with its rotors."""
 
 HALF_HEIGHT_M = 0.2
 
@@ -35,7 +35,7 @@ def load_airspace(path: Path) -> tuple[Aircraft, ...]:
     """Read a CSV with the columns aircraft, t_s, x_m, y_m, altitude_m (world frame, mission time).
 
     Raises:
-        PaveTwinError: it cannot be read, a column is missing, or a track is not one.
+        PaveTwinError: it cannot be read, a column is missing, or a track is invalid.
     """
     try:
         table = pl.read_csv(path)
@@ -51,7 +51,7 @@ def load_airspace(path: Path) -> tuple[Aircraft, ...]:
             f"{','.join(COLUMNS)}."
         )
     if missing:
-        raise PaveTwinError(f"The airspace '{path}' lacks {', '.join(missing)}; it needs {', '.join(COLUMNS)}.")
+        raise PaveTwinError(f"The airspace '{path}' has no {', '.join(missing)}; it needs {', '.join(COLUMNS)}.")
     return tuple(_aircraft(str(key[0]), part, path) for key, part in table.group_by("aircraft", maintain_order=True))
 
 
@@ -69,7 +69,7 @@ def _aircraft(name: str, part: pl.DataFrame, path: Path) -> Aircraft:
 
 
 def with_aircraft(ground: TraceArguments, aircraft: Sequence[Aircraft]) -> TraceArguments:
-    """`trace_arguments` with the aircraft before what moves on the ground, so that extending keeps the numbering."""
+    """`trace_arguments` with the aircraft before the agents on the ground, so that extending keeps the numbering."""
     if not aircraft:
         return ground
     count = len(aircraft)
@@ -101,8 +101,7 @@ def with_aircraft(ground: TraceArguments, aircraft: Sequence[Aircraft]) -> Trace
 def _key_frames(
     number: int, craft: Aircraft, steps: Int64Array, first_step: int, step_s: float
 ) -> Mapping[str, AnyArray]:
-    """The aircraft at those of the steps of a recording that its track covers; it takes off with the UAV at the
-    first."""
+    """Poses of an aircraft at the steps of a recording that its track covers; its time starts at the first step."""
     times = (steps - first_step) * step_s
     covered = (times >= craft.t_s[0]) & (times <= craft.t_s[-1])
     at = times[covered]
@@ -119,6 +118,6 @@ def _key_frames(
 
 
 def _velocities(craft: Aircraft) -> Float64Array:
-    """(2, legs) east and north, metres a second."""
+    """(2, legs) east and north, in m/s."""
     velocities: Float64Array = (np.diff(craft.xy_m, axis=0) / np.diff(craft.t_s)[:, None]).T
     return velocities

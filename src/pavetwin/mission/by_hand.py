@@ -1,4 +1,4 @@
-"""A flight by hand: over the environment and traffic of missions, with a pilot's stick in place of plan and policy.
+"""Manual flight: a pilot's stick in place of plan and policy, over the same environment and traffic as missions.
 
 ```python
 flight = ByHand(environment, traffic, settings, [], sensor=sensor.name, policy=PILOT)
@@ -7,9 +7,9 @@ while not flight.is_over:
 result = flight.result(seed)
 ```
 
-The stick is read once a step. The same sticks give the same flight: `fly_again` flies what was recorded. The UAV keeps
-to the mission's altitude, where its flight domain is, and to the limits of transit. It has one battery: when that is
-low, or when the pilot lands, it comes to rest, flies home and lands by itself.
+The stick is read once per step. The same sticks give the same flight, so `fly_again` repeats a recorded one. The UAV
+keeps to the mission's altitude and flight domain and to the limits of transit. It has one battery: when that is low,
+or when the pilot lands, it comes to rest, flies home and lands by itself.
 """
 
 from collections import Counter
@@ -33,32 +33,32 @@ from pavetwin.sensing import Outcome, Sensor
 from pavetwin.twin import SegmentStatus
 
 PILOT: Final = "by-hand"
-"""Stands where the name of a policy does."""
+"""The policy name of manual flights."""
 
 STEP_S: Final = 0.1
-"""Between two readings of the stick."""
+"""Time between two readings of the stick."""
 
 SUMS: Final = ("time_s", "energy", "wait_s", "distance_m", "occlusions", "duplicates", "false_alarms")
-"""Metrics that add up over the times at which a segment was looked at."""
+"""Metrics that add up over the visits to a segment."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stick:
-    """What a pilot asks for: shares of the speed and of the rate of turn, −1 … 1."""
+    """A pilot's input: shares of the speed and of the rate of turn, −1 … 1."""
 
     ahead: float = 0.0
     left: float = 0.0
     turn: float = 0.0
     """Counter-clockwise."""
     is_fast: bool = False
-    """At the speed of transit, not of inspection."""
+    """Fly at the speed of transit instead of inspection."""
     lands: bool = False
-    """Fly home and land: once for all."""
+    """Fly home and land; cannot be taken back."""
 
 
 @dataclass(frozen=True, slots=True)
 class StickChange:
-    """From which step on the stick stood so."""
+    """A change of the stick, which holds from `step` on."""
 
     step: int
     stick: Stick
@@ -66,7 +66,7 @@ class StickChange:
 
 @dataclass
 class ByHand(Mission):
-    """One flight by hand. Its targets are the segments that were looked at, in the order of the first look."""
+    """One manual flight. Its targets are the segments that were looked at, in the order of the first look."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -78,7 +78,7 @@ class ByHand(Mission):
         self._inspect_mps = inspect_speed_mps(self.settings)
 
     def step(self, stick: Stick, sensor: Sensor) -> list[MissionEvent]:
-        """Fly on for `STEP_S`, or to the end. Returns what happened on the way.
+        """Fly on for `STEP_S`, or to the end, and return the events on the way.
 
         Raises:
             PaveTwinError: the battery ran empty, or the traffic cannot be recorded any further.
@@ -97,20 +97,20 @@ class ByHand(Mission):
         return self.advance_until(self._steps * STEP_S, answer)
 
     def coverage(self) -> dict[str, float]:
-        """Share of the surface seen so far, by segment that was looked at."""
+        """Share of the surface seen so far, by segment."""
         segments = self.environment.world.segments
         return {segments[target].id: self.flight.surface_coverage(target) for target in self.targets}
 
     @property
     def looked_at(self) -> str | None:
-        """The segment that the camera looks at; None before the first, and after the last."""
+        """The segment that the camera looks at; None before the first and after the last."""
         return None if self._segment is None or self.is_over else self.environment.world.segments[self._segment].id
 
     def result(self, seed: int) -> MissionResult:
-        """What the flight leaves behind; it cannot be flown again as a mission, but from its `changes`.
+        """The result of the flight. It cannot be flown again as a mission, only from its `changes`.
 
         Args:
-            seed: of the sensor.
+            seed: seed of the sensor.
 
         Raises:
             PaveTwinError: the flight is not over.
@@ -125,11 +125,11 @@ class ByHand(Mission):
         if self._segment is not None:
             self._leave(self._segment)
         for target in self.targets:
-            self._tell(SegmentFinished(self.flight.time_s, target))
+            self._emit(SegmentFinished(self.flight.time_s, target))
         yield from self._go_home()
 
     def _steer(self) -> Iterator[Event | Paused]:
-        """Until the pilot lands or the battery is low, and the UAV has come to rest."""
+        """Follow the stick until the pilot lands or the battery is low, and the UAV has come to rest."""
         is_over = False
         while True:
             is_over = is_over or self._stick.lands
@@ -141,14 +141,14 @@ class ByHand(Mission):
                     self._extend()
                 case BatteryLow():
                     is_over = True
-                    self._tell(BatteryRanLow(self.flight.time_s, self.flight.position))
+                    self._emit(BatteryRanLow(self.flight.time_s, self.flight.position))
                 case Occluded(since_s=since_s, visibility=visibility):
                     if since_s == event.time_s and self._segment is not None:
-                        self._tell(OcclusionStarted(event.time_s, self._segment, visibility))
+                        self._emit(OcclusionStarted(event.time_s, self._segment, visibility))
                 case Captured():
                     yield event
                 case other:
-                    raise PaveTwinError(f"By hand, {type(other).__name__} is unexpected; please report it.")
+                    raise PaveTwinError(f"{type(other).__name__} is unexpected in a manual flight; please report it.")
             if is_over and self.flight.speed_mps == 0.0:
                 return
 
@@ -160,7 +160,7 @@ class ByHand(Mission):
             self._segment = target
             if target not in self.targets:
                 self.targets = [*self.targets, target]
-                self._tell(SegmentStarted(self.flight.time_s, target))
+                self._emit(SegmentStarted(self.flight.time_s, target))
         uav = self.settings.uav
         speed_mps = uav.transit_speed_mps if stick.is_fast else self._inspect_mps
         self.flight.steer(
@@ -171,7 +171,7 @@ class ByHand(Mission):
         )
 
     def _below(self) -> int:
-        """The segment below the UAV; between segments that before, or at first the nearest."""
+        """The segment below the UAV; between segments the previous one, or at first the nearest."""
         here = shapely.Point(self.flight.position)
         below = sorted(self._surfaces.query(here, predicate="intersects").tolist())
         if self._segment is not None and (not below or self._segment in below):
@@ -179,7 +179,7 @@ class ByHand(Mission):
         return int(below[0] if below else self._surfaces.nearest(here))
 
     def _leave(self, target: int) -> None:
-        """Add the time over a segment to its row."""
+        """Close a visit to a segment and add it to the segment's row."""
         self._update_coverage(target)
         segment = self.environment.world.segments[target]
         before = self._by_segment.get(target)
@@ -211,11 +211,11 @@ class ByHand(Mission):
 
 
 def fly_again(flight: ByHand, changes: Iterable[StickChange], sensor: Sensor) -> None:
-    """Fly what was recorded of another flight by hand, to its end.
+    """Repeat a recorded manual flight to its end.
 
     Args:
-        flight: not begun yet, over the same inputs.
-        changes: in the order of time; the last one lands, or the battery ends the flight.
+        flight: a new flight over the same inputs.
+        changes: the recorded changes, in the order of time; the last one lands, or the battery ends the flight.
 
     Raises:
         PaveTwinError: as `ByHand.step`.
@@ -229,7 +229,7 @@ def fly_again(flight: ByHand, changes: Iterable[StickChange], sensor: Sensor) ->
 
 
 def sticks_as_values(changes: Sequence[StickChange]) -> list[dict[str, Any]]:
-    """What was recorded, in plain values; what does not differ from a stick at rest is left out."""
+    """Changes as plain values, without the fields of a stick at rest."""
     rest = asdict(Stick())
     return [
         {"step": each.step, **{name: value for name, value in asdict(each.stick).items() if value != rest[name]}}
@@ -238,5 +238,5 @@ def sticks_as_values(changes: Sequence[StickChange]) -> list[dict[str, Any]]:
 
 
 def sticks_of_values(values: Iterable[dict[str, Any]]) -> list[StickChange]:
-    """The reverse of `sticks_as_values`."""
+    """Changes from the values of `sticks_as_values`."""
     return [StickChange(each["step"], Stick(**{k: v for k, v in each.items() if k != "step"})) for each in values]

@@ -1,4 +1,4 @@
-"""The condition index of what a mission inspected: as it is, and as what was found would have it."""
+"""Condition index of the inspected segments: the true one, and the one of the defects found."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,18 +20,18 @@ WORST_FIRST: Final = "pci"
 
 @dataclass(frozen=True)
 class ConditionReport:
-    """Sample units as they are and, where a mission inspected them, as its findings would have them."""
+    """Condition of sample units: true and, where a mission inspected them, as found."""
 
     world: World
     true: tuple[UnitCondition, ...]
     found: tuple[UnitCondition, ...] | None
-    """Of the same units; None where nobody inspected them."""
+    """Condition of the same units with the defects found alone; None without a mission."""
     not_counted: Mapping[str, int]
-    """Defects of classes that stand for no distress, by class."""
+    """Number of defects that stand for no distress of the standard, by class."""
     defects: tuple[Defect, ...]
-    """Of these units."""
+    """The defects in these units."""
     detected: tuple[UnitCondition, ...] | None = None
-    """Of the same units, by what a sensor measured; None where it measured nothing (`pavetwin.inventory.condition`)."""
+    """Condition of the same units by measured sizes; None without any (`pavetwin.inventory.condition`)."""
 
     @property
     def pci(self) -> float:
@@ -47,7 +47,7 @@ class ConditionReport:
 
 
 def condition_of_world(world: World) -> ConditionReport:
-    """The true condition of all of a world."""
+    """The true condition of a whole world."""
     true = Survey(sample_units(world.segments), world.defects).conditions()
     return ConditionReport(world, true, None, not_counted(world.defects), world.defects)
 
@@ -77,7 +77,7 @@ def condition_of_mission(mission: MissionFolder) -> ConditionReport:
 
 
 def unit_table(report: ConditionReport) -> pl.DataFrame:
-    """One row a sample unit.
+    """Table of sample units, one row a unit.
 
     Columns: `unit`, `segment`, `street`, `area_m2`, `pci`, `rating`, for missions `pci_found` and `rating_found`, where
     their sensor measured also `pci_detected` and `rating_detected`, and the quantity of each distress and severity that
@@ -108,10 +108,10 @@ def unit_table(report: ConditionReport) -> pl.DataFrame:
 
 
 def street_condition(report: ConditionReport) -> pl.DataFrame:
-    """One row a street, the worst first.
+    """Table of streets, one row a street, the worst first.
 
-    Columns: `street`, `units`, `area_m2`, `pci`, `rating`, `worst_unit`, `worst_pci`, and what was found and detected,
-    as in `unit_table`.
+    Columns: `street`, `units`, `area_m2`, `pci`, `rating`, `worst_unit`, `worst_pci`, and the columns `_found` and
+    `_detected` of `unit_table`.
     """
     grouped: dict[str, list[int]] = {}
     for number, condition in enumerate(report.true):

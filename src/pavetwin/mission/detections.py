@@ -1,4 +1,4 @@
-"""The detections of a mission, each compared with the defects that are there."""
+"""Judgement of a mission's detections by the defects of the world."""
 
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
@@ -16,25 +16,25 @@ from pavetwin.mission.environment import MissionEnvironment
 from pavetwin.sensing import Detection, Frame, JudgedDetection, Outcome, Sighting, match, unknown_class
 from pavetwin.world.model import Defect
 
-_Told = tuple[Outcome, int | None, Sighting | None]
-"""The outcome of a detection, its defect, and the sighting of that."""
+_Judgement = tuple[Outcome, int | None, Sighting | None]
+"""The outcome of a detection, the id of its defect, and the sighting of that defect."""
 
 
 class DetectionLog:
-    """Judges what a sensor reports, capture by capture, and keeps it.
+    """Log of detections, judged capture by capture.
 
-    A detection is matched by `pavetwin.sensing.match` to the defects in the image. It confirms a defect that the
-    capture sees; it is a duplicate when that defect is confirmed already, in this capture or before; it is ignored
-    when the capture does not see the defect that it matches (outside the inspection window, or too much of it hidden)
-    and when it is an object of another class. What is left is a false alarm.
+    `pavetwin.sensing.match` assigns detections to the defects in the image. A detection confirms a defect that the
+    capture sees. It is a duplicate if the defect is confirmed already, in this capture or before. It is ignored if the
+    capture does not see the matched defect (outside the inspection window, or too much of it hidden) or if it is an
+    object of another class. All other detections are false alarms.
     """
 
     def __init__(
         self, environment: MissionEnvironment, *, sensor: str = "", other_classes: Collection[str] = ()
     ) -> None:
         """Args:
-        sensor: its name, for messages.
-        other_classes: what it reports that is not a defect.
+        sensor: name of the sensor, for messages.
+        other_classes: classes that the sensor reports and that are not defects.
         """
         self._defects = environment.defects
         self._sensor, self._other_classes = sensor, other_classes
@@ -45,22 +45,22 @@ class DetectionLog:
 
     @property
     def all(self) -> list[JudgedDetection]:
-        """All of them, in the order of time; made when they are asked for, since many missions are only counted."""
+        """All detections in the order of time, created on request: many missions only count them."""
         self._listed += chain.from_iterable(map(_listed, self._batches[self._listed_batches :]))
         self._listed_batches = len(self._batches)
         return self._listed
 
     @property
     def outcomes(self) -> Counter[Outcome]:
-        """How many there are of each."""
+        """Number of detections by outcome."""
         for batch in self._batches[self._counted_batches :]:
-            self._outcomes.update(outcome for outcome, _, _ in batch.told)
-            self._outcomes[Outcome.FALSE_ALARM] += len(batch.detections) - len(batch.told)
+            self._outcomes.update(outcome for outcome, _, _ in batch.judged)
+            self._outcomes[Outcome.FALSE_ALARM] += len(batch.detections) - len(batch.judged)
         self._counted_batches = len(self._batches)
         return self._outcomes.copy()
 
     def latest(self) -> list[JudgedDetection]:
-        """Those of the capture that was judged last, where anything was reported of it."""
+        """Detections of the last capture with any."""
         return _listed(self._batches[-1]) if self._batches else []
 
     def judge(
@@ -72,7 +72,7 @@ class DetectionLog:
         segment: int,
         on_revisit: bool,
     ) -> list[int]:
-        """Judge what is reported of a capture; returns the defects that it confirms.
+        """Judge the detections of a capture, and return the ids of the defects that it confirms.
 
         Args:
             confirmed: ids of the defects that are confirmed already.
@@ -87,9 +87,9 @@ class DetectionLog:
         if frame.source is not None:
             frame = replace(frame, source=None)
         places = [at for at, each in enumerate(detections) if not each.means_nothing]
-        told = self._told(frame, [detections[at] for at in places], confirmed) if places else []
-        self._batches.append(_Batch(frame, detections, segment, on_revisit, places, told))
-        return [defect for outcome, defect, _ in told if outcome is Outcome.CONFIRMED and defect is not None]
+        judged = self._judged(frame, [detections[at] for at in places], confirmed) if places else []
+        self._batches.append(_Batch(frame, detections, segment, on_revisit, places, judged))
+        return [defect for outcome, defect, _ in judged if outcome is Outcome.CONFIRMED and defect is not None]
 
     def _check(self, detections: Sequence[Detection]) -> None:
         kinds = {detection.kind for detection in detections}
@@ -99,20 +99,22 @@ class DetectionLog:
             if unknown := unknown_class(kind, self._classes, self._other_classes):
                 raise PaveTwinError(f"The sensor '{self._sensor}' reports {unknown}.")
 
-    def _told(self, frame: Frame, detections: Sequence[Detection], confirmed: Collection[int]) -> "list[_Told]":
-        """The outcome, the defect and its sighting of each detection."""
+    def _judged(self, frame: Frame, detections: Sequence[Detection], confirmed: Collection[int]) -> "list[_Judgement]":
+        """The judgement of each detection."""
         seen = {id(sighting.defect.polygon): sighting for sighting in frame.sightings}
-        told: list[_Told] = []
+        judged: list[_Judgement] = []
         for each in detections:
             sighting = seen.pop(id(each.footprint), None)
             if sighting is None or sighting.defect.kind != each.kind:
                 return [*self._matched(frame, detections, confirmed)]
             # The outline of a defect that the capture sees, reported once: nothing needs to be matched.
             defect = sighting.defect.id
-            told.append((Outcome.DUPLICATE if defect in confirmed else Outcome.CONFIRMED, defect, sighting))
-        return told
+            judged.append((Outcome.DUPLICATE if defect in confirmed else Outcome.CONFIRMED, defect, sighting))
+        return judged
 
-    def _matched(self, frame: Frame, detections: Sequence[Detection], confirmed: Collection[int]) -> "Iterator[_Told]":
+    def _matched(
+        self, frame: Frame, detections: Sequence[Detection], confirmed: Collection[int]
+    ) -> "Iterator[_Judgement]":
         sightings = {sighting.defect.id: sighting for sighting in frame.sightings}
         outlines = {id(sighting.defect.polygon) for sighting in frame.sightings}
         candidates = self._candidates(frame, are_outlines=all(id(each.footprint) in outlines for each in detections))
@@ -148,29 +150,29 @@ class DetectionLog:
         return shapely.STRtree([defect.polygon for defect in self._defects])
 
     def _candidates(self, frame: Frame, *, are_outlines: bool) -> list[Defect]:
-        """The defects in the image; the sighted ones are enough where every detection is the outline of one."""
+        """The defects in the image; the sighted ones suffice if every detection is the outline of one."""
         if are_outlines:
             return [sighting.defect for sighting in frame.sightings]
         return [self._defects[index] for index in np.sort(self._tree.query(frame.footprint, "intersects"))]
 
 
 class _Batch(NamedTuple):
-    """What was reported of a capture, and its judgement."""
+    """The detections of a capture and their judgements."""
 
     frame: Frame
     detections: Sequence[Detection]
     segment: int
     on_revisit: bool
     places: Sequence[int]
-    """Which of the detections are no false alarms by intent."""
-    told: Sequence[_Told]
-    """Of these."""
+    """Indices of the detections that are not deliberate false alarms."""
+    judged: Sequence[_Judgement]
+    """Judgements of the detections at `places`."""
 
 
 def _listed(batch: _Batch) -> list[JudgedDetection]:
-    judgements: list[_Told] = [(Outcome.FALSE_ALARM, None, None)] * len(batch.detections)
-    for at, told in zip(batch.places, batch.told, strict=True):
-        judgements[at] = told
+    judgements: list[_Judgement] = [(Outcome.FALSE_ALARM, None, None)] * len(batch.detections)
+    for at, judgement in zip(batch.places, batch.judged, strict=True):
+        judgements[at] = judgement
     return [
         JudgedDetection(outcome, detection, batch.frame, defect, sighting, batch.segment, batch.on_revisit)
         for detection, (outcome, defect, sighting) in zip(batch.detections, judgements, strict=True)

@@ -48,7 +48,7 @@ SAMPLE_M: Final = 0.5
 
 @dataclass(frozen=True, slots=True)
 class ParkingInput:
-    """What decides which vehicles are parked where in a world."""
+    """The choices that determine which vehicles are parked where in a world."""
 
     settings: ParkingSettings
     date: date
@@ -59,23 +59,22 @@ class ParkingInput:
 
     @classmethod
     def of(cls, settings: MissionSettings, seed: int, mix: str = DEFAULT_MIX) -> Self:
-        """Of a mission: its settings, and the seed and the mix of its parked vehicles."""
+        """The choices of a mission: its settings, and the seed and mix of its parked vehicles."""
         return cls(settings.parking, settings.conditions.date, settings.conditions.time, seed, mix)
 
     def vehicles(self, world: World) -> ParkedVehicles:
-        """Those that stand in the world's parking places."""
+        """The vehicles in the world's parking places."""
         conditions = Conditions(date=self.date, time=self.time)
         return parked_vehicles(world, self.settings, conditions, self.seed, self.mix)
 
     def is_as(self, other: Self, world: World) -> bool:
-        """Whether the same vehicles stand in a world by both."""
+        """True if both park the same vehicles in a world."""
         none = not world.parking or not (self.settings.enabled or other.settings.enabled)
         return none or self == other
 
 
 def parked_columns(parked: ParkedVehicles) -> "PoseColumns":
-    """Parked vehicles as agents that stand still, one array a column, in their order: what is drawn, rendered and
-    labelled of them, just as the agents of a recording."""
+    """Parked vehicles as agents that stand still, one array a column, to be drawn and labelled like recorded agents."""
     still = np.zeros(len(parked))
     return {
         "agent": (FIRST_ID + parked.place).astype(np.uint32),
@@ -92,12 +91,12 @@ def parked_columns(parked: ParkedVehicles) -> "PoseColumns":
 
 
 def parked_agents(parked: ParkedVehicles) -> tuple[Agent, ...]:
-    """As `parked_columns`, as values."""
+    """Parked vehicles as `Agent` values."""
     return tuple(replace(agent, is_parked=True) for agent in agents_of(parked_columns(parked)))
 
 
 def parked_solids(parked: ParkedVehicles) -> Solids:
-    """The boxes of parked vehicles, which hide the ground."""
+    """Boxes of parked vehicles, which hide the ground."""
     xy = np.column_stack([parked.x, parked.y])
     return parked_boxes(xy, parked.yaw_rad, parked.length_m, parked.width_m, parked.height_m)
 
@@ -105,10 +104,10 @@ def parked_solids(parked: ParkedVehicles) -> Solids:
 def permanently_hidden(
     ground: "Ground", segment: int, passes: list[Pass], camera: "NadirCamera", altitude_m: float
 ) -> float:
-    """The share of a segment's cells that no capture along its passes can see because of parked vehicles.
+    """Share of a segment's cells that no capture along its passes can see because of parked vehicles.
 
-    A cell counts when it lies in the inspection window of some viewpoint with nothing built or grown before it, and is
-    seen from no viewpoint. Viewpoints are on the passes as planned, at both ends and `SAMPLE_M` or less apart, turned
+    A cell counts if it lies in the inspection window of some viewpoint with nothing built or grown in front of it, and
+    no viewpoint sees it. Viewpoints are on the passes as planned, at both ends and `SAMPLE_M` or less apart, turned
     along the pass. Moving agents are left out.
     """
     places, yaws = zip(*(_viewpoints(line) for line in passes), strict=True)
@@ -128,40 +127,40 @@ def _viewpoints(line: Pass) -> tuple[Float64Array, Float64Array]:
 
 
 INSPECT_MPS: Final = 5.0
-"""Speed of inspection unless set, where the camera keeps up: the paper's."""
+"""Default speed of inspection, where the camera keeps up: the paper's."""
 
 
 @dataclass(frozen=True)
 class MissionEnvironment:
-    """A world at one altitude, ready to be flown over. Shared by every mission with the same altitude and cells."""
+    """A world at one altitude, ready for the kernel. Shared by all missions with the same altitude and cells."""
 
     world: World
-    """Its base is where missions take off."""
+    """With the base that missions take off from."""
     defects: tuple[Defect, ...]
     altitude_m: float
     ground: Ground
     mesh: NavMesh
-    """Where the UAV flies."""
+    """The NavMesh of the flight domain."""
     segments_in_reach: tuple[bool, ...]
-    """For each segment, whether a way leads from the base to its middle."""
+    """For each segment, True if a way leads from the base to its middle."""
     parking: ParkingInput
-    """By which its vehicles are parked."""
+    """The choices behind `parked`."""
     parked: ParkedVehicles
     _hidden: dict[tuple[int, CameraSettings, PatternSettings], float] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
     _sightings: dict[int, Sighting] = field(default_factory=dict, init=False, repr=False, compare=False)
-    """Whole, by the defect's id: what of them does not depend on the capture."""
+    """Sightings of whole defects by id: the part that does not depend on the capture."""
     _surveys: dict[str, Survey] = field(default_factory=dict, init=False, repr=False, compare=False)
     _suns_deg: dict[tuple[dt.date, dt.time], float] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @cached_property
     def parked_agents(self) -> tuple[Agent, ...]:
-        """The parked vehicles as agents that stand still, to be drawn and asked for."""
+        """The parked vehicles as agents."""
         return parked_agents(self.parked)
 
     def permanently_hidden(self, index: int, settings: MissionSettings) -> float:
-        """The share of a segment's cells that no capture of its planned passes can see because of parked vehicles."""
+        """Share of a segment's cells that no capture of its planned passes can see because of parked vehicles."""
         if not len(self.parked):
             return 0.0
         key = (index, settings.camera, settings.pattern)
@@ -172,14 +171,14 @@ class MissionEnvironment:
         return self._hidden[key]
 
     def survey_of(self, segment: Segment) -> Survey:
-        """The sample units of a segment with its defects, of which its condition index follows."""
+        """The sample units of a segment with its defects, for its condition index."""
         if segment.id not in self._surveys:
             here = [self.defects[number] for number in self.defects_by_segment.get(segment.id, ())]
             self._surveys[segment.id] = Survey(sample_units([segment]), here)
         return self._surveys[segment.id]
 
     def sun_elevation_deg(self, conditions: Conditions) -> float:
-        """Of the sun over the world when a mission begins."""
+        """Elevation of the sun over the world when a mission begins."""
         moment = conditions.date, conditions.time
         if moment not in self._suns_deg:
             self._suns_deg[moment] = sun_elevation_deg(conditions, self.world)
@@ -196,7 +195,7 @@ class MissionEnvironment:
         return defects_hash(self.defects)
 
     def sighting(self, number: int, visible_fraction: float, attempt: int) -> Sighting:
-        """What a frame shows of a defect, by its id."""
+        """The sighting of a defect, by its id, in a frame."""
         whole = self._sightings.get(number)
         if whole is None:
             defect = self.defects[number]
@@ -206,20 +205,20 @@ class MissionEnvironment:
 
     @cached_property
     def defects_by_segment(self) -> Mapping[str, Sequence[int]]:
-        """Ids of the defects of each segment that has some."""
+        """Ids of the defects by segment, for segments with defects."""
         found: dict[str, list[int]] = {}
         for defect in self.defects:
             found.setdefault(defect.segment, []).append(defect.id)
         return found
 
     def reachable(self, index: int) -> bool:
-        """Whether a segment, by its index, can be reached from the base."""
+        """True if a segment, by its index, can be reached from the base."""
         return self.segments_in_reach[index]
 
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What stands still around the flights at one altitude, whatever the defects and the cells."""
+    """The static surroundings of flights at one altitude, independent of defects and cells."""
 
     base: Point
     """Where the UAV takes off."""
@@ -236,13 +235,13 @@ class Surroundings:
         base: Point | None = None,
         standing: Solids | None = None,
     ) -> Self:
-        """Bake or read the NavMesh, and find the base where none is given.
+        """Bake or read the NavMesh, and choose the base if none is given.
 
         Args:
-            standing: the solids of the world, where they are known: the same at all altitudes.
+            standing: the solids of the world, the same at all altitudes; computed if not given.
 
         Raises:
-            PaveTwinError: nothing is left to fly in at this altitude, or no UAV can take off from the base.
+            PaveTwinError: no flight domain is left at this altitude, or no UAV can take off from the base.
         """
         standing = solids(world) if standing is None else standing
         if base is not None:
@@ -268,18 +267,18 @@ def prepare(
 ) -> MissionEnvironment:
     """Bake the flight domain, grid the segments' surfaces, and pass both to the kernel with all static objects.
 
-    Vehicles are parked as the settings say, at the date and time of their conditions.
+    Vehicles are parked according to the settings, at the date and time of their conditions.
 
     Args:
-        defects: the defects to look for, ids 0 … n−1 in order; those of the world when not given.
-        surroundings: of this world at this altitude, where they are known.
-        base: where the UAV takes off; as the settings say when not given.
-        points_of: `sample_points` of a defect by its id, where several environments share them.
-        parking_seed: of the parked vehicles.
-        parking_mix: name of their mix, as a rule that of traffic.
+        defects: the defects to look for, ids 0 … n−1 in order; by default those of the world.
+        surroundings: the surroundings of this world at this altitude; computed if not given.
+        base: place of take-off; by default according to the settings.
+        points_of: `sample_points` of a defect by its id, if several environments share them.
+        parking_seed: seed of the parked vehicles.
+        parking_mix: name of their mix, usually that of the traffic.
 
     Raises:
-        PaveTwinError: nothing is left to fly in at this altitude, or no UAV can take off from the base.
+        PaveTwinError: no flight domain is left at this altitude, or no UAV can take off from the base.
     """
     chosen = tuple(world.defects if defects is None else defects)
     around = surroundings or Surroundings.of(world, settings.altitude_m, settings.uav, base)
@@ -329,7 +328,7 @@ def new_flight(
 
 
 def flight_settings(settings: MissionSettings, *, every_capture: bool = False) -> FlightSettings:
-    """The settings as the kernel takes them: limits, drain curve and camera worked out, intervals in time steps.
+    """The settings for the kernel: limits, drain curve, camera, and intervals in time steps.
 
     Raises:
         PaveTwinError: there is no such aircraft, camera or energy model, or the wind is above the aircraft's limit.
@@ -370,19 +369,19 @@ def nadir_camera(camera: Camera, settings: CameraSettings) -> NadirCamera:
 
 
 def shutter_s(settings: MissionSettings) -> float:
-    """Shutter time of the captures: as set, and no shorter than the camera can."""
+    """Shutter time of captures: the setting, or the camera's shortest if that is longer."""
     return max(settings.camera.exposure_s, camera_of(settings).shortest_exposure_s or 0.0)
 
 
 def capture_interval_s(settings: MissionSettings) -> float:
-    """Between captures: as set, and no shorter than the camera can; a whole number of time steps."""
+    """Time between captures: the setting, or the camera's shortest if that is longer; a whole number of time steps."""
     shortest_steps = ceil((camera_of(settings).shortest_interval_s or 0.0) / settings.time_step_s - 1e-6)
     return max(settings.camera.capture_interval_s, shortest_steps * settings.time_step_s)
 
 
 def inspect_speed_mps(settings: MissionSettings) -> float:
-    """Speed of inspection over the ground: as set, else `INSPECT_MPS`, or the fastest at which the windows of captures
-    still touch at the camera's shortest interval."""
+    """Speed of inspection over the ground: the setting, or else `INSPECT_MPS`, limited to the fastest speed at which
+    the windows of captures touch at the camera's shortest interval."""
     if settings.uav.inspect_speed_mps is not None:
         return settings.uav.inspect_speed_mps
     shortest_s = camera_of(settings).shortest_interval_s

@@ -1,7 +1,7 @@
-"""What a mission takes and shows at best, before it is flown: the same flight over empty streets.
+"""Estimate of a mission before it is flown: the same flight over empty streets.
 
-Traffic is left out, and so are the policy's reactions to it: they make a mission longer and hide some of the surface.
-Parked vehicles stand where they do in the mission.
+It leaves out traffic, which hides some of the surface, and the policy's reactions, which make a mission longer. Parked
+vehicles stand where they do in the mission.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ _STEP_S: Final = 60.0
 
 
 class EmptyStreets:
-    """As long as it is asked for."""
+    """Traffic without agents, of any length, for flights that are only planned."""
 
     def __init__(self) -> None:
         self.duration_s = _FIRST_S
@@ -52,13 +52,13 @@ class EmptyStreets:
 
 @dataclass(frozen=True, slots=True)
 class MissionEstimate:
-    """Of a mission over empty streets."""
+    """Effort and coverage of a mission over empty streets."""
 
     segments: int
     length_m: float
-    """Of the segments."""
+    """Total length of the segments."""
     pixel_mm: float
-    """What a pixel of the camera covers on the ground."""
+    """Ground resolution of the camera."""
     images: int
     time_s: float
     """From take-off to landing, swaps included."""
@@ -74,7 +74,7 @@ def estimate(environment: MissionEnvironment, settings: MissionSettings, targets
     """Fly the policy `baseline`, which never reacts, over empty streets.
 
     Args:
-        environment: of the mission, with its parked vehicles.
+        environment: the mission's environment, with its parked vehicles.
         targets: indices of the segments in order, see `choose_targets`.
 
     Raises:

@@ -1,14 +1,14 @@
-"""What happens in a mission, as values in the order of time. A mission keeps them all and tells each to its observer.
+"""Events of a mission, in the order of time. A mission keeps them all and passes each to its observer.
 
 ```python
-def tell(event: MissionEvent) -> None:
+def show(event: MissionEvent) -> None:
     print(f"{event.time_s:6.1f} s  {event}")
 
-fly(…, observer=tell)
+fly(…, observer=show)
 ```
 
-An observer is called at once, in the process and thread that flies. It changes nothing of what is flown; an error that
-it raises ends the mission.
+The observer is called at once, in the process and thread that flies. It does not change the flight; an error that it
+raises ends the mission.
 """
 
 from collections.abc import Callable
@@ -48,10 +48,10 @@ class OcclusionStarted(MissionEvent):
 
 @dataclass(frozen=True, slots=True)
 class ActionTaken(MissionEvent):
-    """A policy decided on something other than flying on."""
+    """The policy decided on something other than flying on."""
 
     position: Place
-    """Of the UAV."""
+    """Position of the UAV."""
     action: Action
 
 
@@ -65,7 +65,7 @@ class DefectsConfirmed(MissionEvent):
 
 @dataclass(frozen=True, slots=True)
 class NoteVisited(MissionEvent):
-    """The UAV sets out for a place that was noted."""
+    """The UAV sets out for a noted place."""
 
     note: Note
 
@@ -94,7 +94,7 @@ class ProgressMade(MissionEvent):
     """A pass or a segment was finished."""
 
     share: float
-    """Of the mission's passes, about; 1 before the way home."""
+    """Approximate share of the passes flown; 1 before the way home."""
 
 
 MissionObserver = Callable[[MissionEvent], None]

@@ -117,12 +117,12 @@ def fly_over(
     on_progress: Callable[[float], None] | None = None,
     observer: MissionObserver | None = None,
 ) -> MissionResult:
-    """Fly one mission over an environment and traffic that were made in Python.
+    """Fly one mission over an environment and traffic created in Python.
 
     Args:
         targets: indices of the segments to inspect, in order; see `choose_targets`.
         policy: a registered name, `path/to/file.py:ClassName`, or a policy.
-        seed: of the sensor's random numbers.
+        seed: seed of the sensor's random numbers.
         sensor: a sensor as a value, in place of the one that the settings name.
 
     Raises:
@@ -141,7 +141,7 @@ def fly_over(
 
 
 class _CountedImages:
-    """An image source, and how many images it has taken."""
+    """An image source that counts its images."""
 
     def __init__(self, source: ImageSource) -> None:
         self._source = source
@@ -175,7 +175,7 @@ def _answer(mission: Mission, policy: Policy, detect: Callable[[Frame], Sequence
 
 @contextmanager
 def _failures_named(what: str, name: str, time_s: float | None = None) -> Iterator[None]:
-    """A user's own code may fail in a situation that its check did not think of."""
+    """Report an error of a user's own code in one line."""
     try:
         yield
     except Exception as error:
@@ -183,7 +183,7 @@ def _failures_named(what: str, name: str, time_s: float | None = None) -> Iterat
 
 
 def _named(error: Exception, what: str, name: str, time_s: float | None) -> PaveTwinError:
-    """An error of a user's own code in one line; our own as it is."""
+    """An error of a user's own code as one line; a `PaveTwinError` unchanged."""
     if isinstance(error, PaveTwinError):
         return error
     where = traceback.extract_tb(error.__traceback__)[-1]

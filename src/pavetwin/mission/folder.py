@@ -273,13 +273,13 @@ class MissionFolder:
         defect_seed: int | None = None,
         targets: Sequence[str] | None = None,
     ) -> MissionSpec:
-        """The spec to fly it again.
+        """The spec for another flight.
 
         Args:
-            world: its own, wherever that is now.
-            policy: in place of its own.
-            defect_seed: place the defects under this seed, in place of its defects.
-            targets: ids of segments, in place of its own.
+            world: the mission's world, wherever it is now.
+            policy: another policy.
+            defect_seed: seed for other defects.
+            targets: ids of other segments.
         """
         changes: dict[str, Any] = {} if targets is None else {"targets": tuple(targets)}
         if world.content_hash == self.spec.world.content_hash:
@@ -356,8 +356,8 @@ def check_replaceable(folder: Path, specs: Iterable[MissionSpec], *, force: bool
     """Refuse to replace missions by others.
 
     Args:
-        specs: what is to be flown into the folder. Where one allows the nearest traffic to what it names, missions in
-            any such traffic count as the same.
+        specs: the missions to be flown into the folder. If one allows the nearest traffic, missions in any such
+            traffic count as the same.
 
     Raises:
         PaveTwinError: the folder holds other missions, and `force` is not given.
@@ -385,7 +385,7 @@ def _differing(old: Mapping[str, Any], spec: MissionSpec) -> list[str]:
 
 
 def _may_become(named: TrafficInput, flown: Any) -> bool:
-    """Whether recording the traffic that a spec names may give what a `mission.yaml` holds."""
+    """True if recording the traffic of a spec may give that of a `mission.yaml`."""
     try:
         return named.allows(TrafficInput.parse(flown, where="traffic"))
     except PaveTwinError:
@@ -393,7 +393,7 @@ def _may_become(named: TrafficInput, flown: Any) -> bool:
 
 
 def _relocated(values: Mapping[str, Any], description: Path) -> Any:
-    """Plain values with the paths of what is gone replaced by where it is now, as far as it is found."""
+    """Plain values with the paths of moved files and folders replaced, where they are found."""
     moved: dict[str, str] = {}
 
     def look_for(path: str, is_it: Callable[[Path], bool]) -> None:
@@ -438,7 +438,7 @@ def _with_places(value: Any, moved: Mapping[str, str]) -> Any:
 
 
 def _files(value: Any) -> Iterator[FileInput]:
-    """The files that are named anywhere in plain values."""
+    """All files named in plain values."""
     if isinstance(value, Mapping):
         if set(value) == {"path", "sha256"}:
             yield FileInput(path=str(value["path"]), sha256=str(value["sha256"]))

@@ -1,4 +1,4 @@
-"""From a `MissionSpec` to what the kernel flies: the inputs that it names, read, checked and ready."""
+"""The inputs of a mission, read from its specification and checked: environment and traffic."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -23,26 +23,26 @@ from pavetwin.world.model import Defect, World
 from pavetwin.world.store import load_world
 
 OnProgress = Callable[[float, str], None]
-"""Told the share done and what is being done."""
+"""Receives the share done and the name of the step."""
 
 
 RECORDING: Final = "Recording traffic"
-"""What is told while SUMO records."""
+"""Name of the step while SUMO records."""
 
 
 @dataclass(frozen=True)
 class MissionInputs:
-    """What a spec names. Missions that differ in policy, sensor or seed alone share it."""
+    """The environment and traffic of a spec. Missions that differ only in policy, sensor or seed share them."""
 
     environment: MissionEnvironment
     traffic: Traffic
 
     @property
     def replay(self) -> Replay:
-        """The traffic as a replay of a recording, which that of `load_inputs` is.
+        """The traffic as a replay of a recording, as `load_inputs` gives it.
 
         Raises:
-            TypeError: it was handed in as something else.
+            TypeError: the traffic was handed in as something else.
         """
         if not isinstance(self.traffic, Replay):
             raise TypeError(f"the traffic is {type(self.traffic).__name__}, not a Replay")
@@ -65,16 +65,16 @@ class MissionInputs:
                 changes["settings"] = spec.settings.model_copy(update={"traffic_area_m": None})
         return spec.model_copy(update=changes)
 
-    def on_extend(self, tell: Callable[[float], None]) -> None:
-        """Report the progress of extending the recording, when a mission takes longer than it."""
+    def on_extend(self, report: Callable[[float], None]) -> None:
+        """Report the progress of extending the recording, if a mission takes longer than it."""
         if isinstance(self.traffic, Replay):
-            self.traffic.on_extend = tell
+            self.traffic.on_extend = report
 
     def check(self, spec: MissionSpec) -> None:
-        """Whether these are the inputs that a spec names.
+        """Check that these are the inputs of a spec.
 
         Raises:
-            PaveTwinError: they are not; the message names what differs.
+            PaveTwinError: an input differs; the message names it.
         """
         environment, replay = self.environment, self.traffic if isinstance(self.traffic, Replay) else None
         if environment.altitude_m != spec.settings.altitude_m:
@@ -97,7 +97,7 @@ class MissionInputs:
             ("aircraft", replay is not None and bool(replay.aircraft) != bool(spec.aircraft)),
         ):
             if differs:
-                raise PaveTwinError(f"`inputs`: this is not the {what} that the mission's spec names.")
+                raise PaveTwinError(f"`inputs`: the {what} differs from the mission's spec.")
 
     def _holds_area_of(self, spec: MissionSpec, replay: Replay) -> bool:
         if replay.area is None:
@@ -123,19 +123,19 @@ def load_inputs(
     environment: MissionEnvironment | None = None,
     on_progress: OnProgress | None = None,
 ) -> MissionInputs:
-    """Read what a spec names; traffic that is not recorded yet is recorded.
+    """Read the inputs of a spec, and record the traffic if it is not recorded yet.
 
     Args:
-        world: in place of the folder that the spec names.
-        environment: the world with its defects as `prepare` makes it, where that is done already.
+        world: the world, in place of the folder that the spec names.
+        environment: the world with its defects from `prepare`, if it exists already.
 
     Raises:
-        PaveTwinError: an input is gone or is not what it was (each is named), or the traffic cannot be recorded.
+        PaveTwinError: an input is gone or has changed (each is named), or the traffic cannot be recorded.
     """
-    tell = on_progress or (lambda _share, _what: None)
+    report = on_progress or (lambda _share, _what: None)
     loaded = world or world_of(spec.world)
     check_unchanged(spec, loaded)
-    tell(0.0, "Preparing the flight domain")
+    report(0.0, "Preparing the flight domain")
     base = None if spec.base is None else Point(spec.base)
     ready = environment or prepare(
         loaded,
@@ -153,8 +153,8 @@ def load_inputs(
     traffic = traffic_of(
         loaded,
         spec.traffic,
-        lambda share: tell(share, RECORDING),
-        lambda share: tell(share, search),
+        lambda share: report(share, RECORDING),
+        lambda share: report(share, search),
         area=spec.area(loaded),
         first_s=min(FIRST_DURATION_S, FIRST_PER_TARGET_S * len(spec.targets)),
     )
@@ -163,10 +163,10 @@ def load_inputs(
 
 
 def world_of(source: WorldInput) -> World:
-    """The world that a spec names.
+    """The world of a spec.
 
     Raises:
-        PaveTwinError: it is not there any more, or only its first owner had it.
+        PaveTwinError: its folder is gone, or it was handed in as a value.
     """
     if source.path == HANDED_IN:
         raise PaveTwinError(
@@ -174,12 +174,12 @@ def world_of(source: WorldInput) -> World:
             "give the world as well."
         )
     if not Path(source.path).is_dir():
-        raise PaveTwinError(f"The world '{source.name}' is not at '{source.path}' any more; give its folder.")
+        raise PaveTwinError(f"The world '{source.name}' is no longer at '{source.path}'; give its folder.")
     return load_world(Path(source.path))
 
 
 def check_unchanged(spec: MissionSpec, world: World) -> None:
-    """Compare the inputs with what the spec knows of them.
+    """Check the inputs against the hashes of a spec.
 
     Raises:
         PaveTwinError: some have changed; the message names each.
@@ -191,7 +191,7 @@ def check_unchanged(spec: MissionSpec, world: World) -> None:
             f"({world.content_hash[:12]})"
         )
     elif spec.defects.seed is None and world.defects_hash != spec.defects.content_hash:
-        changed.append(f"the world '{world.name}' has other defects than those that were looked for")
+        changed.append(f"the world '{world.name}' has other defects")
     changed += [difference for file in spec.files() if (difference := file.difference())]
     if changed:
         raise PaveTwinError(f"The mission's inputs have changed: {'; '.join(changed)}.")
@@ -207,7 +207,7 @@ def defects_of(world: World, source: DefectInput, targets: Sequence[str] = ()) -
 
 
 def aircraft_of(spec: MissionSpec) -> tuple[Aircraft, ...]:
-    """The tracks of other aircraft.
+    """Tracks of other aircraft.
 
     Raises:
         PaveTwinError: their file is not a table of tracks.
@@ -226,11 +226,11 @@ def traffic_of(
     area: TrafficArea | None = None,
     first_s: float = FIRST_DURATION_S,
 ) -> Replay:
-    """The recorded traffic of a mission; recorded now where it was not before.
+    """The recorded traffic of a mission, recorded now if it was not before.
 
     Args:
         area: the streets with traffic; None for the whole town.
-        first_s: how much is recorded from take-off on; a mission that lasts longer extends it.
+        first_s: time recorded from take-off on; a longer mission extends it.
 
     Raises:
         PaveTwinError: it cannot be recorded, or the recording is of another world.

@@ -1,8 +1,8 @@
-"""What became of every defect of the inspected segments: found, or missed and why.
+"""Outcome of every defect of the inspected segments: found, or missed and why.
 
-The reasons follow from what the kernel saw. Each capture of a defect's segment with its centre in the inspection window
-is judged again, by the kernel, with the traffic of that moment: how much of the defect is visible, and what hides the
-rest. A mission flies its plan to the end, with as many batteries as it takes, so no defect is missed because it ended.
+The kernel judges each capture of a defect's segment with the defect's centre in the inspection window again, with the
+traffic of that moment: how much of the defect is visible, and what hides the rest. A mission flies its plan to the end,
+with as many batteries as it takes, so no defect is missed because the mission ended.
 """
 
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
@@ -33,21 +33,23 @@ if TYPE_CHECKING:
 
 
 class DefectWatch:
-    """How much of defects captures show, worked out when the segment of the defects ends: the traffic of that time is
-    still in memory then, which is read again for whoever asks after landing."""
+    """Visible shares of defects, computed when their segment ends, while the traffic of that time is in memory.
+
+    After landing, the traffic would have to be read again.
+    """
 
     def __init__(self, environment: MissionEnvironment, settings: MissionSettings) -> None:
         self._environment, self._settings = environment, settings
         self.shares: dict[tuple[int, int], DefectShares] = {}
-        """Of a defect in a capture, by their numbers."""
+        """Shares by id of the defect and number of the capture."""
 
     def look_back(self, segment: int, captures: "CaptureColumns", confirmed: Container[int], trace: Trace) -> None:
-        """Note the defects of a segment that are not confirmed.
+        """Compute the shares of a segment's defects that are not confirmed.
 
         Args:
-            segment: its index.
-            captures: of the mission so far.
-            confirmed: ids of defects.
+            segment: index of the segment.
+            captures: the captures of the mission so far.
+            confirmed: ids of the confirmed defects.
         """
         environment = self._environment
         for number in environment.defects_by_segment.get(environment.world.segments[segment].id, ()):
@@ -65,7 +67,7 @@ def captures_of(defect: Defect, captures: "CaptureColumns", segment: int, settin
 def in_window(
     defect: Defect, x_m: Float64Array, y_m: Float64Array, yaw_rad: Float64Array, settings: MissionSettings
 ) -> IndexArray:
-    """Indices of the places of the UAV from which a defect's centre is in the inspection window."""
+    """Indices of the UAV's places with a defect's centre in the inspection window."""
     across_m, along_m = window_m(settings)
     east, north = defect.centre.x - x_m, defect.centre.y - y_m
     ahead_east, ahead_north = np.cos(yaw_rad), np.sin(yaw_rad)
@@ -76,7 +78,7 @@ def in_window(
 def shares_of(
     defect: int, capture: int, captures: "CaptureColumns", environment: MissionEnvironment, trace: Trace
 ) -> "DefectShares":
-    """What hides a defect in a capture."""
+    """Shares of a defect that are visible and hidden in a capture, by what hides them."""
     viewpoint = Viewpoint(
         position=(float(captures["x_m"][capture]), float(captures["y_m"][capture])),
         altitude_m=environment.altitude_m,
@@ -107,7 +109,7 @@ class MissReason(StrEnum):
 
     @property
     def words(self) -> str:
-        """As it goes into a sentence on missed defects."""
+        """The reason in a sentence on missed defects."""
         return _WORDS[self]
 
 
@@ -121,14 +123,14 @@ _WORDS: Final[Mapping[MissReason, str]] = {
     MissReason.BETWEEN_CAPTURES: "between two captures",
     MissReason.OUTSIDE_SWATH: "outside the camera's swath",
 }
-"""In the order in which sentences name them."""
+"""Reasons in the order of sentences."""
 
 
 def missed_words(reasons: Mapping[MissReason | None, int]) -> str:
-    """`3 hidden by vehicles in traffic, 1 too small for the pixels`; empty where nothing was missed.
+    """`3 hidden by vehicles in traffic, 1 too small for the pixels`; empty if nothing was missed.
 
     Args:
-        reasons: how many defects were missed for each reason; None, of those that were found, is left out.
+        reasons: number of defects by reason; None, for found defects, is left out.
     """
     return ", ".join(f"{count} {words}" for reason, words in _WORDS.items() if (count := reasons.get(reason)))
 
@@ -139,16 +141,16 @@ HIDDEN: Mapping[MissReason, str] = {
     MissReason.HIDDEN_BY_PEDESTRIANS: "behind_pedestrians",
     MissReason.HIDDEN_BY_FIXED_OBJECTS: "behind_solids",
 }
-"""The reasons of hidden defects, each with the kernel's name of the share that it hides."""
+"""The reasons of hidden defects, each with the kernel's name of the hidden share."""
 
 
 class PolicyResponse(StrEnum):
-    """What the policy did about a hidden defect."""
+    """Response of the policy to a hidden defect."""
 
     NOT_ASKED = "not_asked"
-    """Visibility of the window stayed at τ_o or above, so that no policy was asked."""
+    """The visibility of the window stayed at τ_o or above, so the policy was not asked."""
     GO_ON = "go_on"
-    """It was asked, and flew on."""
+    """The policy was asked and flew on."""
     WAIT = "wait"
     DISPLACE = "displace"
     REVISIT = "revisit"
@@ -156,27 +158,27 @@ class PolicyResponse(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class InspectedDefect:
-    """What became of one defect."""
+    """Outcome of one defect."""
 
     defect: Defect
     reason: MissReason | None
-    """None: it was found."""
+    """None for a found defect."""
     captures: int
-    """Of its segment, with its centre in the inspection window."""
+    """Number of captures of its segment with its centre in the inspection window."""
     captures_on_revisit: int
-    """Those of them during revisits."""
+    """Number of these during revisits."""
     capture: int | None
-    """Number of the capture that confirmed it; of a missed one, of the first that showed most of it."""
+    """The capture that confirmed it; for a missed defect the first capture that showed most of it."""
     time_s: float | None
-    """Of that capture."""
+    """Time of that capture."""
     visible_fraction: float | None
-    """Of its area, in that capture."""
+    """Visible share of its area in that capture."""
     on_revisit: bool | None
-    """Whether that capture was taken during a revisit."""
+    """True if that capture was taken during a revisit."""
     hidden_by: Mapping[MissReason, float] | None
-    """Of a hidden one: the shares of its area that were hidden, as means over the captures."""
+    """For a hidden defect, the hidden shares of its area, means over the captures."""
     responses: tuple[PolicyResponse, ...] = ()
-    """Of a hidden one: what the policy did while its centre was in the inspection window, and whether it came back."""
+    """For a hidden defect, the policy's responses while its centre was in the inspection window, and its revisits."""
 
     @property
     def is_found(self) -> bool:
@@ -214,10 +216,10 @@ def inspected_defects(result: FlownMission) -> tuple[InspectedDefect, ...]:
 
 
 def captured_frame(result: FlownMission, capture: int) -> Frame:
-    """A capture as its sensor had it, without sightings.
+    """The frame of a capture, without sightings.
 
     Args:
-        capture: its index in `result.captures`.
+        capture: index in `result.captures`.
     """
     settings, columns = result.settings, result.captures
     time_s = float(columns["t_s"][capture])
@@ -236,7 +238,7 @@ def captured_frame(result: FlownMission, capture: int) -> Frame:
 
 
 def _velocity_mps(result: FlownMission, capture: int) -> Place:
-    """Of the UAV over the ground at a capture: the speed of the track, in the direction in which its place changes.
+    """Velocity over the ground at a capture: the track's speed, in the direction in which its position changes.
 
     That is not always the yaw: displacements go sideways.
     """
@@ -315,8 +317,7 @@ class _Judge:
         return shares_of(defect, capture, result.captures, result.environment, result.trace)
 
     def _too_small(self, defect: Defect, captures: IndexArray, visible: Sequence[float]) -> bool:
-        """Whether the sensor had no chance in any capture that showed enough of it: at every one it covered too few
-        pixels."""
+        """True if the defect covered too few pixels in every capture that showed enough of it."""
         sensing, environment = self.result.settings.sensing, self.result.environment
         if not sensor_class(sensing.sensor).judges_size:
             return False
@@ -328,14 +329,14 @@ class _Judge:
 
     @cached_property
     def _frame_of(self) -> Callable[[int], Frame]:
-        """`captured_frame`, each made once: many defects are in it."""
+        """`captured_frame`, cached: a frame shows many defects."""
         return cache(partial(captured_frame, self.result))
 
     def _on_revisit(self, captures: IndexArray) -> int:
         return int(np.count_nonzero(self.result.captures["on_revisit"][captures]))
 
     def _responses(self, defect: Defect, captures: IndexArray) -> tuple[PolicyResponse, ...]:
-        """What the policy did about it, each kind once, in order; see `InspectedDefect.responses`."""
+        """The policy's responses, each kind once, in order; see `InspectedDefect.responses`."""
         track, rows = self.result.track, self._rows_of_actions
         x_m, y_m, yaw_rad = track["x_m"][rows], track["y_m"][rows], track["yaw_rad"][rows]
         above = in_window(defect, x_m, y_m, yaw_rad, self.result.settings)
@@ -359,6 +360,6 @@ class _Judge:
 
     @cached_property
     def _rows_of_actions(self) -> IndexArray:
-        """Rows of the track at which the policy acted: it is asked when the UAV looks, and every look is a row."""
+        """Rows of the track at which the policy acted: every look is a row, and the policy is asked at looks."""
         times = np.array([action.time_s for action in self._actions])
         return np.searchsorted(self.result.track["t_s"][:-1], times - LATE_S)

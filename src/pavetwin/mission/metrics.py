@@ -1,6 +1,16 @@
 """Metrics of a mission by segment, its totals, and the uncertainty of the share of defects found.
 
-Definitions: docs/explanation/definitions.md."""
+The interval of that share is that of Korn and Graubard (Confidence intervals for proportions with small expected number
+of positive counts estimated from survey data, Survey Methodology 24, 1998): Clopper and Pearson's for as many
+independent defects as would have the variance observed between streets,
+
+    n_eff = p (1 − p) / v · (t(N − 1) / t(df))²,   at most the N defects that exist.
+
+Few streets determine that variance v poorly, and not at all if every defect was found. It is therefore pooled with a
+prior variance, that of defects of one street correlated by `ALIKE`, weighted by `WEIGHT` degrees of freedom; both are
+assumptions of ours. The prior is left out where it would shorten the interval. docs/explanation/statistics.md gives
+the coverage of these intervals in simulations. Definitions: docs/explanation/definitions.md.
+"""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -19,7 +29,7 @@ from pavetwin.world.model import Segment
 
 @dataclass(frozen=True, slots=True)
 class SegmentMetrics:
-    """The metrics of one segment of a mission. A metric that is undefined is None."""
+    """Metrics of one segment of a mission. An undefined metric is None."""
 
     order: int
     segment: str
@@ -28,10 +38,10 @@ class SegmentMetrics:
     area_m2: float
     defects: int
     swept: int
-    """Defects whose centre the window passed over."""
+    """Number of defects whose centre the window passed over."""
     confirmed: int
     recovered: int
-    """Confirmed first during a revisit."""
+    """Number of defects first confirmed during a revisit."""
     coverage: float | None
     swath_coverage: float | None
     recovery: float | None
@@ -49,23 +59,23 @@ class SegmentMetrics:
     revisits: int
     swaps: int
     duplicates: int
-    """Detections of defects that were confirmed already."""
+    """Number of detections of confirmed defects."""
     false_alarms: int
-    """Detections of nothing."""
+    """Number of detections without a defect."""
     precision: float | None
-    """Detections that match a defect, as a share of those and the false alarms."""
+    """Matched detections over matched detections and false alarms."""
     false_alarms_per_100_m2: float | None
-    """Of the surface that was seen."""
+    """Per 100 m² of the surface seen."""
     pci: float
     """Pavement Condition Index (ASTM D6433) of the segment."""
     pci_found: float
-    """What it would be if nothing were there but the confirmed defects."""
+    """The index with the confirmed defects alone."""
     pci_error: float
-    """The latter less the former, in points."""
+    """`pci_found` − `pci`, in points."""
 
 
 class SegmentMeter:
-    """Reads the kernel's counters when a segment is opened and when it is closed.
+    """Meter of a segment: reads the kernel's counters when the segment is closed.
 
     A segment begins where the one before it ended, so that times and energies add up to the mission's.
     """
@@ -94,7 +104,7 @@ class SegmentMeter:
         """The row of a segment that has just ended.
 
         Args:
-            outcomes: of all detections of the mission so far.
+            outcomes: number of detections of the mission so far, by outcome.
         """
         segment = self._environment.world.segments[target]
         now = {
@@ -193,11 +203,11 @@ class Measured(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Totals:
-    """The totals of a mission. A share that is undefined is None."""
+    """Totals of a mission. An undefined share is None."""
 
     segments: int
     inspected: int
-    """Segments of which enough was seen."""
+    """Number of segments of which enough was seen."""
     defects: int
     swept: int
     confirmed: int
@@ -206,10 +216,10 @@ class Totals:
     swath_coverage: float | None
     recovery: float | None
     surface_coverage: float | None
-    """Weighted by area, as the next."""
+    """Weighted by area, like `permanently_hidden`."""
     permanently_hidden: float | None
     time_s: float
-    """From take-off to landing, swaps included."""
+    """From take-off to landing, including swaps."""
     energy: float
     """In batteries."""
     wait_s: float
@@ -221,16 +231,16 @@ class Totals:
     false_alarms: int
     precision: float | None
     false_alarms_per_100_m2: float | None
-    """Of the surface that was seen."""
+    """Per 100 m² of the surface seen."""
 
     @property
     def batteries(self) -> int:
-        """Full batteries to bring."""
+        """Number of full batteries to bring."""
         return self.swaps + 1
 
 
 def totals(mission: Measured) -> Totals:
-    """The sums over a mission's segments, and the whole flight's time, energy and distance.
+    """Sums over a mission's segments, and the whole flight's time, energy and distance.
 
     Args:
         mission: a result, or a mission in flight: then the sums are over the closed segments.
@@ -260,32 +270,32 @@ def totals(mission: Measured) -> Totals:
 
 LEVEL: Final = 0.95
 ALIKE: Final = 0.2
-"""Correlation of what becomes of two defects of one street: traffic hides them together."""
+"""Correlation of the outcomes of two defects of one street: traffic hides them together."""
 WEIGHT: Final = 4.0
-"""Degrees of freedom that the usual variance counts for."""
+"""Degrees of freedom of the prior variance."""
 ASSUMED: Final = 10.0
-"""Degrees of freedom of Student's t beside those observed. With only `WEIGHT` nearly all intervals held the truth."""
+"""Degrees of freedom added to the observed ones in Student's t. With `WEIGHT` alone the intervals are too wide."""
 
 _TAIL: Final = (1 - LEVEL) / 2
 
 
 @dataclass(frozen=True, slots=True)
 class FoundShare:
-    """A share of defects found, as far as it is known."""
+    """A share of defects found, with its interval."""
 
     share: float
     low: float
     high: float
-    """95 % interval of the share that endless streets like these would have."""
+    """95 % interval of the share over infinitely many streets like these."""
     defects: int
-    """That it rests on."""
+    """Number of defects behind the share."""
 
 
 def found_share(found: Sequence[int], defects: Sequence[int]) -> FoundShare | None:
-    """The share of all defects of some streets or segments, None where there are no defects.
+    """The share of defects found over some streets or segments; None without defects.
 
     Args:
-        found, defects: of each street or segment.
+        found, defects: numbers by street or segment.
     """
     m = np.array([count for count in defects if count], dtype=np.float64)
     y = np.array([each for each, count in zip(found, defects, strict=True) if count], dtype=np.float64)
@@ -293,17 +303,17 @@ def found_share(found: Sequence[int], defects: Sequence[int]) -> FoundShare | No
     if not total:
         return None
     share, freedom = float(y.sum()) / total, len(m) - 1
-    # Of a ratio, linearised: streets with more defects weigh more.
+    # Linearised variance of a ratio: streets with more defects weigh more.
     variance = len(m) / freedom * float(((y - share * m) ** 2).sum()) / total**2 if freedom else 0.0
     usual = float((m * (1 + (m - 1) * ALIKE)).sum()) / total**2
     return FoundShare(share, *limits(share, variance, usual, freedom, round(total)), round(total))
 
 
 def usual_of_street(defects: Float64Array) -> Float64Array:
-    """The usual variance of the share of each street, as a multiple of p (1 − p).
+    """Prior variance of the share of each street, as a multiple of p (1 − p).
 
     Args:
-        defects: (streets,) each above 0.
+        defects: (streets,) numbers above 0.
     """
     return 1 / defects + (1 - 1 / defects) * ALIKE
 
@@ -312,12 +322,12 @@ def limits(share: float, variance: float, usual: float, freedom: int, defects: i
     """The 95 % interval of a share.
 
     Args:
-        variance: of the estimate, as observed between streets.
-        usual: the usual variance, as a multiple of p (1 − p).
-        freedom: degrees of freedom of the observed one.
-        defects: that it rests on.
+        variance: variance of the estimate, observed between streets.
+        usual: prior variance, as a multiple of p (1 − p).
+        freedom: degrees of freedom of the observed variance.
+        defects: number of defects behind the share.
     """
-    from scipy.special import betaincinv, stdtrit  # a fifth of a second that no other part of a mission waits for
+    from scipy.special import betaincinv, stdtrit  # takes 0.2 s to import, and nothing else needs it
 
     spread = share * (1 - share)
     pooled = (freedom * variance + WEIGHT * spread * usual) / (freedom + WEIGHT)

@@ -62,7 +62,7 @@ from pavetwin.uav.wind import seen_velocity_mps
 
 
 class KernelMoment:
-    """Asks the kernel for what a snapshot does not hold ready. Immutable, like all it refers to."""
+    """The kernel's view of a moment, for what a snapshot computes on request. Immutable."""
 
     def __init__(self, predictor: DisplacementPredictor | None, time_s: float, trace: Trace) -> None:
         self._predictor = predictor
@@ -79,10 +79,10 @@ class KernelMoment:
 
 
 Event = Captured | Occluded | BatteryLow
-"""What a mission stops for and shows to those who fly it."""
+"""Events that stop a mission for an answer."""
 
 LEAST_PROGRESS_M = 1.0
-"""A full battery that does not bring a mission this much further never will."""
+"""A mission that a full battery does not bring this much further is out of reach."""
 
 
 class Traffic(Protocol):
@@ -120,8 +120,8 @@ class Mission:
             case Occluded(): mission.act(policy.decide(mission.snapshot(event)))
     ```
 
-    An event that is not answered is as if answered by doing nothing. `advance_until` flies a part of the mission; a
-    loop that is left early can be entered again, too.
+    An event without an answer changes nothing. `advance_until` flies a part of the mission, and a loop that is left
+    early can be entered again.
     """
 
     environment: MissionEnvironment
@@ -131,19 +131,19 @@ class Mission:
     """Indices of the segments to inspect, in order."""
     policy: str = ""
     sensor: str = ""
-    """Its name, for messages."""
+    """Name of the sensor, for messages."""
     other_classes: Collection[str] = ()
-    """Classes it reports that are not defects, see `pavetwin.sensing.Sensor`."""
+    """Classes that the sensor reports and that are not defects, see `pavetwin.sensing.Sensor`."""
     image_source: ImageSource | None = None
-    """Takes the images of frames, for sensors that look at them."""
+    """Renders the images of frames, for sensors that look at them."""
     every_capture: bool = False
-    """Whether captures that see no defect are events as well."""
+    """Captures that see no defect are events as well."""
     sees_confirmed: bool = False
-    """Whether frames show defects that are confirmed already as well."""
+    """Frames show confirmed defects as well."""
     looked_px: int | None = None
     """See `Sensor.looked_px`."""
     observer: MissionObserver = lambda _: None
-    """Told everything that happens."""
+    """Receives every event."""
     memory: InspectionMemory = field(default_factory=InspectionMemory)
     rows: list[SegmentMetrics] = field(default_factory=list)
 
@@ -155,13 +155,13 @@ class Mission:
         self.swaps = 0
         self.events: list[MissionEvent] = []
         self.is_over = False
-        """Whether the UAV has landed after its last segment."""
+        """The UAV has landed after its last segment."""
         self.detections = DetectionLog(self.environment, sensor=self.sensor, other_classes=self.other_classes)
         self._meter = SegmentMeter(self.environment)
         self._camera, self._exposure_s = camera_of(self.settings), shutter_s(self.settings)
         self._sun_elevation_deg = self.environment.sun_elevation_deg(self.settings.conditions)
         self.sighted: list[tuple[int, int, float]] = []
-        """Of all frames that were asked for: capture, id of a defect that it sees, visible fraction of that."""
+        """Sightings of all frames: number of the capture, id of the defect, visible fraction."""
         self._frame: Frame | None = None
         self._deferred: list[_Deferred] = []
         self._attempts: dict[int, int] = {}
@@ -173,10 +173,10 @@ class Mission:
         self._until_s = inf
         self._flying = self._fly()
 
-    # What those who fly it may ask and say.
+    # Questions and answers during the flight.
 
     def snapshot(self, event: Occluded | None = None) -> Snapshot:
-        """D_t now; with an occlusion event, it also holds the visibility at that event."""
+        """D_t now, with the visibility at an occlusion event if given."""
         occlusion = None
         if event is not None:
             episode = Episode(event.since_s, event.waited_s, event.displacements, event.since_displacement_m)
@@ -211,21 +211,21 @@ class Mission:
 
     @property
     def duration_s(self) -> float:
-        """Since take-off."""
+        """Time since take-off."""
         return self.flight.time_s
 
     @property
     def energy(self) -> float:
-        """Used so far, in batteries, over all swaps."""
+        """Energy used so far, in batteries, over all swaps."""
         return self.flight.energy_used
 
     @property
     def distance_m(self) -> float:
-        """Flown so far, over the ground."""
+        """Distance flown so far, over the ground."""
         return self.flight.distance_m
 
     def act(self, action: Action) -> None:
-        """Do what a policy decided."""
+        """Carry out a policy's action."""
         match action:
             case GoOn():
                 return
@@ -239,10 +239,10 @@ class Mission:
                 raise PaveTwinError(
                     f"The policy '{self.policy}' answered {action!r}; it must be GoOn, Wait, Displace or Revisit."
                 )
-        self._tell(ActionTaken(self.flight.time_s, self.flight.position, action))
+        self._emit(ActionTaken(self.flight.time_s, self.flight.position, action))
 
     def frame(self, event: Captured) -> Frame:
-        """The capture as a sensor sees it; each sighting in it is an attempt."""
+        """The frame of a capture for the sensor; each sighting in it is an attempt."""
         sightings, number = [], event.number
         for defect, fraction in event.sightings:
             attempt = self._attempts.get(defect, 0)
@@ -269,12 +269,12 @@ class Mission:
         return self._frame
 
     def confirm(self, detections: Sequence[Detection]) -> list[JudgedDetection]:
-        """As `note`, and what it was judged."""
+        """`note` the detections of the last frame, and return them with their judgements."""
         self.note(detections)
         return self.detections.latest() if detections else []
 
     def note(self, detections: Sequence[Detection]) -> None:
-        """Judge what a sensor reports of the last frame, and note the defects that it confirms.
+        """Judge the detections of the last frame, and remember the defects that they confirm.
 
         Raises:
             PaveTwinError: no frame was asked for.
@@ -289,7 +289,7 @@ class Mission:
             if not self.sees_confirmed:
                 for defect in confirmed:
                     self.flight.set_wanted(defect, False)
-            self._tell(DefectsConfirmed(self.flight.time_s, tuple(confirmed), self._on_revisit))
+            self._emit(DefectsConfirmed(self.flight.time_s, tuple(confirmed), self._on_revisit))
 
     def defer(self) -> None:
         """Keep the last frame for `judge_deferred`, in place of `note`.
@@ -347,16 +347,16 @@ class Mission:
         return DefectsConfirmed(deferred.time_s, tuple(confirmed), deferred.on_revisit)
 
     def __iter__(self) -> Iterator[Event]:
-        """Fly on to the end, from event to event."""
+        """Fly to the end, from event to event."""
         return self._events_until(inf)
 
     def advance_until(self, time_s: float, answer: Callable[[Event], object] = lambda _: None) -> list[MissionEvent]:
-        """Fly on to the first time step at or after a moment, or to the end. Returns what happened on the way.
+        """Fly to the first time step at or after a moment, or to the end, and return the events on the way.
 
-        A mission that is flown in parts gives the same results.
+        A mission flown in parts gives the same results.
 
         Args:
-            answer: called with every event on the way, to answer it with `confirm` or `act`.
+            answer: called with every event, to answer it with `confirm` or `act`.
         """
         known = len(self.events)
         for event in self._events_until(time_s):
@@ -377,10 +377,10 @@ class Mission:
         yield from self._take_off()
         for done, target in enumerate(self.targets):
             yield from self._inspect_segment(target, done)
-            self._tell(ProgressMade(self.flight.time_s, (done + 1) / len(self.targets)))
+            self._emit(ProgressMade(self.flight.time_s, (done + 1) / len(self.targets)))
         yield from self._go_home()
 
-    def _tell(self, event: MissionEvent) -> None:
+    def _emit(self, event: MissionEvent) -> None:
         self.events.append(event)
         self.observer(event)
 
@@ -392,12 +392,12 @@ class Mission:
                 "choose another altitude or segment."
             )
         self._segment = target
-        self._tell(SegmentStarted(self.flight.time_s, target))
+        self._emit(SegmentStarted(self.flight.time_s, target))
         revisits = 0
         plan = from_nearest_end(passes(segment, self.window_across_m, self.settings.pattern), self.flight.position)
         for number, line in enumerate(plan):
             yield from self._fly_pass(target, line)
-            self._tell(ProgressMade(self.flight.time_s, (done + (number + 1) / (len(plan) + 1)) / len(self.targets)))
+            self._emit(ProgressMade(self.flight.time_s, (done + (number + 1) / (len(plan) + 1)) / len(self.targets)))
             revisits += len(self.memory.notes)
             yield from self._revisit_notes(target, line)
         self._update_coverage(target)
@@ -416,10 +416,10 @@ class Mission:
                 swaps=self.swaps,
             )
         )
-        self._tell(SegmentFinished(self.flight.time_s, target))
+        self._emit(SegmentFinished(self.flight.time_s, target))
 
     def _fly_pass(self, target: int, line: Pass) -> Iterator[Event | Paused]:
-        """Fly a pass, with as many batteries as it takes; each but the first is full and must bring it further."""
+        """Fly a pass with as many batteries as it takes; each one after the first is full and must bring it further."""
         left, is_full = line, False
         while not (yield from self._fly_line(target, left)):
             rest = self._left if len(self._left) > 1 else left
@@ -430,7 +430,7 @@ class Mission:
             left, is_full = rest, True
 
     def _fly_line(self, target: int, line: Pass) -> Generator[Event | Paused, None, bool]:
-        """Fly to a line, turn and inspect along it; false when a battery was swapped before its end."""
+        """Fly to a line, turn and inspect along it; False if a battery was swapped before its end."""
         return (
             (yield from self._carry_out(lambda: self.flight.fly_to(_place(line[0]))))
             and (yield from self._carry_out(lambda: self.flight.turn_to(_yaw(line))))
@@ -438,7 +438,7 @@ class Mission:
         )
 
     def _revisit_notes(self, target: int, line: Pass) -> Iterator[Event | Paused]:
-        """Visit the places noted on this pass, in path order, each with a new attempt at what was tried before."""
+        """Visit the places noted on this pass, in path order, each with a new attempt at defects tried before."""
         route = LineString(line)
         notes = sorted(self.memory.notes, key=lambda note: route.project(Point(note.place)))
         self.memory = self.memory.forget_notes()
@@ -447,14 +447,14 @@ class Mission:
             for defect in again:
                 self.flight.set_wanted(defect, True)
             self._on_revisit = True
-            self._tell(NoteVisited(self.flight.time_s, note))
+            self._emit(NoteVisited(self.flight.time_s, note))
             yield from self._visit(target, note)
             self._on_revisit = False
             for defect in again:
                 self.flight.set_wanted(defect, False)
 
     def _visit(self, target: int, note: Note) -> Iterator[Event | Paused]:
-        """Stay over a noted place; with a second, full battery when the first was low."""
+        """Stay over a noted place, with a second, full battery if the first is low."""
         if (yield from self._stay_over(target, note)) or (yield from self._stay_over(target, note)):
             return
         raise self._too_far(target)
@@ -465,9 +465,9 @@ class Mission:
         )
 
     def _carry_out(self, command: Callable[[], None]) -> Generator[Event | Paused, None, bool]:
-        """Fly until the command is carried out; false when a battery was swapped instead, and the UAV is over its base.
+        """Fly until the command is carried out; False if a battery was swapped instead, and the UAV is over its base.
 
-        What was then left of the line under inspection is in `_left`. The recording is extended on the way.
+        `_left` then holds the rest of the line under inspection. The recording is extended on the way.
         """
         command()
         while True:
@@ -478,13 +478,13 @@ class Mission:
                     self._extend()
                 case BatteryLow():
                     self._left = self.flight.remaining()
-                    self._tell(BatteryRanLow(self.flight.time_s, self.flight.position))
+                    self._emit(BatteryRanLow(self.flight.time_s, self.flight.position))
                     yield event
                     yield from self._swap_battery()
                     return False
                 case Occluded(since_s=since_s, visibility=visibility) if since_s == event.time_s:
                     assert self._segment is not None
-                    self._tell(OcclusionStarted(event.time_s, self._segment, visibility))
+                    self._emit(OcclusionStarted(event.time_s, self._segment, visibility))
                     yield event
                 case _:
                     yield event
@@ -496,7 +496,7 @@ class Mission:
         self.flight.extend(longer)
 
     def _too_far(self, target: int) -> PaveTwinError:
-        self._tell(SegmentOutOfReach(self.flight.time_s, target))
+        self._emit(SegmentOutOfReach(self.flight.time_s, target))
         return PaveTwinError(
             f"One battery is too small to inspect '{self.environment.world.segments[target].id}' and to come back"
             f"{self._against_wind()}; lower energy.reserve or policy.max_wait_s, raise the capacity, fly another "
@@ -510,7 +510,7 @@ class Mission:
     def _swap_battery(self) -> Iterator[Event | Paused]:
         if self.flight.distance_m - self._swapped_at_m < LEAST_PROGRESS_M:
             if self._segment is not None:
-                self._tell(SegmentOutOfReach(self.flight.time_s, self._segment))
+                self._emit(SegmentOutOfReach(self.flight.time_s, self._segment))
             raise PaveTwinError(
                 f"One battery is too small to get anywhere and back{self._against_wind()}; lower energy.reserve, raise "
                 "the capacity, or fly another aircraft."
@@ -519,7 +519,7 @@ class Mission:
         yield from self._carry_out(lambda: self.flight.swap_battery(self.settings.energy.swap_s))
         self.swaps += 1
         self._swapped_at_m = self.flight.distance_m
-        self._tell(BatterySwapped(self.flight.time_s))
+        self._emit(BatterySwapped(self.flight.time_s))
         yield from self._take_off()
 
     def _take_off(self) -> Iterator[Event | Paused]:
@@ -545,7 +545,7 @@ def _length_m(line: Pass) -> float:
 
 
 def _yaw(line: Pass) -> float:
-    """The direction in which a line sets off."""
+    """Initial direction of a line."""
     steps = np.diff(line, axis=0)
     first = steps[np.flatnonzero(np.hypot(*steps.T) > 1e-6)[0]]
     return atan2(float(first[1]), float(first[0]))

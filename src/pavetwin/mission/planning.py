@@ -1,4 +1,4 @@
-"""Planning of missions: from a user's choices to the MissionSpec, its segments, its reach and its folder."""
+"""Planning of missions: from a user's choices to the specification, its segments, reach and folder."""
 
 import json
 import os
@@ -40,21 +40,22 @@ from pavetwin.world.store import load_record
 
 @dataclass(frozen=True, slots=True)
 class WayOut:
-    """The way to the point of a segment that takes most energy, and back, with one set of batteries."""
+    """The way to the point of a segment that takes the most energy, and back, with one set of batteries."""
 
     segment: int
-    """Its index."""
+    """Index of the segment."""
     distance_m: float
     """One way, along the NavMesh."""
     needed: float
-    """Share of the usable energy that climbing, flying out and back and landing take, at least: without turns,
-    inspection and waiting."""
+    """Least share of the usable energy: climb, way out and back, and landing, without turns, inspection and waiting."""
 
 
 def ways_out(environment: MissionEnvironment, settings: MissionSettings, targets: Sequence[int]) -> Iterator[WayOut]:
-    """For each segment the way to the point of its passes that takes most energy to fly out to and back, as the
-    aircraft flies: along the NavMesh, each leg in its wind. Every point of a pass is reached by a flight that begins at
-    the base with full batteries and ends there."""
+    """For each segment, the way to the point of its passes that takes the most energy to reach and return from.
+
+    Ways run along the NavMesh, each leg in its wind. A flight with full batteries from the base and back to it reaches
+    every point of a pass.
+    """
     flight = flight_settings(settings)
     start = environment.mesh.nearest(environment.world.base.x, environment.world.base.y)
     across_m = window_m(settings)[0]
@@ -68,10 +69,10 @@ def ways_out(environment: MissionEnvironment, settings: MissionSettings, targets
 
 
 def check_reach(environment: MissionEnvironment, settings: MissionSettings, targets: Sequence[int]) -> None:
-    """Refuse what one set of batteries cannot fly at all.
+    """Refuse segments out of reach of one set of batteries.
 
     Raises:
-        PaveTwinError: it does not bring the UAV to a segment and back; the message says what would help.
+        PaveTwinError: one set does not bring the UAV to a segment and back; the message names a remedy.
     """
     usable = 1.0 - settings.energy.reserve
     beyond = [way for way in ways_out(environment, settings, targets) if way.needed > usable]
@@ -80,26 +81,26 @@ def check_reach(environment: MissionEnvironment, settings: MissionSettings, targ
     farthest = max(beyond, key=lambda way: way.needed)
     segment = environment.world.segments[farthest.segment]
     profile, wind_mps = aircraft_of(settings), settings.conditions.wind_mps
-    who = f"a {profile.title}" if profile else "this UAV"
+    flyer = f"a {profile.title}" if profile else "this UAV"
     several = f"One battery is too small for {len(beyond)} of {len(targets)} segments, the farthest of them"
     what = several if len(beyond) > 1 else "One battery is too small for"
     wind = f" in a wind of {wind_mps:g} m/s" if wind_mps else ""
     help_wind = "wait for less wind, " if wind_mps else ""
     raise PaveTwinError(
         f"{what} '{segment.id}': {farthest.distance_m:.0f} m out and as far back at {settings.altitude_m:g} m{wind} "
-        f"take {who} at least {100 * farthest.needed:.0f} % of its usable energy, and a flight may use "
+        f"take {flyer} at least {100 * farthest.needed:.0f} % of its usable energy, and a flight may use "
         f"{100 * usable:.0f} %. Take off nearer to it (`base`), {help_wind}leave it out, fly another "
         "`aircraft` or with more energy (energy.capacity_wh, energy.reserve)."
     )
 
 
 def _there_and_back(way: Float64Array, flight: FlightSettings) -> float:
-    """Share of the batteries that flying along a way and back takes."""
+    """Share of the batteries for flying along a way and back."""
     return sum(_flown(line, flight.transit, flight.battery) for line in (way, way[::-1]))
 
 
 def _flown(way: Float64Array, limits: Limits, battery: Battery) -> float:
-    """Share of the batteries that flying along a way takes, at the speeds that the wind leaves."""
+    """Share of the batteries for flying along a way, at the speeds that the wind leaves."""
     total = 0.0
     for (x0, y0), (x1, y1) in pairwise(way.tolist()):
         length_m, yaw = hypot(x1 - x0, y1 - y0), atan2(y1 - y0, x1 - x0)
@@ -110,7 +111,7 @@ def _flown(way: Float64Array, limits: Limits, battery: Battery) -> float:
 
 
 def _up_and_down(flight: FlightSettings) -> float:
-    """Share of the batteries that the climb to the altitude and the landing take."""
+    """Share of the batteries for the climb to the altitude and the landing."""
     seconds = flight.altitude_m / flight.climb_speed_mps
     hover = (0.0, 0.0)
     climb = flight.battery.drained(hover, climb_mps=flight.climb_speed_mps, seconds=seconds)
@@ -135,10 +136,10 @@ def choose_targets(
     """Indices of the segments to inspect.
 
     Args:
-        count: how many; all that can be reached when not given.
-        names: inspect just these, in this order when `order` is random: ids of segments, or names of streets, which
+        count: number of segments; by default all that can be reached.
+        names: inspect exactly these, in this order if `order` is random: ids of segments, or names of streets, which
             stand for all their segments.
-        order: `random`, a randomised sequence; or `near`, a short tour from the base.
+        order: `random` for a randomised sequence, or `near` for a short tour from the base.
 
     Raises:
         PaveTwinError: a segment does not exist or cannot be reached, or the count does not fit.
@@ -192,7 +193,7 @@ def _named(environment: MissionEnvironment, names: Sequence[str]) -> list[int]:
 
 
 def short_tour(world: World, chosen: Sequence[int]) -> list[int]:
-    """Always the nearest next, then straightened by 2-opt: a short open tour from the base.
+    """A short open tour from the base: nearest neighbour, then 2-opt.
 
     Args:
         chosen: indices of the segments to inspect.
@@ -247,30 +248,30 @@ def plan_mission(
     base: tuple[float, float] | str | None = None,
     environment: MissionEnvironment | None = None,
 ) -> MissionSpec:
-    """Decide everything about a mission; nothing is flown or recorded yet.
+    """Specify a mission completely; nothing is flown or recorded yet.
 
     Args:
-        settings: the preset `default` when not given.
-        density: of the traffic: a name (`los-C`, `hour-08`, `high`) or numbers; ignored where `routes` or a `recording`
-            are given. Level of service C when not given, or the nearest that the world can reach.
-        mix: of the vehicles, where the density names none.
+        settings: by default the preset `default`.
+        density: of the traffic: a name (`los-C`, `hour-08`, `high`) or numbers; ignored if `routes` or a `recording`
+            are given. By default level of service C, or the nearest that the world can reach.
+        mix: mix of vehicles, if the density names none.
         routes: SUMO route files, driven as they are.
         recording: a file of recorded traffic.
-        traffic_seed: of traffic and parked vehicles; `seed` when not given.
-        take_off_s: when in the recording the mission begins; by default at once where a density is held, and after a
-            warm-up over a user's own demand (`OwnDemand.warm_up_s`).
-        segments: how many to inspect (None: all that can be reached), or the ids of those to inspect.
+        traffic_seed: seed of traffic and parked vehicles; by default `seed`.
+        take_off_s: time of take-off in the recording; by default 0 for a density, and after a warm-up for a user's own
+            demand (`OwnDemand.warm_up_s`).
+        segments: number of segments to inspect (None: all that can be reached), or their ids.
         order: `random`, or `near` for a short tour.
-        seed: of traffic, parked vehicles, order and sensor.
-        defect_seed: place the defects again under this seed, as those of the world were placed.
+        seed: seed of traffic, parked vehicles, order and sensor.
+        defect_seed: seed for other defects, placed with the world's options.
         airspace: a CSV file of other aircraft's tracks.
-        base: where the UAV takes off: (x, y) in metres of the world's frame, or a text as `parse_base` reads it; as
-            `settings.uav.base` says when not given.
-        environment: the world as `prepare` made it for these settings and defects, where that is done already.
+        base: place of take-off: (x, y) in metres of the world's frame, or a text for `parse_base`; by default according
+            to `settings.uav.base`.
+        environment: the result of `prepare` for these settings and defects, if it exists already.
 
     Raises:
-        PaveTwinError: something that is named does not exist, or a segment cannot be reached: there is no way, or none
-            that one set of batteries flies and comes back.
+        PaveTwinError: a name does not exist, or a segment is out of reach: no way leads there, or it takes more than
+            one set of batteries.
     """
     return plan_missions(
         world,
@@ -311,7 +312,7 @@ def plan_missions(
     base: tuple[float, float] | str | None = None,
     environment: MissionEnvironment | None = None,
 ) -> tuple[list[MissionSpec], MissionEnvironment]:
-    """Decide everything about missions that differ in their policy alone; and the environment that they share.
+    """Specify missions that differ only in their policy, and return them with their common environment.
 
     Args and Raises: as `plan_mission`.
     """
@@ -367,15 +368,15 @@ def _check_area(recording: Path | str, world: World, targets: Sequence[int]) -> 
 
 
 def policies_named(given: Iterable[str]) -> list[str]:
-    """Policies by their names, each once; `all` stands for every registered one."""
+    """Unique names of policies; `all` stands for every registered one."""
     return list(dict.fromkeys(name for each in given for name in (policy_names() if each == ALL else [each])))
 
 
 def settings_under(policy: str, policies: Iterable[str], settings: MissionSettings) -> MissionSettings:
-    """The settings of one of several policies that are flown with the same: of their options it gets those it has.
+    """The settings for one of several policies: of the common options it gets those that it has.
 
     Raises:
-        PaveTwinError: none of the policies has an option, or one of them is not known.
+        PaveTwinError: none of the policies has an option, or a policy is unknown.
     """
     options = settings.policy.options
     if not options or [*policies] == [policy]:
@@ -386,13 +387,13 @@ def settings_under(policy: str, policies: Iterable[str], settings: MissionSettin
 
 
 def check_names(settings: MissionSettings, policies: Iterable[str], seed: int) -> dict[str, str]:
-    """Whether all that a mission names is there, before anything takes time.
+    """Check every name of a mission before anything takes time.
 
     Returns:
-        The name that each policy has, by what was given for it.
+        The name of each policy, by the text given for it.
 
     Raises:
-        PaveTwinError: it is not; the message names the nearest.
+        PaveTwinError: a name is unknown; the message names the nearest.
     """
     if seed < 0:
         raise PaveTwinError(f"`seed` {seed}: seeds are whole numbers from 0.")
@@ -408,13 +409,13 @@ def check_names(settings: MissionSettings, policies: Iterable[str], seed: int) -
 
 
 def check_distinct(names: Mapping[str, str]) -> None:
-    """Whether policies can be told apart by their names.
+    """Check that policies have distinct names.
 
     Args:
-        names: the name that each policy has, by what was given for it.
+        names: the name of each policy, by the text given for it.
 
     Raises:
-        PaveTwinError: two have the same.
+        PaveTwinError: two names are the same.
     """
     for policy, name in names.items():
         first = next(other for other, its in names.items() if its == name)
@@ -423,15 +424,15 @@ def check_distinct(names: Mapping[str, str]) -> None:
 
 
 def base_point(base: tuple[float, float] | str | None, world: World) -> Point | None:
-    """A base as given to `plan_mission`, as a point of the world's frame."""
+    """The `base` of `plan_mission` as a point of the world's frame."""
     return parse_base(base, world) if isinstance(base, str) else None if base is None else Point(base)
 
 
 def defect_input(world: World, seed: int | None) -> DefectInput:
-    """The world's own defects, or others placed under a seed as those were.
+    """The world's own defects, or others placed under a seed with the same options.
 
     Raises:
-        PaveTwinError: the record of the world's folder does not fit.
+        PaveTwinError: the record of the world's folder is invalid.
     """
     if seed is None:
         return DefectInput()
@@ -449,7 +450,7 @@ def traffic_input(
     take_off_s: float | None = None,
     mix: str = "",
 ) -> TrafficInput:
-    """What the traffic of a mission is made from; see `plan_mission`.
+    """The source of a mission's traffic; see `plan_mission`.
 
     Raises:
         PaveTwinError: there is no such density or file, or the recording is of another world.
@@ -473,13 +474,15 @@ def traffic_input(
 def mission_folder(
     spec: MissionSpec, policies: Sequence[str], preset: str, *, usual_targets: bool, usual_base: bool = True
 ) -> Path:
-    """In the world's folder `missions`, or in `missions/WORLD` here where nothing can be written there: what is asked
-    for most, and a short hash of all that is unusual, as in `hover-high-1-10m-default-seed1-3f2a9c`.
+    """Default folder of a mission, such as `hover-high-1-10m-default-seed1-3f2a9c`.
+
+    It lies in the world's folder `missions`, or in `missions/WORLD` of the working directory if that is read-only. The
+    name has the main choices, and a short hash of all others that differ from their defaults.
 
     Args:
-        policies: one, or several that are flown over the same.
-        usual_targets: whether the targets follow from the seed alone.
-        usual_base: whether the base follows from the settings.
+        policies: one policy, or several flown over the same inputs.
+        usual_targets: the targets follow from the seed alone.
+        usual_base: the base follows from the settings.
     """
     unusual: dict[str, object] = {}
     if not usual_targets:

@@ -1,4 +1,4 @@
-"""The recorded traffic as a mission replays it: extended when the mission outlasts it, never wrapped."""
+"""Replay of recorded traffic in missions: extended if a mission outlasts it, never wrapped."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -18,57 +18,57 @@ from pavetwin.traffic.trace import trace_arguments
 from pavetwin.world.model import World
 
 FIRST_DURATION_S = 1200.0
-"""Recorded before the first flight at most; a mission of some ten segments fits."""
+"""Longest recording before the first flight; some ten segments fit."""
 
 FIRST_PER_TARGET_S = 150.0
-"""The same for each segment of a mission of few: half of the missions over the demo's town need 90."""
+"""Recorded per segment of a mission of few segments; half of the missions over the demo's town need 90."""
 
 HELD_ONCE = 1 << 19
-"""Poses that stay in memory beside those in use where a single mission is flown, which does not go back in time."""
+"""Poses kept in memory in addition to those in use if a single mission is flown, which does not go back in time."""
 
 GROWTH, GROWTH_S = 1.04, 15.0
-"""A recording that proves too short is made so many times as long, and so much longer at least. SUMO goes on from where
-it stopped: less would pack and read its end too often, more would simulate too much in vain."""
+"""Factor and least time by which a recording that is too short is extended. SUMO resumes where it stopped: smaller
+steps would pack and read its end too often, larger ones would simulate too much in vain."""
 
 
 def grown_s(known_s: float) -> float:
-    """How long a recording is made that proved too short."""
+    """New length of a recording that is too short."""
     return max(known_s * GROWTH, known_s + GROWTH_S)
 
 
 @dataclass
 class Replay:
-    """One recording, shared by all missions that are to be compared."""
+    """One recording, shared by all missions that are compared."""
 
     world: World
     recording: Recording
     routes: Sequence[str | Path] = ()
     aircraft: Sequence[Aircraft] = ()
-    """Others in the air, which the UAV keeps clear of at its own altitude."""
+    """Other aircraft, which the UAV keeps clear of at its own altitude."""
     file: Path | None = None
-    """The recording's file, where it was given as such and not by density or routes."""
+    """The recording's file, if it was given in place of density or routes."""
     start_s: float = 0.0
-    """When in the recording missions take off."""
+    """Time of take-off in the recording."""
     instead_of: str | None = None
-    """The traffic in whose place it is flown, since the world cannot reach it."""
+    """The traffic that this one replaces, since the world cannot reach it."""
     flies_once: bool = False
-    """Whether a single mission is flown over it, so that what is behind it need not stay in memory."""
+    """A single mission is flown, so that passed traffic need not stay in memory."""
     on_extend: Callable[[float], None] = lambda _: None
-    """Told the share done of an extension."""
+    """Receives the share done of an extension."""
     extending_s: float = field(default=0.0, init=False)
-    """How many seconds SUMO simulates for the latest extension."""
+    """Seconds that SUMO simulates for the latest extension."""
     recorder: Recorder | None = field(default=None, repr=False)
-    """Extends the recording; made when it is first needed."""
+    """Extends the recording; created when it is first needed."""
     _trace: Trace | None = field(default=None, init=False, repr=False)
     _entered: bool = field(default=False, init=False, repr=False)
 
     @property
     def area(self) -> TrafficArea | None:
-        """Where there is traffic; None for the whole town."""
+        """The streets with traffic; None for the whole town."""
         return self.recording.origin.area
 
     def source(self) -> TrafficInput:
-        """What it is made from, as a mission's spec names it."""
+        """The source of the traffic for a mission's spec."""
         origin = self.recording.origin
         return TrafficInput.of(
             origin.asked,
@@ -80,7 +80,7 @@ class Replay:
         )
 
     def taking_off_at(self, start_s: float) -> Self:
-        """The same, with missions that take off at a moment of the recording.
+        """The same replay, with take-off at a moment of the recording.
 
         Raises:
             PaveTwinError: the recording ends before it, or a user's own demand has ended by then.
@@ -97,7 +97,7 @@ class Replay:
         return self
 
     def recorded_s(self, time_s: float) -> float:
-        """When in the recording a moment of the mission is; take-off is at a step of it."""
+        """Time in the recording of a moment of the mission; take-off is at a step of the recording."""
         return round(self.start_s / self.recording.step_s) * self.recording.step_s + time_s
 
     def trace(self) -> Trace:
@@ -106,7 +106,7 @@ class Replay:
         return self._trace
 
     def _traced(self, known: Trace | None) -> Trace:
-        """The recording from take-off on, with the aircraft before all others; `known` is its beginning, if traced."""
+        """Trace of the recording from take-off on, aircraft first; `known` is the trace of its beginning."""
         ground = trace_arguments(self.recording.after(self.start_s))
         held_rows = HELD_ONCE if self.flies_once else None
         return Trace.of_parts(**with_aircraft(ground, self.aircraft), known=known, held_rows=held_rows)
@@ -154,12 +154,13 @@ def replay_of(
 ) -> Replay:
     """The traffic of a world at a density, recorded by SUMO now if it was not before.
 
+    SUMO keeps running, so that the recording can be extended, until the replay's `with` block or its life ends.
+
     Args:
         area: the streets with traffic; None for the whole town.
-        first_s: recorded from take-off on; missions that last longer extend it.
-
-    `on_search` is told the share done of the search for the demand of a level of service or an hour. SUMO keeps
-    running, so that the recording can be extended, until the replay's `with` block or its life ends.
+        first_s: time recorded from take-off on; longer missions extend it.
+        on_progress: called with the share recorded.
+        on_search: called with the share done of the search for the demand of a level of service or an hour.
 
     Raises:
         PaveTwinError: as `pavetwin.traffic.record.record`.

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Decision:
-    """Where a policy did something other than going on, or a battery was swapped."""
+    """A place where a policy did something other than fly on, or a battery was swapped."""
 
     time_s: float
     position: tuple[float, float]
@@ -47,47 +47,47 @@ class Decision:
 
 @dataclass(frozen=True)
 class MissionResult:
-    """A mission that was flown to its end."""
+    """Result of a mission flown to its end."""
 
     spec: MissionSpec
     environment: MissionEnvironment
     policy: str
-    """What the policy calls itself."""
+    """Name of the policy."""
     sensor: str
     rows: tuple[SegmentMetrics, ...]
     log: DetectionLog = field(repr=False)
-    """What the sensor reported."""
+    """The judged detections."""
     memory: InspectionMemory
     track: "TrackColumns"
     captures: "CaptureColumns"
     swept: frozenset[int]
-    """Defects, by their id, whose centre the inspection window passed over."""
+    """Ids of the defects whose centre the inspection window passed over."""
     sighted: tuple[tuple[int, int, float], ...]
-    """Of the frames that the sensor was shown: capture, id of a defect that it sees, visible fraction of that."""
+    """Sightings in the sensor's frames: number of the capture, id of the defect, visible fraction."""
     looked_px: int | None
     """See `Sensor.looked_px`."""
     trace: Trace
-    """The recorded traffic that it was flown against, from take-off on."""
+    """The recorded traffic, from take-off on."""
     duration_s: float
     energy: float
-    """In batteries, over all swaps."""
+    """Energy used, in batteries, over all swaps."""
     distance_m: float
     swaps: int
     events: tuple[MissionEvent, ...]
-    """Everything that happened, in the order of time."""
+    """All events, in the order of time."""
     recording: Recording | None = None
-    """The recorded traffic; None where it was handed in as a value."""
+    """The recording of the traffic; None if it was handed in as a value."""
     known_shares: Mapping[tuple[int, int], "DefectShares"] = field(default_factory=dict, repr=False)
-    """What hid a defect in a capture, by their numbers, as far as it was worked out in flight."""
+    """Shares computed in flight, by id of the defect and number of the capture."""
 
     @cached_property
     def detections(self) -> tuple[JudgedDetection, ...]:
-        """All that the sensor reported, in the order of time."""
+        """All detections, in the order of time."""
         return tuple(self.log.all)
 
     @cached_property
     def flow(self) -> Flow | None:
-        """How the recorded traffic flows."""
+        """Flow of the recorded traffic."""
         return None if self.recording is None else flow_of(self.recording)
 
     @cached_property
@@ -101,12 +101,12 @@ class MissionResult:
 
     @property
     def seed(self) -> int:
-        """Of the sensor."""
+        """Seed of the sensor."""
         return self.spec.seed
 
     @property
     def traffic(self) -> str:
-        """Name of the recording, such as `high-1`; empty where the traffic was handed in as a value."""
+        """Name of the recording, such as `high-1`; empty if the traffic was handed in as a value."""
         return "" if self.spec.traffic.density == HANDED_IN else self.spec.traffic.name
 
     @cached_property
@@ -116,7 +116,7 @@ class MissionResult:
 
     @cached_property
     def actions(self) -> tuple[Decision, ...]:
-        """Where the policy acted, and where the UAV turned back for another battery."""
+        """Places where the policy acted, and where the UAV turned back for another battery."""
         found = []
         for event in self.events:
             match event:
@@ -128,16 +128,16 @@ class MissionResult:
 
 
 def result_of(mission: Mission, spec: MissionSpec | None = None) -> MissionResult:
-    """What a mission leaves behind, for one whose events you answered yourself.
+    """The result of a mission whose events you answered yourself.
 
     Args:
-        spec: that it was made from; unless given, one over values, which cannot be flown again from its description.
+        spec: the mission's spec; by default one over values, which cannot be flown again from its description.
 
     Raises:
         PaveTwinError: the mission is not over.
     """
     if not mission.is_over:
-        raise PaveTwinError("The mission is not over: iterate over it to its end before you ask for its result.")
+        raise PaveTwinError("The mission is not over: iterate over it to its end first.")
     if spec is None:
         spec = spec_of(mission.environment, mission.traffic, mission.settings, mission.targets, HANDED_IN, seed=0)
     flight = mission.flight
@@ -172,7 +172,7 @@ def spec_of(
     policy: str,
     seed: int,
 ) -> MissionSpec:
-    """The spec of a mission over values; what was never a file is named as handed in."""
+    """The spec of a mission over values, with inputs that were never files named as handed in."""
     world = environment.world
     return MissionSpec.of(
         world=WorldInput.of(world),
@@ -190,6 +190,6 @@ def spec_of(
 
 
 def _tracks(traffic: Traffic) -> tuple[AircraftTrack, ...] | None:
-    """The tracks of other aircraft in traffic that is a value."""
+    """Tracks of other aircraft in traffic that is a value."""
     aircraft = traffic.aircraft if isinstance(traffic, Replay) else ()
     return tuple(AircraftTrack.of(each) for each in aircraft) or None

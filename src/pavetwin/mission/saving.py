@@ -47,7 +47,7 @@ _DEFECT_COLUMNS: dict[str, Any] = {
     **dict.fromkeys((reason.value for reason in HIDDEN), pl.Float64),
     **{"longitude": pl.Float64, "latitude": pl.Float64},
 }
-"""Of `defects.csv` and of the layer `defects`; docs/reference/files.md explains them."""
+"""Columns of `defects.csv` and of the layer `defects`, described in docs/reference/files.md."""
 
 DETECTION_COLUMNS: Final[Mapping[str, Any]] = {
     "time_s": pl.Float64,
@@ -67,11 +67,11 @@ DETECTION_COLUMNS: Final[Mapping[str, Any]] = {
     "is_cut": pl.Boolean,
     "footprint": pl.Binary,
 }
-"""Of `detections.parquet`."""
+"""Columns of `detections.parquet`."""
 
 
 def described(defect: Defect, world: World) -> dict[str, Any]:
-    """What a defect is and where: the properties that all files of a mission give it."""
+    """Properties of a defect in all files of a mission."""
     return {
         "id": defect.id,
         "class": defect.kind,
@@ -87,7 +87,7 @@ def described(defect: Defect, world: World) -> dict[str, Any]:
 
 
 def defects_table(result: MissionResult) -> pl.DataFrame:
-    """One row a defect of the inspected segments: what it is, whether it was found, and if not, why."""
+    """Table of the inspected segments' defects: one row a defect, found or missed and why."""
     rows = [_defect_row(outcome, result.environment.world) for outcome in result.inspected_defects]
     return pl.DataFrame(rows, schema=_DEFECT_COLUMNS)
 
@@ -140,7 +140,7 @@ def detections_geojson(result: MissionResult, frames: Sequence[str] = ()) -> dic
     """The confirmed defects as points in WGS 84 (RFC 7946), each with the capture that confirmed it.
 
     Args:
-        frames: for each detection, the file of its frame, where frames were taken.
+        frames: the image of each confirmed defect, if images were saved.
     """
     world = result.environment.world
     features = []
@@ -174,16 +174,16 @@ def detections_geojson(result: MissionResult, frames: Sequence[str] = ()) -> dic
 
 
 def look_table(result: MissionResult) -> pl.DataFrame:
-    """One row for each defect that a capture saw, and one with `defect` null for a capture that saw none, in the order
-    of captures; the columns of `LOOK_SCHEMA` and `POSE_SCHEMA`.
+    """Table of looks: the columns of `LOOK_SCHEMA` and `POSE_SCHEMA`, in the order of captures.
 
-    Defects count that the mission counts: enough of them is visible, and their centre is in the inspection window.
+    One row for each defect that a capture saw, and one with `defect` null for a capture that saw none. A capture sees
+    a defect if enough of it is visible and its centre is in the inspection window.
 
     Raises:
         ValueError: the mission's sensor looks at no images.
     """
     if result.looked_px is None:
-        raise ValueError("what a sensor without images finds are no looks")
+        raise ValueError("a sensor without images has no looks")
     meter, environment = LookMeter(result.looked_px), result.environment
     right = (Outcome.CONFIRMED, Outcome.DUPLICATE)
     found = {(each.capture, each.defect) for each in result.detections if each.outcome in right}
@@ -212,14 +212,14 @@ def look_table(result: MissionResult) -> pl.DataFrame:
 
 
 def street_table(result: MissionResult, reasons: pl.DataFrame) -> pl.DataFrame:
-    """One row a street, in the order of inspection.
+    """Table of streets, one row a street, in the order of inspection.
 
     Columns: `policy`, `street`, `segments` (ids), `length_m`, `area_m2`, `defects`, `found`, `coverage` (share of the
     defects), `surface_coverage` (by area), `hidden`, `not_recognised`, `other_missed`, `time_s`,
     `pci` and `pci_found` (of the segments, by area).
 
     Args:
-        reasons: `segment` and `reason` of each inspected defect, as in `defects.csv`; null where it was found.
+        reasons: `segment` and `reason` of each inspected defect, as in `defects.csv`; null if it was found.
     """
     grouped: dict[str, list[SegmentMetrics]] = {}
     for row in result.rows:
@@ -263,7 +263,7 @@ _MODE_NAMES = [mode.value for mode in MODES]
 
 
 def segment_table(result: MissionResult) -> pl.DataFrame:
-    """One row a segment, with the factors of the mission before the metrics."""
+    """Table of segments: the factors of the mission, then the metrics."""
     factors = {
         "world": result.environment.world.name,
         "traffic": result.traffic,
@@ -276,7 +276,7 @@ def segment_table(result: MissionResult) -> pl.DataFrame:
 
 
 def track_table(result: MissionResult) -> pl.DataFrame:
-    """The time series of the UAV's state, a row every look interval, with its WGS 84 position."""
+    """Time series of the UAV's state, a row every look interval, with its position in WGS 84."""
     track = result.track
     names = np.array([segment.id for segment in result.environment.world.segments] + [None], dtype=object)
     lonlat = result.environment.world.georeference.to_wgs84(np.column_stack([track["x_m"], track["y_m"]]))
@@ -293,9 +293,9 @@ def track_table(result: MissionResult) -> pl.DataFrame:
 
 
 def detections_table(result: MissionResult) -> pl.DataFrame:
-    """One row a detection with what it came to, false alarms included; places in WGS 84.
+    """Table of detections with their outcomes, including false alarms; places in WGS 84.
 
-    Sizes are null where the sensor measures none or the image does not show them.
+    Sizes are null if the sensor measures none or the image does not show them.
     """
     world, defects = result.environment.world, result.environment.defects
     shapes = [each.footprint or defects[each.defect or 0].polygon for each in result.detections]
@@ -325,12 +325,12 @@ def _measured(detection: JudgedDetection) -> tuple[float | str | bool | None, ..
 
 
 def description(result: MissionResult) -> dict[str, Any]:
-    """The mission's spec, from which it can be flown again, and its totals."""
+    """Content of `mission.yaml`: the spec, from which the mission can be flown again, and the totals."""
     return {**result.spec.as_values(), TOTALS: asdict(totals(result))}
 
 
 def save_mission(result: MissionResult, folder: Path | str) -> None:
-    """Write a mission's files into `folder`, all or none. A mission that is there already is replaced.
+    """Write a mission's files into `folder`, all or none, and replace an existing mission.
 
     Raises:
         PaveTwinError: the folder holds something else or cannot be written.
@@ -342,9 +342,9 @@ def save_mission(result: MissionResult, folder: Path | str) -> None:
 
 
 def save_missions(missions: Iterable[MissionResult], folder: Path) -> None:
-    """Write several missions into one folder, a folder each named by its policy.
+    """Write several missions into one folder, each in a folder named by its policy.
 
-    Each is written as soon as `missions` yields it, so an error in a later one loses none of those before.
+    Each is written as soon as `missions` yields it, so an error in one loses none of those before.
 
     Raises:
         PaveTwinError: as `save_mission`.
@@ -372,7 +372,7 @@ def save_missions(missions: Iterable[MissionResult], folder: Path) -> None:
 
 
 def check_mission_folder(folder: Path) -> None:
-    """Refuse to replace what is not a mission.
+    """Refuse to replace a folder that is not a mission.
 
     Raises:
         PaveTwinError: the folder exists, is not empty, and holds no mission.
@@ -397,5 +397,5 @@ def _write(result: MissionResult, folder: Path) -> None:
 
 
 def _write_table(table: pl.DataFrame, path: Path) -> None:
-    """By Arrow's writer, which says plainly when the disk is full."""
+    """Write a table by Arrow, whose errors name a full disk."""
     pyarrow.parquet.write_table(table.to_arrow(), path, compression="zstd")

@@ -1,7 +1,7 @@
-"""One mission as a value: everything that decides how it is flown, and nothing else.
+"""Specification of a mission as a value: everything that decides how it is flown, and nothing else.
 
-Whoever has a `MissionSpec` and the files it names can fly the same mission again: `fly(spec)`. It is what a mission's
-`mission.yaml` holds. Every file is named with its SHA-256, so that an input which is not what it was is noticed.
+`fly(spec)` repeats a mission from its `MissionSpec` and the files that it names. `mission.yaml` holds the spec. Every
+file is named with its SHA-256, so that a changed input is noticed.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,7 +28,7 @@ from pavetwin.uav.entries import own_file
 from pavetwin.world.model import World
 
 HANDED_IN: Final = "handed in"
-"""The path of an input that a Python caller gave as a value: it cannot be found again from the spec alone."""
+"""The path of an input that a Python caller gave as a value, which the spec alone cannot reproduce."""
 
 
 class FileInput(Settings):
@@ -47,7 +47,7 @@ class FileInput(Settings):
         return cls(path=str(place), sha256=file_sha256(place))
 
     def difference(self) -> str | None:
-        """What is not as it was, in words; None where the file is the same."""
+        """The change of the file in words; None if it is the same."""
         place = Path(self.path)
         if not place.is_file():
             return f"'{place}' is gone"
@@ -55,7 +55,7 @@ class FileInput(Settings):
 
 
 class WorldInput(Settings):
-    """The world, and the hash of all in it that stands still but its defects."""
+    """The world, and the hash of its static content except its defects."""
 
     name: str
     path: str
@@ -69,18 +69,18 @@ class WorldInput(Settings):
 
 
 class DefectInput(Settings):
-    """The defects that are looked for: the world's own, or placed under a seed."""
+    """The defects to look for: the world's own, or placed under a seed."""
 
     seed: NonNegativeInt | None = None
     """None for the world's own."""
     options: DefectOptions | None = Field(
         default_factory=lambda given: None if given.get("seed") is None else DefectOptions()
     )
-    """How they are placed under the seed."""
+    """Options of their placement under the seed."""
     on: Literal["world", "targets"] = "world"
-    """Where they are placed: studies place them on the inspected segments only, in the world's order."""
+    """Segments with defects: all, or, in studies, only the inspected ones, in the world's order."""
     content_hash: str = ""
-    """Of the defects themselves."""
+    """Hash of the defects themselves."""
 
 
 class TrafficInput(Settings):
@@ -89,19 +89,19 @@ class TrafficInput(Settings):
     density: str | None = None
     """Name of the density, level of service or hour, with its mix of vehicles; None for routes of the user's own."""
     vehicles_per_lane_km: float | None = None
-    """None where the closed loop finds it: for a level of service or an hour."""
+    """None for a level of service or an hour, where a search finds it."""
     pedestrians_per_sidewalk_km: float | None = None
     routes: tuple[FileInput, ...] = ()
     """SUMO demand of the user's own."""
     recording: FileInput | None = None
-    """The recording itself, where a file of it was given instead of a density or routes."""
+    """File of the recording, if given in place of a density or routes."""
     seed: NonNegativeInt = 0
     take_off_s: NonNegativeFloat = 0.0
-    """When in the recording the mission begins."""
+    """Time of take-off in the recording."""
     or_nearest: bool = False
-    """Where the world cannot reach the level of service, which nobody asked for, the nearest that it can is flown."""
+    """Fly the nearest level of service if the world cannot reach this one, which is a default."""
     instead_of: str | None = None
-    """The traffic in whose place this is flown, since the world cannot reach it."""
+    """The traffic that this one replaces, since the world cannot reach it."""
 
     @classmethod
     def of(
@@ -131,8 +131,7 @@ class TrafficInput(Settings):
         )
 
     def allows(self, flown: Self) -> bool:
-        """Whether `flown`, which is recorded, may stand where this is named: it is this, or the nearest to it where
-        that may be."""
+        """True if recorded traffic fits: it is this one, or the nearest to it if `or_nearest`."""
         if not self.or_nearest:
             return flown == self
         named = self.model_copy(update={"or_nearest": False})
@@ -141,24 +140,24 @@ class TrafficInput(Settings):
 
     @property
     def name(self) -> str:
-        """Of the recording, such as `high-1`."""
+        """Name of the recording, such as `high-1`."""
         return f"{self.density or USER}-{self.seed}"
 
     @property
     def mix(self) -> str:
-        """Name of the mix of vehicles; the default one for routes of the user's own."""
+        """Name of the mix of vehicles; the default mix for routes of the user's own."""
         asked = self.asked()
         return asked.mix if asked else DEFAULT_MIX
 
     def asked(self) -> Density | None:
-        """The density that SUMO is to hold; None for routes."""
+        """The density that SUMO holds; None for routes."""
         if self.density is None or self.pedestrians_per_sidewalk_km is None:
             return None
         return Density(self.density, self.vehicles_per_lane_km, self.pedestrians_per_sidewalk_km)
 
 
 class AircraftTrack(Settings):
-    """The track of another aircraft that a Python caller gave as a value, whole."""
+    """The track of another aircraft that a Python caller gave as a value."""
 
     name: str
     altitude_m: float
@@ -180,9 +179,9 @@ class PolicyInput(Settings):
     """The recovery policy: a registered name, or a class in a file."""
 
     name: str
-    """As `load_policy` takes it: `hover`, or `path/to/file.py:ClassName`."""
+    """A name for `load_policy`: `hover`, or `path/to/file.py:ClassName`."""
     files: tuple[FileInput, ...] = ()
-    """The policy's file, what it imports from beside it, and the data that these declare to read."""
+    """The policy's file, the modules next to it that it imports, and the data files that these declare."""
 
     @classmethod
     def of(cls, name: str) -> Self:
@@ -199,7 +198,7 @@ class PolicyInput(Settings):
 
 
 def files_of_settings(settings: MissionSettings) -> tuple[FileInput, ...]:
-    """The user's files that settings name (plugins, sensor, aircraft, camera, options), and what they depend on.
+    """The user's files that settings name (plugins, sensor, aircraft, camera, options), and their dependencies.
 
     Raises:
         PaveTwinError: a file cannot be read.
@@ -223,27 +222,27 @@ class MissionSpec(Settings):
 
     format: Literal[1] = FORMAT
     versions: Mapping[str, str] = Field(default_factory=software_versions)
-    """Of the software that decides the numbers, installed packages whose policy, sensor or the like it names included;
-    `fly` sets those that it flies with."""
+    """Versions of the software that decides the numbers, including installed packages that give a named policy, sensor
+    or the like; `fly` sets the present ones."""
     world: WorldInput
     defects: DefectInput = DefectInput()
     traffic: TrafficInput
     aircraft: FileInput | tuple[AircraftTrack, ...] | None = None
-    """Tracks of other aircraft: their file, or the tracks where they were given as values."""
+    """Tracks of other aircraft: their file, or the tracks themselves if they were given as values."""
     base: tuple[float, float] | None = None
-    """Where the UAV takes off, in metres of the world's frame; as `settings.uav.base` says where it is not given."""
+    """Place of take-off, in metres of the world's frame; by default according to `settings.uav.base`."""
     targets: Annotated[tuple[str, ...], Field(min_length=1)]
     """Ids of the segments to inspect, in this order."""
     policy: PolicyInput
     seed: NonNegativeInt = 0
-    """Of the sensor's random numbers."""
+    """Seed of the sensor's random numbers."""
     parking_seed: NonNegativeInt = 0
-    """Of the parked vehicles, which the settings describe."""
+    """Seed of the parked vehicles, which the settings describe."""
     parking_mix: str = DEFAULT_MIX
     """Name of the mix of vehicles that are parked."""
     settings: MissionSettings
     plugins: tuple[FileInput, ...] = ()
-    """As `files_of_settings` finds them."""
+    """Files from `files_of_settings`."""
 
     def with_policy(self, name: str, settings: MissionSettings | None = None) -> Self:
         """The same mission under another policy, as `load_policy` takes it.
@@ -278,7 +277,7 @@ class MissionSpec(Settings):
         )
 
     def as_values(self) -> dict[str, Any]:
-        """In plain values, as `mission.yaml` holds them."""
+        """Plain values, as in `mission.yaml`."""
         return self.model_dump(mode="json")
 
     def area(self, world: World) -> TrafficArea | None:
@@ -293,7 +292,7 @@ class MissionSpec(Settings):
         return TrafficArea.around(world, self.targets, distance_m)
 
     def files(self) -> tuple[FileInput, ...]:
-        """All files it names, the world's aside."""
+        """All named files, except the world's."""
         recording = (self.traffic.recording,) if self.traffic.recording else ()
         aircraft = (self.aircraft,) if isinstance(self.aircraft, FileInput) else ()
         return (*self.traffic.routes, *recording, *aircraft, *self.policy.files, *self.plugins)

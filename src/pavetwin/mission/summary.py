@@ -1,5 +1,4 @@
-"""What came out of missions as people read it: tables of text cells, and sentences. The command line prints them, and
-the page shows them."""
+"""Summaries of missions for readers: tables of text cells, and sentences, for the command line and the page."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -17,7 +16,7 @@ ON_RETURN: Final = "found\non\nreturn\n%"
 """Heading of the share of defects that were found only on a revisit."""
 
 AT_MOST: Final = "of at\nmost %"
-"""Heading of the share of the surface that parked vehicles leave to be seen; where there are some."""
+"""Heading of the share of the surface that parked vehicles do not hide."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,14 +29,14 @@ class TableColumn:
     total: str = ""
     """Below the cells; empty where there is none."""
     is_name: bool = False
-    """The names of what the rows are about, which may be shortened where space is short; others are numbers or ids."""
+    """The cells are names, which may be shortened if space is short; others are numbers or ids."""
     is_left: bool = False
     best: frozenset[int] = frozenset()
-    """Rows with the best value, where one is better and they differ."""
+    """Rows with the best value, if values differ and one is better."""
 
 
 def segment_columns(result: MissionResult) -> tuple[TableColumn, ...]:
-    """One row a segment, and the sums; columns that say nothing are left out."""
+    """Table of segments with totals, without columns that are zero throughout."""
     sums, rows = totals(result), result.rows
     columns: list[tuple[str, str, Callable[[SegmentMetrics], str]]] = [
         ("segment", f"{sums.segments}", lambda row: row.segment),
@@ -72,7 +71,7 @@ def segment_columns(result: MissionResult) -> tuple[TableColumn, ...]:
 
 
 def comparison_columns(results: Sequence[MissionResult]) -> tuple[TableColumn, ...]:
-    """One row a policy."""
+    """Table of policies."""
     sums = [totals(mission) for mission in results]
     measures: list[tuple[str, Callable[[Totals], float | None], str, int]] = [
         (f"found of\n{sums[0].defects}\ndefects", lambda t: t.confirmed, "{:.0f}", 1),
@@ -132,7 +131,7 @@ def street_columns(results: Sequence[MissionResult]) -> tuple[TableColumn, ...]:
 
 
 def has_street_table(results: Sequence[MissionResult]) -> bool:
-    """Whether the rows by street say more than those by segment or by policy."""
+    """True if the table of streets adds to those of segments and policies."""
     return len(results) > 1 or 1 < len({row.street for row in results[0].rows}) < len(results[0].rows)
 
 
@@ -155,7 +154,7 @@ def sentence(results: Sequence[MissionResult]) -> str:
             found += f", {sums.false_alarms} false alarm{'s' if sums.false_alarms != 1 else ''}"
         surface = f"{_percent(sums.surface_coverage)} % of the surface seen"
         if sums.permanently_hidden:
-            surface += f" (of at most {_percent(_reachable(sums))} % beside parked vehicles)"
+            surface += f" (of at most {_percent(_reachable(sums))} % next to parked vehicles)"
         minutes = f"{sums.time_s / 60:.1f} min"
         if sums.swaps:
             changes = f"{sums.swaps} battery change{'s' if sums.swaps != 1 else ''}"
@@ -189,14 +188,13 @@ def _as_far_as_known(rows: Sequence[SegmentMetrics]) -> str:
 
 
 def remarks(results: Sequence[MissionResult]) -> list[str]:
-    """The lines below the sentence: what was missed and why, segments without defects, and what the numbers are not
-    of."""
+    """The lines below the sentence: missed defects and why, segments without defects, and the limits of the numbers."""
     world = results[0].environment.world
     return [*unprovoked(results), *missed_lines(results), *without_defects(results[0].rows), limits_line(world)]
 
 
 def unprovoked(results: Sequence[MissionResult]) -> list[str]:
-    """That several policies flew alike since nothing hid the road, if so."""
+    """A line if several policies flew alike because nothing hid the road."""
     if len(results) == 1 or any(totals(result).occlusions for result in results):
         return []
     least = results[0].spec.settings.visibility.threshold
@@ -204,7 +202,7 @@ def unprovoked(results: Sequence[MissionResult]) -> list[str]:
 
 
 def missed_lines(results: Sequence[MissionResult]) -> list[str]:
-    """For each mission that missed something, how many defects and why."""
+    """A line for each mission that missed defects: how many and why."""
     lines = []
     for result in results:
         reasons = Counter(outcome.reason for outcome in result.inspected_defects)
@@ -216,7 +214,7 @@ def missed_lines(results: Sequence[MissionResult]) -> list[str]:
 
 
 def without_defects(rows: Sequence[SegmentMetrics]) -> list[str]:
-    """How many of several segments have no defects, if any."""
+    """A line if some of several segments have no defects."""
     empty = sum(not row.defects for row in rows)
     if not 0 < empty < len(rows):
         return []
@@ -225,12 +223,12 @@ def without_defects(rows: Sequence[SegmentMetrics]) -> list[str]:
 
 
 def limits_line(world: World) -> str:
-    """What the numbers are not of."""
+    """The limits of the numbers."""
     return f"Defects are {PLACED}; not inspected: {outside_words(world)}."
 
 
 def _reachable(measured: SegmentMetrics | Totals) -> float | None:
-    """The share of the surface that parked vehicles leave to be seen."""
+    """Share of the surface that parked vehicles do not hide."""
     return None if measured.permanently_hidden is None else 1 - measured.permanently_hidden
 
 

@@ -1,13 +1,13 @@
-"""A mission over time: the whole twin at any moment, of a mission that was flown or is in flight.
+"""Timeline of a mission, flown or in flight: the whole twin at any moment.
 
 ```python
 timeline = Timeline(result)                   # or Timeline(mission), at any pause
 state = timeline.at(73.5)
 state.uav.position, state.visibility, state.found, state.missed
-timeline.events(60.0, 90.0)                   # what happened in between
+timeline.events(60.0, 90.0)                   # the events in between
 ```
 
-A timeline of a mission in flight tells everything up to the moment at which it was made; make another one later.
+A timeline of a mission in flight ends at the moment at which it was created; create another one later.
 """
 
 from bisect import bisect_right
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TimelineState:
-    """D_t at one moment of a mission, and what was done and found up to it."""
+    """D_t at one moment of a mission, with the actions and detections up to it."""
 
     time_s: float
     uav: UavState
@@ -59,22 +59,22 @@ class TimelineState:
     visibility: float | None
     """o_{s*,t} at the last look; None while nothing is under inspection."""
     captures: int
-    """How many inspection windows were captured so far: the first rows of the timeline's `captures`."""
+    """Number of captures so far: the first rows of the timeline's `captures`."""
     detections: tuple[JudgedDetection, ...]
-    """All that the sensor reported, false alarms and duplicates too, in the order of time."""
+    """All detections, including false alarms and duplicates, in the order of time."""
     found: Mapping[int, Confirmation]
     """The confirmed defects, by their id."""
     missed: frozenset[int]
-    """Defects, by their id, of segments that were left, not confirmed so far."""
+    """Ids of the defects of finished segments that are not confirmed so far."""
     finished: tuple[int, ...]
-    """Indices of the segments that were left, in order."""
+    """Indices of the finished segments, in order."""
     actions: tuple[ActionTaken, ...]
     notes: tuple[Note, ...]
     """Places that are still to be visited again."""
     wait_s: float
-    """Waited in all, to one sample of the track."""
+    """Time waited in total, to one sample of the track."""
     energy: float
-    """Used, in batteries, to one sample of the track."""
+    """Energy used, in batteries, to one sample of the track."""
     occlusions: int
     swaps: int
     _timeline: "Timeline" = field(repr=False, compare=False)
@@ -90,7 +90,7 @@ class TimelineState:
         return agents_of(self._timeline.trace.agents_at(self.time_s))
 
     def agents_near(self, place: Place, radius_m: float) -> "PoseColumns":
-        """Those whose body may reach into the disc, one array a column."""
+        """Agents whose body may reach into the disc, one array a column."""
         return self._timeline.trace.agents_near(*place, radius_m, self.time_s)
 
 
@@ -174,7 +174,7 @@ class Timeline:
         )
 
     def events(self, start_s: float = 0.0, end_s: float = inf) -> tuple[MissionEvent, ...]:
-        """What happened from `start_s` to `end_s`, both included, in order."""
+        """Events from `start_s` to `end_s`, both included, in order."""
         first = bisect_right(self._event_times_s, np.nextafter(start_s, -inf))
         return self._events[first : bisect_right(self._event_times_s, end_s)]
 
@@ -183,15 +183,15 @@ class Timeline:
         return max(0, int(np.searchsorted(self.track["t_s"], time_s + LATE_S)) - 1)
 
     def capture_count(self, time_s: float) -> int:
-        """How many rows of `captures` are of a moment and before."""
+        """Number of rows of `captures` up to a moment."""
         return int(np.searchsorted(self.captures["t_s"], time_s + LATE_S, side="right"))
 
     def interpolated(self, column: str, time_s: float | Float64Array) -> Float64Array:
-        """A column of the track at one or many moments; beyond its ends as at its ends."""
+        """A column of the track at one or many moments, constant beyond its ends."""
         return np.asarray(np.interp(time_s, self.track["t_s"], self.track[column]))  # type: ignore[literal-required]
 
     def trail(self, time_s: float, seconds: float) -> Float64Array:
-        """(n, 2) the places of the last `seconds`."""
+        """(n, 2) positions of the last `seconds`."""
         past = (self.track["t_s"] > time_s - seconds) & (self.track["t_s"] <= time_s)
         return np.column_stack([self.track["x_m"][past], self.track["y_m"][past]])
 
@@ -202,11 +202,11 @@ class Timeline:
 
     @cached_property
     def activity(self) -> UInt8Array:
-        """(n,) what the UAV did at each sample of the track, see `pavetwin.mission.track.activity`."""
+        """(n,) activity at each sample of the track, see `pavetwin.mission.track.activity`."""
         return activity(self.track)
 
     def first_reaction_s(self) -> float:
-        """When the policy first reacted or a battery ran low; else the first occlusion, the first look, or 0."""
+        """Time of the policy's first reaction or low battery; else of the first occlusion, the first look, or 0."""
         reactions = [e.time_s for e in self._events if isinstance(e, ActionTaken | BatteryRanLow)]
         if reactions:
             return reactions[0]
@@ -233,7 +233,7 @@ class Timeline:
 
 
 def _track_until_now(mission: Mission) -> "TrackColumns":
-    """The track of a mission in flight; its last row is of now."""
+    """The track of a mission in flight, up to its present moment."""
     track, flight = mission.flight.track(), mission.flight
     if len(track["t_s"]) and track["t_s"][-1] >= flight.time_s:
         return track

@@ -1,4 +1,4 @@
-"""What the track of a mission tells: what the UAV did at each sample, where it waited, stepped aside and came back.
+"""Activities in the track of a mission: at each sample, and the waits, displacements and revisits.
 
 World frame: metres, radians, seconds.
 """
@@ -23,13 +23,13 @@ SAME_PLACE_M = 1.5
 """Stops closer together than this are one."""
 
 STILL_MPS = 0.2
-"""Below this speed the UAV stands over a place."""
+"""Speed below which the UAV stands over a place."""
 
 MODES = tuple(Mode(name) for name in MODE_NAMES)
-"""By the numbers that the kernel's track holds."""
+"""Modes by their numbers in the kernel's track."""
 
 MODE_NUMBER = {mode: number for number, mode in enumerate(MODES)}
-"""Of a mode in the track."""
+"""Numbers of the modes in the track."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +49,9 @@ class Displacement:
 
 
 def activity(track: "TrackColumns") -> UInt8Array:
-    """(n,) for each sample, what the UAV did, by the number of its mode.
+    """(n,) number of the mode at each sample.
 
-    While it stands and looks whether to wait on, the kernel has it inspect; here it waits.
+    A look between two waits counts as waiting; for the kernel it is an inspection.
     """
     mode = np.array(track["mode"], dtype=np.uint8)
     looks = (mode == MODE_NUMBER[Mode.INSPECT]) & (track["speed_mps"] < STILL_MPS)
@@ -62,22 +62,22 @@ def activity(track: "TrackColumns") -> UInt8Array:
 
 
 def inspecting(track: "TrackColumns") -> BoolArray:
-    """(n,) for each sample, whether the camera was looking at a segment."""
+    """(n,) for each sample, True if the camera was looking at a segment."""
     return np.asarray(np.isfinite(track["visibility"]), dtype=np.bool_)
 
 
 def avoiding(track: "TrackColumns") -> BoolArray:
-    """(n,) for each sample, whether the UAV gave way to another aircraft."""
+    """(n,) for each sample, True if the UAV gave way to another aircraft."""
     return np.asarray(track["mode"] == MODE_NUMBER[Mode.AVOID], dtype=np.bool_)
 
 
 def waits(track: "TrackColumns") -> list[HoverStop]:
-    """Where the policy waited, and for how long in all."""
+    """Places where the policy waited, with the total time at each."""
     return _stops(track, activity(track) == MODE_NUMBER[Mode.WAIT])
 
 
 def revisits(track: "TrackColumns") -> list[HoverStop]:
-    """The places that were visited again, and how long the UAV stood and looked there."""
+    """Revisited places, with the time that the UAV stood and looked there."""
     stands = track["speed_mps"] < STILL_MPS
     return _stops(track, (track["mode"] == MODE_NUMBER[Mode.REVISIT]) & stands & inspecting(track))
 
@@ -99,7 +99,7 @@ def _stops(track: "TrackColumns", chosen: BoolArray) -> list[HoverStop]:
 
 
 def displacements(track: "TrackColumns") -> list[Displacement]:
-    """Each displacement, from where it set out to the farthest place it came to."""
+    """All displacements, from their start to the farthest place."""
     steps = []
     for rows in runs(track["mode"] == MODE_NUMBER[Mode.DISPLACE]):
         x, y = track["x_m"][rows], track["y_m"][rows]
@@ -111,6 +111,6 @@ def displacements(track: "TrackColumns") -> list[Displacement]:
 
 
 def runs(chosen: BoolArray) -> list[slice]:
-    """The unbroken stretches of true values, as slices."""
+    """Slices of consecutive true values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(np.int8)))
     return [slice(int(start), int(end)) for start, end in zip(edges[::2], edges[1::2], strict=True)]

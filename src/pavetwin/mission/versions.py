@@ -24,10 +24,10 @@ ALWAYS: Final = ("pavetwin", "libsumo", "numpy", "scipy", "shapely")
 """Distributions that decide a mission's numbers."""
 
 RENDERER: Final = "wgpu"
-"""The one that decides its images as well."""
+"""The distribution that decides its images as well."""
 
 ADAPTER: Final = "adapter"
-"""The graphics adapter that images are drawn with, with its driver."""
+"""The key of the graphics adapter that renders images, with its driver."""
 
 NONE: Final = "none"
 
@@ -38,9 +38,9 @@ def software_versions(
     """Versions of Python and of what decides a mission's numbers, by distribution.
 
     Args:
-        images: with what renders, for results that depend on images.
-        adapter: the graphics adapter; the one that is found unless given.
-        packages: installed packages that gave policies, sensors or the like, see `packages_in_use`.
+        images: include the renderer, for results that depend on images.
+        adapter: the graphics adapter; by default the present one.
+        packages: installed packages that give policies, sensors or the like, see `packages_in_use`.
     """
     names = (PYTHON, *ALWAYS, *((RENDERER,) if images else ()))
     found = {name: known for name in names if (known := _version(name))} | dict(packages)
@@ -48,7 +48,7 @@ def software_versions(
 
 
 def packages_in_use(settings: MissionSettings, policy: str, defect_classes: Iterable[str] = ()) -> dict[str, str]:
-    """Versions by name of the installed packages that give what a mission names; see `packages_of`."""
+    """Versions of the installed packages that a mission's names come from, by package; see `packages_of`."""
     return packages_of(
         (
             (POLICIES, policy),
@@ -63,16 +63,16 @@ def packages_in_use(settings: MissionSettings, policy: str, defect_classes: Iter
 
 
 def renderer_of(versions: Mapping[str, str]) -> str | None:
-    """What drew the images that a result depends on, in words; None where there were none."""
+    """The renderer of the images behind a result, in words; None without images."""
     return f"{RENDERER} {versions[RENDERER]}, {versions[ADAPTER]}" if versions.keys() >= {RENDERER, ADAPTER} else None
 
 
 def version_changes(before: Mapping[str, str], *, adapter: str | None = None) -> list[str]:
-    """What is another now than it was, in words such as `numpy 1.0 (now 2.1)`.
+    """Changes of versions, in words such as `numpy 1.0 (now 2.1)`.
 
     Args:
-        before: as `software_versions` gave it then.
-        adapter: the graphics adapter of now; the one that is found unless given.
+        before: the earlier result of `software_versions`.
+        adapter: the present graphics adapter; found if not given.
     """
     now = software_versions(images=not before.keys().isdisjoint((RENDERER, ADAPTER)), adapter=adapter)
     pairs = {
@@ -83,7 +83,7 @@ def version_changes(before: Mapping[str, str], *, adapter: str | None = None) ->
 
 @cache
 def _version(name: str) -> str:
-    """Of Python or a distribution; empty where it is not installed."""
+    """Version of Python or a distribution; empty if it is not installed."""
     try:
         return python_version() if name == PYTHON else version(name)
     except PackageNotFoundError:
@@ -92,7 +92,7 @@ def _version(name: str) -> str:
 
 @cache
 def _adapter() -> str:
-    """The adapter that frames are drawn with; empty where there is none."""
+    """The graphics adapter that renders frames; empty without one."""
     from pavetwin.render.adapter import find_adapter  # headless missions load no renderer
 
     try:

@@ -20,7 +20,7 @@ from pavetwin.world.model import World
 from pavetwin.world.solids import Solids, solids
 
 CORRIDOR_MARGIN_M = 4.0
-"""How far the corridor reaches beyond the carriageway and the junctions."""
+"""Width of the corridor beyond the carriageway and the junctions."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def flight_domain(world: World, altitude_m: float, standing: Solids | None = Non
     polygons = [part for part in shapely.get_parts(surface) if isinstance(part, Polygon) and part.area > 1.0]
     if not polygons:
         raise PaveTwinError(
-            f"`altitude_m` {altitude_m:g}: nothing is left to fly in over '{world.name}'; "
+            f"`altitude_m` {altitude_m:g}: no flight domain is left over '{world.name}'; "
             "every corridor is built over. Choose another altitude."
         )
     return FlightDomain(altitude_m, shapely.simplify(shapely.union_all(polygons), 0.02))
@@ -78,7 +78,7 @@ def navmesh(world: World, altitude_m: float, agent_radius_m: float, standing: So
     """The NavMesh at an altitude, baked by Recast, or read from the cache.
 
     Raises:
-        PaveTwinError: nothing is left to fly in at this altitude.
+        PaveTwinError: no flight domain is left at this altitude.
     """
     place = _place(world, altitude_m, agent_radius_m)
     if place is not None and place.is_file() and (mesh := _load(place)) is not None:
@@ -103,14 +103,14 @@ def part_at(mesh: NavMesh, place: shapely.Point) -> int | None:
 
 
 def segments_in_reach(world: World, mesh: NavMesh) -> tuple[bool, ...]:
-    """For each segment, whether a way leads from the base to its middle."""
+    """For each segment, True if a way leads from the base to its middle."""
     base = part_at(mesh, world.base)
     middles = (segment.centre_line.interpolate(0.5, normalized=True) for segment in world.segments)
     return tuple(base is not None and part_at(mesh, middle) == base for middle in middles)
 
 
 def save_geopackage(mesh: NavMesh, world: World, path: Path) -> None:
-    """The polygons as one georeferenced GeoPackage layer.
+    """Write the polygons as one georeferenced GeoPackage layer.
 
     Raises:
         PaveTwinError: it cannot be written.

@@ -26,7 +26,7 @@ pattern = PATTERNS.register
 
 
 def half_widths(segment: Segment) -> tuple[float, float]:
-    """How far the segment's surface reaches to the left and to the right of its centre line, in metres."""
+    """Extent of a segment's surface to the left and right of its centre line, in metres."""
     line = segment.centre_line
     rim = shapely.points(shapely.get_coordinates(shapely.segmentize(segment.polygon, 2.0)))
     at = shapely.line_locate_point(line, rim)
@@ -40,7 +40,7 @@ def half_widths(segment: Segment) -> tuple[float, float]:
 
 
 def passes(segment: Segment, window_across_m: float, settings: PatternSettings) -> list[Pass]:
-    """The passes of a segment, in flying order, every other one backwards.
+    """Passes of a segment in flying order, every other one backwards.
 
     Raises:
         PaveTwinError: there is no such pattern.
@@ -51,7 +51,7 @@ def passes(segment: Segment, window_across_m: float, settings: PatternSettings) 
 
 
 def from_nearest_end(result: Sequence[Pass], start: tuple[float, float]) -> list[Pass]:
-    """The same passes, begun at whichever end of the first or the last of them is nearest to `start`."""
+    """The passes, from the end of the first or last one that is nearest to `start`."""
     reverse = [line[::-1] for line in result]
     variants = (list(result), list(result)[::-1], reverse, reverse[::-1])
     return min(variants, key=lambda variant: float(np.hypot(*(variant[0][0] - start))))
@@ -74,7 +74,7 @@ def _parallel(line: LineString, offset_m: float) -> Pass:
 
 @pattern("boustrophedon")
 def boustrophedon(left_m: float, right_m: float, window_m: float, settings: PatternSettings) -> Sequence[float]:
-    """As many parallel passes as the window's width and the side overlap need, at least one, evenly spaced."""
+    """Evenly spaced parallel passes, at least one, for the window's width and the side overlap."""
     spare_m = left_m + right_m - window_m
     if spare_m <= 0:
         return [(left_m - right_m) / 2]

@@ -1,4 +1,4 @@
-"""Where the UAV takes off and lands."""
+"""Place of take-off and landing."""
 
 from dataclasses import replace
 
@@ -16,27 +16,26 @@ from pavetwin.world.model import LaneKind, World
 from pavetwin.world.solids import SolidKind, Solids, solids
 
 CLEARANCE_M = 1.0
-"""Between the UAV and the kerb, and between it and whatever stands beside it."""
+"""Distance from the UAV to the kerb and to everything that stands next to it."""
 
 BAKING_LOSS_M = 0.5
-"""How much narrower than the flight domain a baked mesh may be."""
+"""Largest loss of width of a baked mesh relative to the flight domain."""
 
 REACHES_M = (100.0, 500.0)
-"""How far from the world's base a place beside the carriageway is looked for, one after the other."""
+"""Search radii around the world's base for a place next to the carriageway, in order."""
 
 IN_DEGREES_M = 2000.0
-"""Two numbers are degrees where they name a place this near to a street."""
+"""Two numbers are read as degrees if their place is this near to a street."""
 
 NOT_IN_METRES_M = 100.0
-"""Two numbers that may be degrees are not taken as metres this far from a street."""
+"""Two numbers that may be degrees are not read as metres this far from a street."""
 
 
 def roadside(world: World, radius_m: float, standing: Solids) -> Point:
-    """The place nearest to the world's base that is beside the carriageway and can be flown to at every altitude.
+    """The place next to the carriageway that is nearest to the world's base and can be reached at every altitude.
 
-    The UAV keeps `CLEARANCE_M` from the kerb, from everything that stands there, whatever its height, and from
-    parking places. It is on no sidewalk where a place without one is near. The world's base itself where nothing
-    beside the road is free.
+    The UAV keeps `CLEARANCE_M` from the kerb, from standing objects of any height, and from parking places, and avoids
+    sidewalks if possible. Without a free place the result is the world's base.
     """
     for reach_m in REACHES_M:
         free = _roadside(world, radius_m, standing, reach_m)
@@ -47,7 +46,7 @@ def roadside(world: World, radius_m: float, standing: Solids) -> Point:
 
 
 def with_roadside_base(world: World, radius_m: float) -> World:
-    """The world as missions of the preset `default` fly over it, for maps of it."""
+    """The world with the base of missions of the preset `default`, for maps."""
     return replace(world, base=roadside(world, radius_m, solids(world)))
 
 
@@ -62,7 +61,7 @@ def _roadside(world: World, radius_m: float, standing: Solids, reach_m: float) -
     blocked = shapely.union_all(shapely.buffer(bases, keep_m)) if len(bases) else Point()
     within = carriageway.buffer(CORRIDOR_MARGIN_M - radius_m - BAKING_LOSS_M).intersection(around).difference(blocked)
     connected = min(shapely.get_parts(within), key=world.base.distance, default=Point())
-    beside = connected.difference(carriageway.buffer(keep_m + 0.01))  # of the rounding
+    beside = connected.difference(carriageway.buffer(keep_m + 0.01))  # for rounding
     walks = [
         lane.centre_line.buffer(lane.width_m / 2 + radius_m)
         for lane in world.lanes_of(LaneKind.SIDEWALK)
@@ -87,28 +86,28 @@ def _bases_near(standing: Solids, place: Point, reach_m: float) -> list[shapely.
 
 
 def check_base(world: World, base: Point, altitude_m: float, radius_m: float, standing: Solids) -> None:
-    """Whether the UAV can rise from a place to its altitude and is over the streets there.
+    """Check that the UAV can rise from a place to its altitude and is over the streets there.
 
     Raises:
-        PaveTwinError: it cannot; the message says what is in the way.
+        PaveTwinError: something is in the way; the message names it.
     """
     where = f"`base` {base.x:g},{base.y:g}"
     aside_m = _from_streets(world, base)
     if aside_m > CORRIDOR_MARGIN_M - radius_m - BAKING_LOSS_M:
         raise PaveTwinError(
             f"{where}: the nearest street is {aside_m:.1f} m away, and the UAV flies over streets and up to "
-            f"{CORRIDOR_MARGIN_M - radius_m - BAKING_LOSS_M:g} m beside them; choose a place nearer to one."
+            f"{CORRIDOR_MARGIN_M - radius_m - BAKING_LOSS_M:g} m next to them; choose a place nearer to one."
         )
     for index in standing.between(0.0, altitude_m + VERTICAL_CLEARANCE_M).tolist():
         if shapely.Polygon(standing.base(index)).dwithin(base, radius_m):
             thing = SolidKind(standing.kind[index]).name.lower().replace("_", " ")
-            raise PaveTwinError(f"{where}: there is no room beside what stands there ({thing}); choose a free place.")
+            raise PaveTwinError(f"{where}: a standing object leaves no room ({thing}); choose a free place.")
 
 
 def parse_base(text: str, world: World) -> Point:
     """A place from `LAT,LON` in degrees or `x,y` in metres of the world's frame.
 
-    Two numbers are degrees where they name a place in the world.
+    Two numbers are degrees if they name a place in the world.
 
     Raises:
         PaveTwinError: the text is not two numbers, or they may be degrees and name no place near a street either way.
@@ -129,7 +128,7 @@ def parse_base(text: str, world: World) -> Point:
         if aside_m > NOT_IN_METRES_M:
             raise PaveTwinError(
                 f"`base` {text}: in degrees it is {away_m / 1000:,.0f} km from the nearest street of the world, in "
-                f"metres of its frame {aside_m:,.0f} m; choose a place beside a street."
+                f"metres of its frame {aside_m:,.0f} m; choose a place next to a street."
             )
     return Point(first, second)
 

@@ -10,7 +10,7 @@ from pavetwin.policies.registered import policy
 from pavetwin.twin import Snapshot
 
 DIRECTIONS = 16
-"""Of the candidates of `micro`, here and below."""
+"""Number of directions of the candidates of `micro`."""
 
 RINGS = (1 / 3, 2 / 3, 1.0)
 """Radii of the candidates, as shares of `max_displacement_m`."""
@@ -19,17 +19,17 @@ LEAST_GAIN = 0.05
 """A displacement must be predicted to show at least this share of the hidden cells more than staying does."""
 
 SHARE_DIGITS = 9
-"""Shares that are the same to so many decimals are equal: they are of some hundred cells, and what differs less is the
-last digits of floating-point numbers, which differ from processor to processor."""
+"""Decimals to which shares are compared: they count some hundred cells, and smaller differences are floating-point
+noise that varies with the processor."""
 
 
 @policy("baseline")
 class Baseline(Policy):
-    """Flies on whatever it sees."""
+    """Fly on in any case."""
 
     reads = frozenset()
     pilot = Pilot.ANY
-    by_hand = "The autopilot flies the plan as it is; nobody reacts to the traffic."
+    by_hand = "The autopilot flies the plan without reacting to traffic."
 
     def decide(self, snapshot: Snapshot) -> Action:  # noqa: ARG002
         return GoOn()
@@ -57,14 +57,14 @@ class Hover(Policy):
 class Micro(Policy):
     """One displacement δ, ‖δ‖ ≤ d_max: the candidate from which most of the hidden cells are predicted to be seen.
 
-    Of equals the shortest is taken. It acts again in the same episode once a window's length further along the route,
-    where other cells are hidden.
+    The shortest of equal candidates is taken. It acts again in the same episode one window length further along the
+    route, where other cells are hidden.
     """
 
     reads = frozenset({"max_displacement_m"})
     pilot = Pilot.NOBODY
     by_hand = (
-        "The step aside is computed from the places of all vehicles around the drone, which a pilot does not know."
+        "The displacement is computed from the positions of all vehicles around the drone, which a pilot does not know."
     )
 
     def __init__(self, settings: PolicySettings) -> None:
@@ -87,7 +87,7 @@ class Micro(Policy):
 
 @policy("skip")
 class Skip(Policy):
-    """Notes the place (none closer than `note_spacing_m`, at most one every `note_interval_s`) and goes on."""
+    """Note the place (none closer than `note_spacing_m`, at most one every `note_interval_s`) and fly on."""
 
     reads = frozenset({"note_spacing_m", "note_interval_s", "revisit_stay_s"})
     pilot = Pilot.OBSERVER

@@ -62,14 +62,14 @@ Action = GoOn | Wait | Displace | Revisit
 
 
 class Pilot(StrEnum):
-    """Who can carry out a policy with a real drone and an exported plan."""
+    """The crew that can carry out a policy with a real drone and an exported plan."""
 
     ANY = "anyone"
-    """The plan is all of it."""
+    """The plan suffices."""
     OBSERVER = "with an observer"
-    """A second person watches the live picture, sees when the road is hidden, and says so."""
+    """A second person watches the live image and calls out when the road is hidden."""
     NOBODY = "nobody by hand"
-    """It needs a computer that knows the traffic around the drone."""
+    """It takes a computer that knows the traffic around the drone."""
     UNKNOWN = "not stated"
 
 
@@ -78,16 +78,16 @@ class Policy(ABC):
 
     name: str = ""
     default_options: ClassVar[Mapping[str, OptionValue]] = MappingProxyType({})
-    """The options that it has, with the values that hold where `policy.options` gives none. A value must have the type
-    of its default; a whole number is a number too."""
+    """Its options with their defaults. A value in `policy.options` must have the type of the default; a whole number is
+    accepted as a number."""
     reads: ClassVar[frozenset[str]] = frozenset(PolicySettings.model_fields) - {"options"}
-    """The settings of the section `policy` that it reads, `options` aside: a study that sweeps another one flies it
-    once. Not inherited: a subclass that does not say may read any."""
+    """The settings of the section `policy` that it reads, except `options`: a study that sweeps another one flies it
+    once. Not inherited: a subclass that does not declare it may read any."""
 
     pilot: ClassVar[Pilot] = Pilot.UNKNOWN
-    """Who can carry it out by hand; as `by_hand` not inherited, since a subclass does something else."""
+    """The crew for a manual flight; like `by_hand` not inherited, since a subclass acts differently."""
     by_hand: ClassVar[str] = ""
-    """How that is done, or why not, in one sentence that a pilot understands; empty where nobody has said."""
+    """How a pilot flies it manually, or why not, in one sentence; empty if not stated."""
 
     def __init_subclass__(cls, **given: Any) -> None:
         super().__init_subclass__(**given)
@@ -110,4 +110,4 @@ class Policy(ABC):
 
     @abstractmethod
     def decide(self, snapshot: Snapshot) -> Action:
-        """What to do now. Must depend on nothing but the snapshot and the settings."""
+        """The action for a snapshot. It must depend on nothing but the snapshot and the settings."""

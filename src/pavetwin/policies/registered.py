@@ -98,7 +98,7 @@ class Case:
 
 
 def _try(policy: Policy, case: Case, settings: PolicySettings, broken: list[str]) -> Action | None:
-    """What a policy answers, with what is wrong about it added to `broken`."""
+    """The answer of a policy, with its faults added to `broken`."""
     before = _fingerprint(case.snapshot)
     begun = perf_counter()
     try:

@@ -1,4 +1,4 @@
-"""D_t as values. Knows no loop: the mission makes these, policies and sensors read them."""
+"""The digital twin D_t as values: missions create them, policies and sensors read them."""
 
 from pavetwin.traffic.kinds import AgentClass
 from pavetwin.twin.snapshot import Episode, Moment, Occlusion, Snapshot

@@ -1,4 +1,4 @@
-"""D_t = (S, A_t, x_t, M_t, Π) at one moment, as policies and sensors see it."""
+"""D_t = (S, A_t, x_t, M_t, Π) at one moment, for policies and sensors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -19,24 +19,24 @@ class Episode:
 
     since_s: float
     waited_s: float = 0.0
-    """Waited in this episode so far."""
+    """Time waited in this episode so far."""
     displacements: int = 0
     since_displacement_m: float = float("inf")
-    """Flown along the route since the last displacement of this episode."""
+    """Distance along the route since the last displacement of this episode."""
 
 
 @dataclass(frozen=True, slots=True)
 class Occlusion:
-    """What the camera sees of the segment under inspection s*.
+    """Visibility of the segment under inspection s*.
 
-    Cells that a building, a tree, street furniture or a parked vehicle hides do not count in `visibility`: waiting for
-    them is no use.
+    Cells hidden by a building, a tree, street furniture or a parked vehicle do not count in `visibility`, since waiting
+    does not reveal them.
     """
 
     visibility: float
     """o_{s*,t}."""
     hidden_place: Place | None
-    """Centroid of the cells that moving agents hide; none when nothing is hidden."""
+    """Centroid of the cells that moving agents hide; None if nothing is hidden."""
     episode: Episode
     permanently_hidden: float = 0.0
     """Share of the inspection window's cells that parked vehicles hide, of those that no building, tree or street
@@ -67,16 +67,16 @@ class Snapshot:
     segment: Segment | None
     """s*: the one under inspection."""
     occlusion: Occlusion | None
-    """o_{s*,t}; none when nothing is under inspection."""
+    """o_{s*,t}; None if nothing is under inspection."""
     window_along_m: float
     """Length of the inspection window along the track."""
     moment: Moment = field(repr=False)
     parked: Sequence[Agent] = field(default=(), repr=False)
-    """The vehicles that stand parked during the whole mission; none of them is in `agents`."""
+    """The vehicles that stay parked during the whole mission; `agents` does not include them."""
 
     @cached_property
     def agents(self) -> Sequence[Agent]:
-        """A_t: every moving agent in the world at this time, those that stand in traffic included."""
+        """A_t: every moving agent in the world at this time, including those that stand in traffic."""
         return self.moment.agents()
 
     def predict_visibility(self, displacements: npt.ArrayLike) -> Float64Array:

@@ -33,11 +33,11 @@ class Agent:
     width_m: float
     height_m: float
     is_parked: bool = False
-    """It stays where it is for the whole mission: waiting for what it hides is no use."""
+    """It stays for the whole mission, so waiting does not reveal what it hides."""
 
     @property
     def heading_deg(self) -> float:
-        """Clockwise from north, as SUMO has it."""
+        """Clockwise from north, as in SUMO."""
         return (90 - degrees(self.yaw_rad)) % 360
 
 
@@ -59,7 +59,7 @@ def agents_of(columns: "PoseColumns") -> tuple[Agent, ...]:
 
 
 class Mode(StrEnum):
-    """What the UAV is doing."""
+    """Activity of the UAV."""
 
     GROUND = "ground"
     CLIMB = "climb"
@@ -76,7 +76,7 @@ class Mode(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class UavState:
-    """x_t = (p, h, v, e), with the yaw and what it is doing."""
+    """x_t = (p, h, v, e), with yaw and mode."""
 
     position: Place
     altitude_m: float
@@ -94,7 +94,7 @@ class SegmentStatus(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Confirmation:
-    """When and how a defect was first confirmed."""
+    """Time and circumstance of a defect's first confirmation."""
 
     time_s: float
     on_revisit: bool
@@ -102,7 +102,7 @@ class Confirmation:
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """A place that was hidden and is to be visited again after the pass."""
+    """A hidden place to visit again after the pass."""
 
     place: Place
     time_s: float
@@ -111,12 +111,12 @@ class Note:
 
 @dataclass(frozen=True)
 class InspectionMemory:
-    """M_t: which segments are inspected, how much of their surface was seen, which defects are confirmed."""
+    """M_t: inspected segments, seen shares of their surface, and confirmed defects; immutable."""
 
     surface_coverage: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
-    """Share of the cells seen so far, by segment; absent when the segment was not begun."""
+    """Share of the cells seen so far, by segment; absent before the segment is begun."""
     status: Mapping[str, SegmentStatus] = field(default_factory=lambda: MappingProxyType({}))
-    """Absent means pending."""
+    """Status by segment; absent means pending."""
     confirmed: Mapping[int, Confirmation] = field(default_factory=lambda: MappingProxyType({}))
     notes: tuple[Note, ...] = ()
     """Places noted on this pass and not visited yet."""
@@ -128,11 +128,11 @@ class InspectionMemory:
         return self.notes[-1] if self.notes else None
 
     def noted_near(self, place: Place, radius_m: float) -> bool:
-        """Whether a note lies closer than `radius_m` to a place."""
+        """True if a note lies closer than `radius_m` to a place."""
         return any(dist(note.place, place) < radius_m for note in self.notes)
 
     def confirm(self, defects: Iterable[int], confirmation: Confirmation) -> Self:
-        """With defects confirmed; of each the first confirmation stands."""
+        """The memory with defects confirmed; the first confirmation of each counts."""
         new = {defect: confirmation for defect in defects if defect not in self.confirmed}
         if not new:
             return self
@@ -140,11 +140,11 @@ class InspectionMemory:
         return type(self)(self.surface_coverage, self.status, confirmed, self.notes)
 
     def cover(self, segment: str, coverage: float, inspected_share: float, permanently_hidden: float = 0.0) -> Self:
-        """With the seen share of a segment updated.
+        """The memory with the seen share of a segment updated.
 
         Args:
             coverage: share of its cells seen so far.
-            inspected_share: it is inspected when this share is seen of the cells that parked vehicles do not hide.
+            inspected_share: share of the cells not hidden by parked vehicles that makes it inspected.
             permanently_hidden: share of its cells that parked vehicles hide.
         """
         enough = inspected_share * (1.0 - permanently_hidden)

@@ -1,4 +1,4 @@
-"""Aircraft profiles, cameras, battery, wind."""
+"""Aircraft: profiles, cameras, energy and wind."""
 
 from pavetwin.uav.aircraft import AIRCRAFT, AircraftProfile, aircraft_of, camera_of, find_aircraft
 from pavetwin.uav.cameras import CAMERAS, Camera, find_camera

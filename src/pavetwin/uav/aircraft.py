@@ -1,7 +1,7 @@
-"""Aircraft profiles: what one kind of aircraft weighs, carries, stores and withstands, and which camera it has.
+"""Aircraft profiles: mass, payload, batteries, limits and camera of a kind of aircraft.
 
-A profile holds the maker's figures only. What follows from them (power over airspeed, tilt, motion in gusts) is
-computed in `pavetwin.uav.energy` and `pavetwin.uav.wind`.
+A profile holds the maker's figures only. `pavetwin.uav.energy` computes power over airspeed from them, and
+`pavetwin.uav.wind` tilt and motion in gusts.
 """
 
 from collections.abc import Mapping
@@ -27,12 +27,12 @@ AIR_KG_M3: Final = 1.225
 
 FUSELAGE_DRAG_RATIO: Final = 0.6
 ROTOR_SOLIDITY: Final = 0.05
-"""Drag area over disc area is the product of these two, where a profile states no tilt: table I of Zeng, Xu and Zhang,
-IEEE Trans. Wireless Commun. 18(4), 2019."""
+"""The product of these two is the drag area over the disc area of a profile without a stated tilt: table I of Zeng, Xu
+and Zhang, IEEE Trans. Wireless Commun. 18(4), 2019."""
 
 
 class Gimbal(Settings):
-    """What holds the camera straight down."""
+    """The gimbal, which holds the camera straight down."""
 
     axes: Literal[0, 2, 3]
     """Stabilised axes: 3 (pitch, roll and yaw), 2 (pitch and roll), or 0 for a camera fixed to the airframe."""
@@ -76,7 +76,7 @@ class AircraftProfile(Settings):
     top_speed_mps: Positive
     """Highest airspeed."""
     tilt_deg: Annotated[float, Field(gt=0, lt=80)] | None = None
-    """Of the airframe at the highest airspeed, where the maker states one: the drag follows from it."""
+    """Tilt of the airframe at the highest airspeed, if the maker states one: the drag follows from it."""
     climb_mps: Positive
     descent_mps: Positive
     wind_limit_mps: Positive
@@ -108,7 +108,7 @@ class AircraftProfile(Settings):
 
     @property
     def disc_area_m2(self) -> float:
-        """Of all rotors."""
+        """Total disc area of the rotors."""
         return self.rotors * pi * self.rotor_diameter_m**2 / 4
 
     @property
@@ -133,7 +133,7 @@ def parse_aircraft(text: str, where: str, folder: Path | None = None) -> dict[st
         folder: of a user's own file: cameras' files are relative to it, and every profile's camera must be known.
 
     Raises:
-        PaveTwinError: it is not valid YAML, does not hold profiles, or one of them names a camera that there is not.
+        PaveTwinError: it is not valid YAML, does not hold profiles, or one of them names an unknown camera.
     """
     profiles = {}
     for name, entry in mappings_in("aircraft", text, where):
@@ -180,7 +180,7 @@ def aircraft_of(settings: MissionSettings) -> AircraftProfile | None:
 
 
 def camera_name(settings: MissionSettings) -> str:
-    """The camera of a mission, as `find_camera` takes it: that of the settings, else the aircraft's.
+    """Name of a mission's camera for `find_camera`: that of the settings, else the aircraft's.
 
     Raises:
         PaveTwinError: there is no such aircraft, or neither is given.

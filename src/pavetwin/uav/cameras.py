@@ -13,9 +13,9 @@ Pixels = Annotated[int, Field(gt=0)]
 
 
 class Development(Settings):
-    """What a camera makes of the mosaic of its sensor before it stores a JPEG.
+    """Development of a sensor's mosaic into a JPEG.
 
-    It holds for pictures at the sensor's own pixels; in one that is brought to fewer pixels nothing of it is left.
+    It applies to images at the sensor's own resolution; downsampling to fewer pixels removes its effects.
     """
 
     lens_px: Annotated[float, Field(ge=0, le=0.7)] = 0.5
@@ -26,7 +26,7 @@ class Development(Settings):
     colour_reach_px: Annotated[int, Field(ge=0, le=2)] = 0
     """Colours are means over this many pixels around."""
     sharpening: Annotated[float, Field(ge=0, le=3)] = 0.0
-    """Share of the difference to a blurred picture (Gaussian of one pixel) that is added."""
+    """Share of the difference to a blurred image (Gaussian of one pixel) that is added."""
 
 
 class Camera(Settings):
@@ -89,7 +89,7 @@ class Camera(Settings):
         return along * self.image_px[0] / self.image_px[1], along
 
     def ground_resolution_m(self, altitude_m: float) -> float:
-        """What a pixel covers on level ground, in metres; the same all over the image of a pinhole camera."""
+        """Size of a pixel on level ground, in metres; constant over the image of a pinhole camera."""
         return self.footprint_m(altitude_m)[1] / self.image_px[1]
 
 

@@ -29,15 +29,15 @@ def _no_lift() -> Float64Array:
 
 @dataclass(frozen=True)
 class EnergyCurve:
-    """Battery drained, as the kernel reads it: linear between entries."""
+    """Battery drain for the kernel, linear between entries."""
 
     drain_per_s: Float64Array
     """(n,) share of the battery per second in still air, at airspeeds 0, 0.1, 0.2 … m/s."""
     drain_per_m_climbed: float
     """Share of the battery per metre of climb, added to the above. A descent recovers nothing."""
     lift_per_s: Float64Array = field(default_factory=_no_lift)
-    """(n,) the part of `drain_per_s` that moving through the air saves: it falls with airspeed. In wind it is read at
-    the ground speed where that is lower, so that wind alone saves nothing."""
+    """(n,) the part of `drain_per_s` that falls with airspeed. In wind it is read at the ground speed if that is lower,
+    so that wind alone saves nothing."""
 
 
 EnergyModel = Callable[[MissionSettings], EnergyCurve]
@@ -50,10 +50,10 @@ energy_model = ENERGY_MODELS.register
 
 
 def energy_curve(settings: MissionSettings) -> EnergyCurve:
-    """The curve of the model that the settings name.
+    """The energy curve of the settings' model.
 
     Raises:
-        PaveTwinError: there is no such model, or it lacks what it is computed from.
+        PaveTwinError: there is no such model, or an input of it is missing.
     """
     return ENERGY_MODELS.get(settings.energy.model)(settings)
 
@@ -107,7 +107,7 @@ class Power(NamedTuple):
 
 
 class _Figures(NamedTuple):
-    """What the curve of a profile depends on."""
+    """The figures of a profile that its curve depends on."""
 
     mass_kg: float
     disc_area_m2: float

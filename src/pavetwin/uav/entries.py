@@ -1,4 +1,4 @@
-"""YAML files that map names to values of one kind, cameras or aircraft: those of the package and a user's own."""
+"""YAML files of cameras or aircraft by name: those of the package and a user's own."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -14,14 +14,14 @@ from pavetwin.registry import Registry
 S = TypeVar("S", bound=Settings)
 
 Parse = Callable[[str, str], dict[str, S]]
-"""Makes the values of a file's text; the second argument names the file in messages."""
+"""Parser of a file's text; the second argument names the file in messages."""
 
 
 def parse_entries(kind: type[S], what: str, text: str, where: str) -> dict[str, S]:
     """The values of a YAML file's text, by name.
 
     Args:
-        what: one of them in words, such as `camera`.
+        what: the kind of value in words, such as `camera`.
         where: names the file in messages.
 
     Raises:
@@ -50,7 +50,7 @@ def mappings_in(what: str, text: str, where: str) -> list[tuple[str, dict[str, A
 
 
 def own_file(name: str) -> str | None:
-    """The YAML file of the user's own that a name stands for, as in `mine.yaml:name`; None for a registered name."""
+    """The user's YAML file in a name such as `mine.yaml:name`; None for a registered name."""
     path = name.partition(":")[0]
     return path if path.endswith((".yaml", ".yml")) else None
 

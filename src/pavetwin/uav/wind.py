@@ -1,4 +1,4 @@
-"""What wind does to an aircraft: whether it may fly, how far it tilts, how its camera moves in gusts."""
+"""Effects of wind on an aircraft: its rating, its tilt, and the motion of its camera in gusts."""
 
 from math import atan, cos, degrees, pi, radians, sqrt, tan
 from typing import Final
@@ -8,7 +8,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.uav.aircraft import AIR_KG_M3, AIRCRAFT, GRAVITY_MPS2, AircraftProfile, aircraft_of
 
 GUST_HZ: Final = 1.0
-"""At which the size of the motion is computed: an assumption of ours, about the time in which an airframe answers."""
+"""Frequency at which the size of the motion is computed: our assumption, about an airframe's response time."""
 
 GUSTS: Final = ((0.31, 1.81), (0.73, 3.68), (1.37, 3.48))
 """Frequencies [Hz] and phases [rad] of the gusts, equally strong: ours. No one interval between captures is a period of
@@ -22,7 +22,7 @@ Velocity = tuple[float, float]
 
 
 def check_wind(settings: MissionSettings) -> None:
-    """Refuse what the aircraft is not rated for.
+    """Refuse wind beyond the aircraft's rating.
 
     Raises:
         PaveTwinError: the wind, or its gusts, are above the aircraft's limit.
@@ -41,7 +41,7 @@ def check_wind(settings: MissionSettings) -> None:
 
 
 def _instead(wind_mps: float, profile: AircraftProfile) -> str:
-    """The registered aircraft that are rated for a wind; where none is, how much the best is rated for."""
+    """The registered aircraft rated for a wind, or the highest rating if there is none."""
     limits = {name: AIRCRAFT.get(name).wind_limit_mps for name in AIRCRAFT.names()}
     if fit := [f"{name} ({limit:g} m/s)" for name, limit in limits.items() if limit >= wind_mps]:
         return f"or fly another `aircraft`: {', '.join(fit)}"
@@ -57,12 +57,12 @@ def tilt_deg(profile: AircraftProfile, airspeed_mps: float, payload_kg: float = 
 
 
 def off_nadir_deg(profile: AircraftProfile, tilt: float) -> float:
-    """How far the camera looks away from straight down at a tilt of the airframe [°]: what the gimbal cannot hold."""
+    """Off-nadir angle of the camera at a tilt of the airframe [°], beyond the gimbal's range."""
     return max(0.0, tilt - profile.gimbal.holds_deg)
 
 
 def gust_course(time_s: float) -> float:
-    """Motion in gusts at a moment of a mission, over the amplitude of the sine that has its RMS, 1/√2.
+    """Motion in gusts at a moment of a mission, relative to the amplitude of a sine of the same RMS, 1/√2.
 
     The sum of the sines of `GUSTS`: the same in every mission, at most √3.
     """
@@ -70,15 +70,15 @@ def gust_course(time_s: float) -> float:
 
 
 def shake_mps(profile: AircraftProfile, settings: MissionSettings, velocity_mps: Velocity, time_s: float) -> Velocity:
-    """How gusts move what the camera sees, over the ground, at a moment.
+    """Apparent velocity of the ground in the camera due to gusts, at a moment.
 
     Gusts of ± (gust factor − 1) times the wind speed swing the tilt (θ) and push the airframe along the wind. The
-    camera turns with a share of the swing, and with all of it that the gimbal cannot hold, which moves the picture by
+    camera turns with a share of the swing, and with all of it that the gimbal cannot hold, which moves the image by
     altitude times rate; the push moves it by g Δtan θ / 2πf, f = `GUST_HZ`. The motion has the RMS of a sine of this
     amplitude and the course of `gust_course`. Zero without gusts.
 
     Args:
-        velocity_mps: of the UAV over the ground.
+        velocity_mps: velocity of the UAV over the ground.
     """
     conditions = settings.conditions
     swing_mps = conditions.gust_mps - conditions.wind_mps
@@ -101,7 +101,7 @@ def shake_mps(profile: AircraftProfile, settings: MissionSettings, velocity_mps:
 
 
 def seen_velocity_mps(settings: MissionSettings, velocity_mps: Velocity, time_s: float) -> Velocity:
-    """How the camera sees the ground pass at a moment: the UAV's velocity over the ground, and what gusts add.
+    """Velocity of the camera over the ground at a moment: the UAV's, plus the motion in gusts.
 
     Raises:
         PaveTwinError: there is no such aircraft.

@@ -123,7 +123,6 @@ def test_a_mission_takes_off_beside_the_road_or_where_it_is_told(world: Path, tm
         (("--wind", "west"), "--wind west"),
         (("--parking", "1.5"), "--parking 1.5: expected a share of the places (0 to 1)"),
         (("--parking", "few"), "--parking few: expected a share of the places (0 to 1)"),
-        (("--set", "energy.wind_mps=6"), "'wind_mps' has moved: give 'conditions.wind_mps'"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(world: Path, tmp_path: Path, arguments: tuple[str, ...], words: str) -> None:

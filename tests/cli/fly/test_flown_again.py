@@ -129,7 +129,7 @@ def test_defects_that_changed_in_the_world_are_named(world: Path, tmp_path: Path
     assert done.returncode == 0, done.stderr
     save_world(damaged("cross", 2), own, force=True)
     line = plain_refusal(pavetwin("fly", "--again", tmp_path / "m" / "mission.yaml"))
-    assert "the world 'cross' has other defects than those that were looked for" in line
+    assert "the world 'cross' has other defects" in line
 
 
 def test_two_worlds_that_differ_in_their_defects_alone_are_two(world: Path, tmp_path: Path) -> None:
@@ -139,7 +139,7 @@ def test_two_worlds_that_differ_in_their_defects_alone_are_two(world: Path, tmp_
     assert bare["defects_hash"] != full["defects_hash"]
     assert pavetwin("fly", tmp_path / "bare", *SHORT, "-o", tmp_path / "m").returncode == 0
     line = plain_refusal(pavetwin("fly", world, "--again", tmp_path / "m" / "mission.yaml", "-o", tmp_path / "n"))
-    assert "the world 'cross' has other defects than those that were looked for" in line
+    assert "the world 'cross' has other defects" in line
     assert not (tmp_path / "n").exists()
 
 
