@@ -186,7 +186,8 @@ class Drive:
         """
         if sensor.after_landing:
             raise PaveTwinError(
-                f"`sensor`: '{sensor.name}' looks at images after the drive; choose one that answers at once, such as calibrated."
+                f"`sensor`: '{sensor.name}' looks at images after the drive; choose one that answers at once, "
+                "such as calibrated."
             )
         self.environment, self.traffic, self.settings, self.sensor = environment, traffic, settings, sensor
         self.limits = limits or CarLimits()
