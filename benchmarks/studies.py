@@ -12,7 +12,7 @@ import yaml
 
 from benchmarks.measure import Kind, Line
 from pavetwin.experiments.design import Design, placed_at, preset_text
-from pavetwin.experiments.engines import Pool, Single
+from pavetwin.experiments.engine import Pool, Single
 from pavetwin.experiments.run import run
 from pavetwin.world.folder import CACHE_VARIABLE
 

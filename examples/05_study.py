@@ -7,7 +7,7 @@ import polars as pl
 
 import pavetwin as pt
 from pavetwin.experiments.design import read_design
-from pavetwin.experiments.engines import Single
+from pavetwin.experiments.engine import Single
 from pavetwin.experiments.run import run
 from pavetwin.experiments.statistics import MissionLimits, recommend
 

@@ -12,11 +12,10 @@ from typing import Any, Final
 from pavetwin.capture.mission_images import MissionImages
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
-from pavetwin.experiments.engines import Engine
-from pavetwin.experiments.engines.base import Listener
+from pavetwin.experiments.engine import Engine, Listener
 from pavetwin.experiments.fly_unit import fly_unit
-from pavetwin.experiments.plan import Cell, Plan, Unit
 from pavetwin.experiments.run import run
+from pavetwin.experiments.units import Cell, Plan, Unit
 from pavetwin.mission.result import MissionResult
 from pavetwin.mission.saving import save_mission
 from pavetwin.world.build import BuildOptions, build_world

@@ -17,7 +17,7 @@ from pavetwin.defects import DEFECT_CLASSES, DefectOptions, add_defects, heightf
 from pavetwin.draw.world_map import legend
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
-from pavetwin.experiments.engines import Pool
+from pavetwin.experiments.engine import Pool
 from pavetwin.experiments.run import run
 from pavetwin.experiments.store import Store
 from pavetwin.world.store import load_record, load_world, save_world

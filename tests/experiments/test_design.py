@@ -14,9 +14,9 @@ from pavetwin.defects import DefectOptions
 from pavetwin.defects import population as populations
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design, placed_at, preset_names, preset_text, read_design
-from pavetwin.experiments.plan import Plan, cells_of, units_of, world_of_study
 from pavetwin.experiments.planning import load_worlds, plan
 from pavetwin.experiments.store import Store
+from pavetwin.experiments.units import Plan, cells_of, units_of, world_of_study
 from pavetwin.perception.shipped import DEFAULT
 from pavetwin.sensing.detector import DetectorSensor
 from pavetwin.uav import find_camera

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from pavetwin.cli.experiment import _options_table
 from pavetwin.experiments.metrics import ERROR_METRICS, METRICS, metrics_in
-from pavetwin.experiments.report import Study, gather
+from pavetwin.experiments.report.study import Study, gather
 from pavetwin.experiments.report.tables import csv, markdown
 from pavetwin.experiments.statistics import MissionLimits, recommend
 from scenes.report_studies import page_of

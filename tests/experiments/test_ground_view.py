@@ -2,8 +2,7 @@
 
 import pytest
 
-from pavetwin.experiments.advice import advise
-from pavetwin.experiments.ground_view import ground_view
+from pavetwin.experiments.advice import advise, ground_view
 from pavetwin.experiments.statistics import MissionLimits
 from scenes.studies import SMALL, study
 
@@ -47,13 +46,12 @@ def test_missions_that_do_not_count_pixels_say_so(changed: dict[str, str]) -> No
     assert "These missions do not count pixels: a real detector may miss cracks thinner than 3" in view.sentence
 
 
-def test_it_stands_second_in_every_advice_whose_design_is_known() -> None:
+def test_advice_of_a_known_design_ends_with_the_view() -> None:
     table = study(SMALL, 8)
     (known,) = advise(table, MissionLimits(), design={"set": {"camera.model": "phantom4pro"}})
     assert known.view is not None
-    assert known.sentences[1] == known.view.sentence
-    assert known.sentences[1].startswith("From 6 m with the camera phantom4pro a pixel covers 1.6 mm")
-    assert (known.sentences[0], *known.sentences[2:]) == known.recommendation.sentences
+    assert known.sentences == (*known.recommendation.sentences, known.view.sentence)
+    assert known.view.sentence.startswith("From 6 m with the camera phantom4pro a pixel covers 1.6 mm")
     (nearest,) = advise(table, MissionLimits(max_time_s=1.0), design={"name": "any"})
     assert nearest.recommendation.best is None
     assert nearest.view is not None

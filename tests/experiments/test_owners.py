@@ -12,16 +12,15 @@ from pavetwin.config import load_settings
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.advice import advise
 from pavetwin.experiments.design import Design
-from pavetwin.experiments.engines import Single
+from pavetwin.experiments.engine import Single
 from pavetwin.experiments.metrics import metric_named
-from pavetwin.experiments.owners import owners_of
-from pavetwin.experiments.plan import cells_of
-from pavetwin.experiments.report import gather
-from pavetwin.experiments.report.headline import headline_table
 from pavetwin.experiments.report.page import page, sections_of
+from pavetwin.experiments.report.study import gather
+from pavetwin.experiments.report.tables import headline_table
 from pavetwin.experiments.run import run
 from pavetwin.experiments.statistics import MissionLimits, differences, effects
 from pavetwin.experiments.store import Store
+from pavetwin.experiments.units import cells_of, owners_of
 from pavetwin.policies import policy_class
 from pavetwin.world.store import save_world
 from scenes import damaged
@@ -111,8 +110,7 @@ def test_a_study_flies_says_and_keeps_what_each_policy_has(world: Path, tmp_path
 
     described = yaml.safe_load((folder / "design.yaml").read_text())
     assert described.pop("owners") == {"wait_s": ["hover"]}
-    (folder / "design.yaml").write_text(yaml.safe_dump(described))  # as earlier versions wrote it
-    assert Store(folder).table().height == 3
+    (folder / "design.yaml").write_text(yaml.safe_dump(described))
     with pytest.raises(PaveTwinError, match=r"begun when wait_s belonged to every policy and sensor, not to hover;"):
         run(made, folder, Single())
 
@@ -177,4 +175,4 @@ def test_reports_and_recommendations_show_one_set_of_missions_at_every_level() -
     assert options.row(0, named=True)[SET] == 8.0
     assert options.filter(policy="baseline")[SET].to_list() == [None]
     assert advice.sentences[0].startswith("Fly hover at 6 m with wait_s = 8:")
-    assert "separate it from hover at 6 m with wait_s = 2, hover at 6 m with wait_s = 1, " in " ".join(advice.sentences)
+    assert "the next option, hover at 6 m with wait_s = 2, is " in advice.sentences[1]

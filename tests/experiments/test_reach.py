@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.experiments import reach
+from pavetwin.experiments import planning as reach
 from pavetwin.experiments.design import Design, preset_text
-from pavetwin.experiments.plan import units_of
-from pavetwin.experiments.reach import replaced_sentence, with_levels_in_reach
+from pavetwin.experiments.planning import replaced_sentence, with_levels_in_reach
+from pavetwin.experiments.units import units_of
 from pavetwin.traffic.demand import Density, density_named
 from pavetwin.world.model import World
 from scenes.tiny import straight

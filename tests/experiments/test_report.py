@@ -12,11 +12,11 @@ from matplotlib.colors import to_hex, to_rgb
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.metrics import metric_named
-from pavetwin.experiments.report import gather, write_report
 from pavetwin.experiments.report import page as pages
 from pavetwin.experiments.report.figures import options, overview
-from pavetwin.experiments.report.front import question
-from pavetwin.experiments.report.headline import headline_table
+from pavetwin.experiments.report.page import question, write_report
+from pavetwin.experiments.report.study import gather
+from pavetwin.experiments.report.tables import headline_table
 from pavetwin.experiments.statistics import MissionLimits, Objective
 from scenes.outline import Outline, sections, small_study
 from scenes.report_studies import PAPER, SMALL, page_of, study_of, table_of, with_failures
@@ -113,7 +113,7 @@ def test_without_baseline_policies_are_compared_with_the_first() -> None:
     text = page_of(study)
     assert {"differences", "tradeoffs"} <= sections(text)
     assert "Paired differences to skip" in text
-    assert "baseline is not among them" in study.conclusions[0]
+    assert "baseline is not among them" in text
 
 
 @pytest.mark.slow
@@ -145,11 +145,7 @@ def test_the_first_page_answers_the_question() -> None:
     best = study.advice[0].recommendation.best
     assert best is not None
     assert f"Fly {best['policy']} at {best['altitude_m']:g} m" in front
-    assert "In each traffic" in front
-    for advice in study.advice_in.values():
-        assert all(" ".join(sentence.split()) in front for each in advice for sentence in each.sentences)
-    assert len(study.findings) == 3
-    assert all(" ".join(sentence.split()) in front for sentence in study.findings)
+    assert "The proposed option in each traffic" in front
     assert "Settings that differ from the preset paper: d_max 4 (preset: 3)." in front
     assert "Figure 1." in front
     plain = page_of(gather("Plain", {**design, "set": {"recall": 0.84}}, table_of(SMALL, 12), {}))
@@ -225,7 +221,7 @@ def test_swept_values_are_compared_with_the_preset_s_own_or_the_first() -> None:
         ("policy", "baseline"), ("tau_o", 0.7), ("recall", 0.5),
     ]  # fmt: skip
     assert study.usual == {"tau_o": 0.7, "recall": 0.5}
-    assert any("with tau_o = 0.7, as the preset has it" in sentence for sentence in study.conclusions)
+    assert "Compared with tau_o = 0.7: as the preset has it." in page_of(study)
     assert "Over tau_o" in page_of(study)
 
 
@@ -242,9 +238,6 @@ def test_sentences_figures_and_files_tell_the_same_differences(tmp_path: Path) -
     write_report(study, tmp_path)
     written = pl.read_csv(tmp_path / "differences.csv").filter(factor="policy")
     assert written["low"].to_list() == pytest.approx(told["low"].to_list())
-    silent = told.filter(~pl.col("told"), metric="time_s")
-    span = f"differences of {silent['low'].min():.1f} to {silent['high'].max():.1f} s are not".replace("-", "−")
-    assert any(span in sentence for sentence in study.conclusions)
 
 
 @pytest.mark.parametrize("varied", ["traffic", "altitude_m", "policy"])

@@ -9,9 +9,10 @@ import pytest
 
 from pavetwin.draw.style import POLICY_COLOURS, policy_styles
 from pavetwin.experiments.metrics import metric_named
-from pavetwin.experiments.report import gather, write_report
 from pavetwin.experiments.report.figures import by_altitude, options, spread, tradeoff
-from pavetwin.experiments.report.maps import colour_range, street_map, street_means
+from pavetwin.experiments.report.page import write_report
+from pavetwin.experiments.report.study import gather
+from pavetwin.experiments.report.study_sections import colour_range, street_map, street_means
 from pavetwin.experiments.statistics.summary import summarise
 from scenes import tiny
 from scenes.outline import sections, small_study

@@ -11,9 +11,8 @@ import polars as pl
 import pytest
 
 from pavetwin.experiments.metrics import metric_named
-from pavetwin.experiments.report.headline import headline_table, tail_table
 from pavetwin.experiments.report.study import Group, Study
-from pavetwin.experiments.report.tables import csv, escape, latex, latex_table, markdown
+from pavetwin.experiments.report.tables import csv, escape, headline_table, latex, latex_table, markdown, tail_table
 from pavetwin.reports.blocks import Table
 from scenes.report_studies import PAPER, SMALL, study_of, table_of, with_failures
 from scenes.studies import without

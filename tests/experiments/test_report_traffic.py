@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pavetwin.experiments.report.traffic import traffic_section
+from pavetwin.experiments.report.study_sections import traffic_section
 from pavetwin.reports.blocks import Table
 from pavetwin.traffic.flow import flow_of
 from pavetwin.traffic.record import record

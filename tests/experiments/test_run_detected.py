@@ -15,7 +15,7 @@ from pavetwin.cli.experiment import app
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
-from pavetwin.experiments.engines import Single
+from pavetwin.experiments.engine import Single
 from pavetwin.experiments.fly_unit import schema
 from pavetwin.experiments.metrics import DETECTED, INDEX_ERROR
 from pavetwin.experiments.planning import load_worlds, plan
@@ -125,11 +125,10 @@ def test_a_mission_of_which_no_inventory_can_be_made_is_flown_all_the_same(
 
 
 def test_the_command_line_refuses_a_study_without_these_columns_in_one_line(folder: Path, tmp_path: Path) -> None:
-    """As studies of earlier versions are."""
     bare = run(design(folder, ["recall"]), tmp_path / "s", Single()).table
     assert not set(DETECTED) & set(bare.columns)
     asked = ["recommend", str(tmp_path / "s"), "--choose", "most-accurate-index", "--min-coverage", "1"]
     done = CliRunner().invoke(app, asked)
     assert isinstance(done.exception, PaveTwinError)
-    assert "no mission has a condition index by what was detected" in str(done.exception)
+    assert "no mission has a condition index of its detections" in str(done.exception)
     assert "\n" not in str(done.exception)

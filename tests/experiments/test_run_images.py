@@ -14,11 +14,10 @@ from pavetwin.capture.mission_images import MissionImages
 from pavetwin.config import load_settings
 from pavetwin.defects import DefectOptions, add_defects, place
 from pavetwin.experiments.design import Design
-from pavetwin.experiments.engines import Engine, Pool, Single
-from pavetwin.experiments.engines.cluster import Cluster
-from pavetwin.experiments.plan import ImageSourceFactory
+from pavetwin.experiments.engine import Cluster, Engine, Pool, Single
 from pavetwin.experiments.run import run
 from pavetwin.experiments.store import Store
+from pavetwin.experiments.units import ImageSourceFactory
 from pavetwin.mission.environment import prepare
 from pavetwin.mission.fly import fly_over
 from pavetwin.mission.replay import Replay, replay_of

@@ -12,8 +12,8 @@ from scipy import stats
 from statsmodels.stats.multitest import multipletests
 
 from pavetwin.experiments.statistics.bootstrap import intervals
-from pavetwin.experiments.statistics.flips import EXACT, sign_flip_p
-from pavetwin.experiments.statistics.paired import holm
+from pavetwin.experiments.statistics.effects import holm
+from pavetwin.experiments.statistics.simultaneous import EXACT, sign_flip_p
 
 Draw = Callable[[np.random.Generator, tuple[int, int]], np.ndarray]
 

@@ -7,8 +7,7 @@ from benchmarks.calibration import ALTITUDE, KINDS, OPTIONS, POLICY, outcomes, s
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pavetwin.experiments.statistics.choice import Chances, MissionLimits, choice_under
-from pavetwin.experiments.statistics.shrinkage import TrueMeans, true_means
+from pavetwin.experiments.statistics.choice import Chances, MissionLimits, TrueMeans, choice_under, true_means
 
 LEVELS = (ALTITUDE, POLICY)
 

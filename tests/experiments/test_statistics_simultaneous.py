@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy import stats
 
-from pavetwin.experiments.statistics.flips import Pairs, flips
-from pavetwin.experiments.statistics.simultaneous import ALPHA, Verdicts, simultaneous
+from pavetwin.experiments.statistics.simultaneous import ALPHA, Pairs, Verdicts, flips, simultaneous
 
 
 def verdicts(units: np.ndarray) -> Verdicts:

@@ -66,11 +66,6 @@ def test_a_handover_is_for_one_traffic() -> None:
     assert advised(table, traffic="high").levels["traffic"] == "high"
 
 
-def test_a_study_without_a_column_is_refused() -> None:
-    with pytest.raises(PaveTwinError, match=r"'first' is of an earlier version \(its table has no column 'street'\)"):
-        advised(table_of(FACTORS, 6).drop("street"))
-
-
 def test_limits_that_no_option_keeps_give_nothing_to_hand_over() -> None:
     with pytest.raises(PaveTwinError, match="recommends nothing to hand over: No option keeps the limit"):
         street_advice("first", table_of(FACTORS, 6), {}, {}, MissionLimits(max_time_s=1.0))

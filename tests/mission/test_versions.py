@@ -11,9 +11,9 @@ from pavetwin.capture.settings import FILE, CaptureSettings, check_same, descrip
 from pavetwin.capture.store import write_yaml
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
-from pavetwin.experiments.plan import Plan
 from pavetwin.experiments.planning import plan
 from pavetwin.experiments.store import PARTS, Store
+from pavetwin.experiments.units import Plan
 from pavetwin.mission import fly_over
 from pavetwin.mission.versions import software_versions, version_changes
 from scenes import tiny

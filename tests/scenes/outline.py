@@ -2,7 +2,7 @@
 
 from html.parser import HTMLParser
 
-from pavetwin.experiments.report import Study
+from pavetwin.experiments.report.study import Study
 from scenes import tiny
 from scenes.report_studies import SMALL, study_of, table_of
 

@@ -9,8 +9,8 @@ import numpy as np
 import polars as pl
 
 from pavetwin.experiments.metrics import FAILED, FLOWN, METRICS
-from pavetwin.experiments.report import Study
 from pavetwin.experiments.report.page import page, sections_of
+from pavetwin.experiments.report.study import Study
 from pavetwin.experiments.statistics import Comparison
 from pavetwin.reports import canvas
 from pavetwin.reports.blocks import ReportFigure
@@ -84,6 +84,7 @@ def _measured(row: Mapping[str, Any], ease: float, draw: np.random.Generator) ->
         "wait_s": wait_s,
         "distance_m": 150.0,
         "occlusions": int(draw.poisson(12 * hidden)),
+        "pci_error": 10.0 * (1 - seen),
         "revisits": 0,
         "swaps": 0,
         "defects": 10,
@@ -195,6 +196,5 @@ def study_of(
         summary=summary_of(table, by),
         comparisons=comparisons_of(table, by),
         effects=effects_of(factors) if factors else pl.DataFrame(),
-        conclusions=["Hover sees more than baseline in high traffic.", "Nothing can be said of micro."],
         worlds=worlds or {},
     )

@@ -19,6 +19,9 @@ PAPER: Mapping[str, Sequence[Any]] = {
 }
 SMALL = {**PAPER, "traffic": ("low", "high"), "altitude_m": (6.0,), "policy": ("baseline", "hover", "micro")}
 
+DRAWN = METRICS[:-1]
+"""The metrics with random values; the last, `pci_error`, is constant."""
+
 Truth = Callable[[dict[str, Any]], dict[str, float]]
 """What a cell adds to each metric."""
 
@@ -36,17 +39,18 @@ def study(
     draws: dict[tuple[Any, ...], np.ndarray] = {}
 
     def drawn(*key: Any) -> np.ndarray:
-        return draws.setdefault(key, rng.normal(size=len(METRICS)))
+        return draws.setdefault(key, rng.normal(size=len(DRAWN)))
 
     table = []
     for cell, replicate in product(rows, range(replicates)):
         shared = drawn(cell["world"], replicate), drawn(cell["world"], replicate, cell["traffic"])
-        noise = (shared[0] + 0.5 * shared[1] + 0.5 * rng.normal(size=len(METRICS))).tolist()
+        noise = (shared[0] + 0.5 * shared[1] + 0.5 * rng.normal(size=len(DRAWN))).tolist()
         added = truth(cell)
         values = {
             metric.name: (0.7 + 0.04 * part if metric.unit == "%" else 60.0 + 8.0 * part) + added.get(metric.name, 0.0)
-            for metric, part in zip(METRICS, noise, strict=True)
+            for metric, part in zip(DRAWN, noise, strict=True)
         }
+        values["pci_error"] = 5.0
         values["energy"] = values["time_s"] / 1800.0
         table.append({**cell, "replicate": replicate, "status": "flown", "reason": None, **values})
     return pl.DataFrame(table, schema_overrides={"reason": pl.String}, infer_schema_length=None)

@@ -10,7 +10,7 @@ from pavetwin.config import load_settings
 from pavetwin.config.mission import SensingSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
-from pavetwin.experiments.engines import Pool
+from pavetwin.experiments.engine import Pool
 from pavetwin.experiments.run import run
 from pavetwin.mission.fly import fly
 from pavetwin.mission.folder import MissionFolder

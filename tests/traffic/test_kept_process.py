@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.experiments.engines import local
+from pavetwin.experiments import engine as local
 from pavetwin.traffic import runner
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.record import Recorder

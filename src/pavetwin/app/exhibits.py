@@ -70,7 +70,8 @@ def show_exhibit(folder: Path, kind: ExhibitKind, place: Path, tell: Callable[[f
 
 def _make(folder: Path, kind: ExhibitKind, place: Path, tell: Callable[[float, str], None]) -> None:
     if kind is ExhibitKind.STUDY:
-        from pavetwin.experiments.report import gather_folder, write_report
+        from pavetwin.experiments.report.page import write_report
+        from pavetwin.experiments.report.study import gather_folder
         from pavetwin.experiments.store import Store
 
         tell(0.0, "Statistics")

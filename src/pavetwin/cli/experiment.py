@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from pavetwin.experiments.design import Design
-    from pavetwin.experiments.engines import Engine
+    from pavetwin.experiments.engine import Engine
     from pavetwin.experiments.run import Ran
     from pavetwin.experiments.statistics import MissionLimits, Objective, Recommendation
     from pavetwin.experiments.store import Store
@@ -201,7 +201,8 @@ def report(
     pavetwin experiment report studies/first --choose highest --min-coverage 25
     pavetwin experiment report studies/first --figures
     """
-    from pavetwin.experiments.report import gather_folder, write_report
+    from pavetwin.experiments.report.page import write_report
+    from pavetwin.experiments.report.study import gather_folder
     from pavetwin.experiments.store import Store
 
     limits, objective = limits_of(max_time, max_energy, min_coverage), objective_of(choose)
@@ -214,7 +215,6 @@ def report(
     note_fonts(*study.worlds.values())
     for each in study.advice:
         out.line(" ".join([each.assumption, *each.sentences]).strip())
-    out.line("\n".join(study.findings or study.conclusions))
     names = [str(path) for path in written if path.parent == place]
     drawn = [f"{len(written) - len(names)} files in {place}/figures/"] if figures else []
     out.line(f"\nWritten: {', '.join(names + drawn)}")
@@ -281,7 +281,7 @@ def objective_of(name: str) -> "Objective":
 
 def _note_unfinished(store: "Store") -> None:
     from pavetwin.experiments.metrics import REPLICATE
-    from pavetwin.experiments.plan import cells_of, units_of
+    from pavetwin.experiments.units import cells_of, units_of
 
     design, table = store.design(), store.table()
     flown = table.select(table.columns[: table.columns.index(REPLICATE) + 1]).n_unique()
@@ -293,68 +293,27 @@ def _note_unfinished(store: "Store") -> None:
 def _options_table(chosen: "Recommendation") -> "Table":
     from rich.table import Table
 
-    from pavetwin.experiments.metrics import BATTERIES, ERROR_METRICS, INDEX_ERROR, metric_named
-    from pavetwin.experiments.statistics.proposal import batteries_to_bring
-    from pavetwin.experiments.words import level_text, shown
+    from pavetwin.experiments.report.proposals import options_table
 
+    made = options_table(chosen)
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
-    kept = "within limits" if chosen.limits.named else "all flown"
-    errors = [metric for metric in (*ERROR_METRICS, metric_named(INDEX_ERROR)) if metric.name in chosen.options.columns]
-    names = [f"{metric.label.lower()} {metric.unit}".strip() for metric in errors]
-    bring = ["batteries to bring"] if BATTERIES in chosen.options.columns else []
-    costs = ["time s", "95th perc.", "battery %", *bring]
-    headings = [*chosen.by, _coverage_heading(chosen), "corrected", *costs, *names, kept, "best with"]
-    rows, styles = [], []
-    for row in chosen.options.iter_rows(named=True):
-        factors = [level_text(name, row[name]).replace("\u00a0", " ") for name in chosen.by]
-        rows.append(
-            (
-                *factors,
-                _span(row, "coverage", 100),
-                "–" if row["coverage_expected"] is None else f"{100 * row['coverage_expected']:.1f}",
-                _span(row, "time_s", 1),
-                "–" if row["time_s_p95"] is None else f"{row['time_s_p95']:.0f}",
-                _span(row, "energy", 100),
-                *("–" if row[BATTERIES] is None else f"{batteries_to_bring(row)}" for _ in bring),
-                *(shown(metric, row[metric.name]) for metric in errors),
-                f"{row['failed_alone']} failed" if row["failed_alone"] else "yes" if row["feasible"] else "no",
-                "–" if row["certainty"] is None else f"{row['certainty']:.0%}",
-            )
-        )
-        styles.append("" if row["feasible"] else "dim")
-    for name, *cells in zip(headings, *rows, strict=True):
-        justify: Literal["left", "right"] = "left" if name in chosen.by else "right"
-        heading = name.removesuffix("_m").replace(" ", "\n")
-        # An interval may go below its mean, but is never shortened.
-        longest = max(len(word) for text in (heading, *cells) for word in text.split())
-        table.add_column(heading, justify=justify, min_width=longest)
-    for row_cells, row_style in zip(rows, styles, strict=True):
-        table.add_row(*row_cells, style=row_style)
+    texts = [[cell.text.replace("\u00a0", " ") for cell in row] for row in made.rows]
+    for at, (head, *cells) in enumerate(zip(made.heads, *texts, strict=True)):
+        # An interval may wrap below its mean, but is never shortened.
+        longest = max(len(word) for text in (head, *cells) for word in text.split())
+        justify: Literal["left", "right"] = "left" if at < made.lead or head == "Remark" else "right"
+        table.add_column(head, justify=justify, min_width=longest)
+    for cells, is_feasible in zip(texts, chosen.options["feasible"], strict=True):
+        table.add_row(*cells, style="" if is_feasible else "dim")
     return table
 
 
-def _coverage_heading(chosen: "Recommendation") -> str:
-    """With the number of defects that the options' coverages rest on."""
-    counts = chosen.options["defects"].drop_nulls().unique().sort().to_list()
-    ends = "–".join(f"{count}" for count in dict.fromkeys((*counts[:1], *counts[-1:])))
-    return f"coverage %\u00a0of\u00a0{ends} defects" if counts else "coverage %"
-
-
-def _span(row: dict[str, Any], name: str, scale: float) -> str:
-    """Mean and interval."""
-    mean, low, high = (row[key] for key in (name, f"{name}_low", f"{name}_high"))
-    if mean is None:
-        return "–"
-    interval = "" if low is None else f" ({scale * low:.1f}–{scale * high:.1f})"
-    return f"{scale * mean:.1f}{interval}"
-
-
 def _engine(name: str, scheduler: str | None, jobs: int | None, design: "Design") -> "Engine":
-    from pavetwin.experiments.engines import Pool, Single
+    from pavetwin.experiments.engine import Pool, Single
 
     workers = jobs or os.cpu_count() or 1
     if name == "dask":
-        from pavetwin.experiments.engines.cluster import Cluster
+        from pavetwin.experiments.engine import Cluster
 
         return Cluster(scheduler=scheduler, jobs=workers)
     if name != "local":

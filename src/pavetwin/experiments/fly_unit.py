@@ -32,7 +32,8 @@ from pavetwin.experiments.metrics import (
     REPLICATE,
     STATUS,
 )
-from pavetwin.experiments.plan import (
+from pavetwin.experiments.tours import MISSION_COLUMNS
+from pavetwin.experiments.units import (
     Cell,
     ImageSourceFactory,
     Plan,
@@ -42,7 +43,6 @@ from pavetwin.experiments.plan import (
     recording_of,
     world_of_study,
 )
-from pavetwin.experiments.tours import MISSION_COLUMNS
 from pavetwin.mission.environment import MissionEnvironment, ParkingInput, Surroundings, prepare
 from pavetwin.mission.fly import fly
 from pavetwin.mission.inputs import MissionInputs

@@ -1,7 +1,9 @@
 """A design checked against its worlds before anything is flown, which gives a plan."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from pavetwin.config import MissionSettings
@@ -12,10 +14,19 @@ from pavetwin.defects.registry import DEFECT_CLASSES, kinds
 from pavetwin.errors import PaveTwinError, naming, nearest_name
 from pavetwin.experiments.design import ALL, Design
 from pavetwin.experiments.metrics import EVERY_PAIR, REFERENCE
-from pavetwin.experiments.owners import owners_of
-from pavetwin.experiments.plan import IN_DESIGN_FILE, Cell, Plan, cells_of, content_of, take_offs, traffic_area_m
+from pavetwin.experiments.units import (
+    IN_DESIGN_FILE,
+    Cell,
+    Plan,
+    cells_of,
+    content_of,
+    owners_of,
+    take_offs,
+    traffic_area_m,
+)
 from pavetwin.files import file_sha256
 from pavetwin.mission.environment import Surroundings
+from pavetwin.mission.inputs import OnProgress
 from pavetwin.mission.planning import check_distinct, check_names, short_tour
 from pavetwin.mission.spec import PolicyInput, files_of_settings
 from pavetwin.mission.versions import packages_in_use
@@ -23,6 +34,7 @@ from pavetwin.plugins import load_plugins, registered_in
 from pavetwin.reports.words import listed
 from pavetwin.sensing.registered import unnamed_models
 from pavetwin.traffic.demand import density_named, own_demand
+from pavetwin.traffic.demand_search import within_reach
 from pavetwin.traffic.recording_file import load_recording
 from pavetwin.world.model import World
 from pavetwin.world.solids import solids
@@ -228,3 +240,56 @@ def _surroundings(
         tell(f"Planning: where to fly over {world.name} at {settings.altitude_m:g} m")
         around.append(Surroundings.of(world, settings.altitude_m, settings.uav, standing=standing))
     return around
+
+
+def with_levels_in_reach(
+    design: Design, worlds: Sequence[World], tell: OnProgress, on_notice: Callable[[str], None]
+) -> Design:
+    """The design with the nearest levels for what its worlds cannot reach, where its `or_nearest` allows it.
+
+    Args:
+        on_notice: told which levels are replaced in which world.
+    """
+    if not design.or_nearest:
+        return design
+    of_area = _records_areas(design)
+    entries = []
+    for entry, world in zip(design.worlds, worlds, strict=True):
+        nearest = {} if entry.traffics else _nearest(design.densities, world, tell, of_area=of_area)
+        if nearest:
+            on_notice(replaced_sentence(world.name, nearest))
+        entries.append(entry.model_copy(update={"nearest": nearest}))
+    return design.model_copy(update={"worlds": tuple(entries)})
+
+
+def replaced_sentence(world: str, nearest: Mapping[str, str]) -> str:
+    """Which levels are flown in place of which in a world."""
+    levels = [(density_named(name).level, density_named(other).level) for name, other in nearest.items()]
+    what, are = ("Level", "is") if len(levels) == 1 else ("Levels", "are")
+    missed = listed([f"{level}" for level, _ in levels])
+    flown = listed([f"{other} for {level}" for level, other in levels])
+    return f"{what} of service {missed} {are} out of reach in '{world}'; the nearest {are} flown: {flown}."
+
+
+def _records_areas(design: Design) -> bool:
+    """Whether traffic is recorded around what is inspected; False where the design is refused later."""
+    with suppress(PaveTwinError):
+        load_plugins(design.plugins)
+        return traffic_area_m(design, cells_of(design)) is not None
+    return False
+
+
+def _nearest(densities: Sequence[str], world: World, tell: OnProgress, *, of_area: bool) -> dict[str, str]:
+    """Levels that the world cannot reach → the nearest that it can. What fails otherwise fails in its missions."""
+    found = {}
+
+    def search(name: str, _share: float) -> None:
+        tell(0.0, f"Finding the demand of {name} in {world.name}")
+
+    for name in densities:
+        with suppress(PaveTwinError):
+            asked = density_named(name)
+            other = within_reach(world, asked, partial(search, name), of_area=of_area)
+            if other != asked:
+                found[name] = other.name
+    return found

@@ -9,14 +9,13 @@ from pathlib import Path
 import polars as pl
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.experiments import owners
+from pavetwin.experiments import units as owners
 from pavetwin.experiments.design import Design
-from pavetwin.experiments.engines import Engine, Listener
+from pavetwin.experiments.engine import Engine, Listener
 from pavetwin.experiments.metrics import FAILED, REASON, STATUS
-from pavetwin.experiments.plan import ImageSourceFactory, Plan, Unit
-from pavetwin.experiments.planning import load_worlds, plan
-from pavetwin.experiments.reach import with_levels_in_reach
+from pavetwin.experiments.planning import load_worlds, plan, with_levels_in_reach
 from pavetwin.experiments.store import FORMER, Store
+from pavetwin.experiments.units import ImageSourceFactory, Plan, Unit
 from pavetwin.files import working_in
 from pavetwin.mission.inputs import OnProgress
 from pavetwin.reports.words import counted, listed

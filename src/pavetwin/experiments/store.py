@@ -1,7 +1,7 @@
-"""A study's folder: `design.yaml`, and its table `segments.parquet` in parts, one for each unit that was flown.
+"""A study's folder: `design.yaml`, and the table `segments.parquet` in parts, one per flown unit.
 
-When a file of the user's own changes, only the missions that depend on it are flown again. Their former rows move to
-`former/HASH/`, which is named by the hash of the files that they were flown with.
+When one of the user's own files changes, only the missions that depend on it are flown again. Their former rows move
+to `former/HASH/`, named by the hash of the former files.
 """
 
 import io
@@ -22,13 +22,12 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
 from pavetwin.experiments.fly_unit import part_of, schema
 from pavetwin.experiments.metrics import FACTORS, FAILED, FILES, RENDERER, STATUS
-from pavetwin.experiments.owners import EVERYONE, Owners
-from pavetwin.experiments.plan import SHOWN, Plan, Unit, units_of
-from pavetwin.files import writing
+from pavetwin.experiments.units import EVERYONE, SHOWN, Owners, Plan, Unit, units_of
+from pavetwin.files import FORMAT, check_format, writing
 from pavetwin.mission.versions import renderer_of, software_versions, version_changes
 from pavetwin.reports.words import listed
 
-DESIGN, PARTS, FORMER, FORMAT = "design.yaml", "segments.parquet", "former", 2
+DESIGN, PARTS, FORMER = "design.yaml", "segments.parquet", "former"
 
 
 class Store:
@@ -36,12 +35,12 @@ class Store:
         self.folder = folder
 
     def check_design(self, design: Design) -> None:
-        """Whether the folder is a new one, or was begun with the same design and versions; nothing is written.
+        """Check that the folder is new, or was begun with the same design and versions. Nothing is written.
 
-        More replicates than before, another name and other comparisons may be asked for.
+        The number of replicates may grow; the name and the comparisons may change.
 
         Raises:
-            PaveTwinError: the folder holds something else; the message names the first difference.
+            PaveTwinError: the folder holds something else; the message states the first difference.
         """
         if self._holds_anything():
             there = self.description()
@@ -53,10 +52,10 @@ class Store:
                 )
 
     def check(self, plan: Plan) -> None:
-        """As `check_design`, and whether it was begun over the same worlds.
+        """Run `check_design`, and check that the study was begun over the same worlds and populations.
 
         Raises:
-            PaveTwinError: it holds something else; the message names the first difference.
+            PaveTwinError: it holds something else; the message states the first difference.
         """
         self.check_design(plan.design)
         if not self._holds_anything():
@@ -76,33 +75,27 @@ class Store:
         _check_owners(self.folder, self.owners(), plan)
 
     def check_models(self, plan: Plan) -> None:
-        """Whether what is to be flown has the models of sensors that the rest was flown with.
+        """Compare the models of the sensors with those that the study was begun with.
 
         Raises:
-            PaveTwinError: it has others, or the folder does not say which they were.
+            PaveTwinError: a sensor has another model now.
         """
         there = self.models()
-        for sensor, models in plan.models.items() if self._holds_anything() else ():
-            if sensor not in there:
-                raise PaveTwinError(
-                    f"'{self.folder}' does not say which model its sensor '{sensor}' had; choose another folder. If it "
-                    f"was {' and '.join(map(str, models.values()))}, as now, add the line `models: "
-                    f"{_as_written({sensor: dict(models)})}` to its {DESIGN}."
-                )
-            if there[sensor] != models:
-                before, now = (", ".join(map(str, each.values())) for each in (there[sensor], models))
+        for sensor, models in plan.models.items():
+            if (begun := there.get(sensor, models)) != models:
+                before, now = (", ".join(map(str, each.values())) for each in (begun, models))
                 raise PaveTwinError(
                     f"'{self.folder}' was begun with the model {before} of the sensor '{sensor}' (now {now}); choose "
                     "another folder."
                 )
 
     def models(self) -> Mapping[str, Mapping[str, OptionValue]]:
-        """By sensor, the models that it had where the design names none; not in studies of earlier versions."""
+        """By sensor, the models that it used where the design names none."""
         return (self.description().get("models") or {}) if self._holds_anything() else {}
 
     def missing(self, plan: Plan, *, failed: bool = False) -> list[Unit]:
-        """What is to be flown: units without a part or with a damaged one, and of the others the cells that are not
-        there or were flown with other files than the user has now; with `failed` also those that failed."""
+        """Units left to fly: those without an intact part, and of the others the cells that are missing or were flown
+        with files that have changed since; with `failed` also those that failed."""
         return [
             replace(unit, cells=missing) if len(missing) < len(plan.cells) else unit
             for unit in plan.units
@@ -110,13 +103,13 @@ class Store:
         ]
 
     def changed_files(self, plan: Plan) -> list[str]:
-        """Names of the user's own files that are not what they were when the study was last begun."""
+        """Names of the user's own files that have changed since the study was last begun."""
         there = self.description().get("files", {}) if self._holds_anything() else {}
         wanted = _description(plan, {})["files"]
         return [Path(path).name for path, content in wanted.items() if there.get(path, content) != content]
 
     def outdated(self, plan: Plan) -> int:
-        """How many missions in the table were flown with other files than the user has now."""
+        """Number of missions in the table that were flown with files that have changed since."""
         count = 0
         for unit in plan.units if plan.files else ():
             if (rows := self._rows(plan, unit)) is not None:
@@ -124,9 +117,9 @@ class Store:
         return count
 
     def begin(self, plan: Plan) -> None:
-        """Make the folder ready for a design that was checked; rows of files that have changed are set apart.
+        """Prepare the folder for a checked design, and set rows of changed files apart.
 
-        The models that a study was begun with stay.
+        The models that the study was begun with stay.
         """
         models = self.models() if self._holds_anything() else plan.models
         description = _description(plan, models)
@@ -136,10 +129,10 @@ class Store:
             self._set_apart(plan, unit)
 
     def description(self) -> dict[str, Any]:
-        """What `design.yaml` holds.
+        """The content of `design.yaml`.
 
         Raises:
-            PaveTwinError: there is no study in the folder, or the file is damaged.
+            PaveTwinError: the folder holds no study, one of another format, or a damaged file.
         """
         path = self.folder / DESIGN
         if not path.is_file():
@@ -149,10 +142,9 @@ class Store:
             )
         try:
             found = yaml.safe_load(path.read_text(encoding="utf-8"))
+            check_format(found["format"], f"The study '{self.folder}'")
             Design.parse(found["design"], where=str(path))
-            if "versions" not in found:  # format 2 once named only these
-                found["versions"] = {"pavetwin": found.pop("pavetwin"), "libsumo": found.pop("sumo")}
-            found["format"], found["worlds"]
+            found["versions"], found["worlds"]
         except (yaml.YAMLError, OSError, UnicodeDecodeError, KeyError, TypeError) as error:
             raise PaveTwinError(f"'{path}' is damaged; run the study into another folder.") from error
         return dict(found)
@@ -161,11 +153,11 @@ class Store:
         return Design.parse(self.description()["design"], where=str(self.folder / DESIGN))
 
     def owners(self) -> Owners:
-        """Of the swept settings; of no setting where every policy was flown at every value, as earlier versions did."""
+        """Owners of the swept settings that not all policies or sensors have."""
         return self.description().get("owners") or EVERYONE
 
     def write(self, plan: Plan, unit: Unit, part: bytes) -> None:
-        """Write what was flown of a unit, beside the cells that its part has already."""
+        """Write the flown cells of a unit, and keep the other cells of its part."""
         if unit.cells is not None and (there := self._rows(plan, unit)) is not None:
             rows = pl.read_parquet(io.BytesIO(part))
             new = _cells(plan, unit, rows)
@@ -181,15 +173,15 @@ class Store:
         """The table's files, in the order of the design.
 
         Raises:
-            PaveTwinError: there is no study in the folder, or nothing of it was flown yet.
+            PaveTwinError: the folder holds no study, or nothing of it is flown yet.
         """
         return [self._part(unit) for unit in self._flown()]
 
     def table(self) -> pl.DataFrame:
-        """The whole table, as far as it was flown.
+        """The table of everything flown so far.
 
         Raises:
-            PaveTwinError: nothing was flown yet, or a part is damaged.
+            PaveTwinError: nothing is flown yet, or a part is damaged.
         """
         tables = []
         for unit in self._flown():
@@ -204,13 +196,13 @@ class Store:
         return pl.concat(tables, how="diagonal")
 
     def former(self) -> pl.DataFrame | None:
-        """The rows that were flown with files before they changed; None where there are none."""
+        """The rows flown with files before they changed; None if there are none."""
         parts = sorted((self.folder / FORMER).glob("*/*.parquet"))
         return pl.concat([pl.read_parquet(part) for part in parts], how="diagonal") if parts else None
 
     def _check_renderer(self) -> None:
         """Raises:
-        PaveTwinError: missions looked at images that something else drew than would draw them now.
+        PaveTwinError: the images of earlier missions have another renderer than images have now.
         """
         drawn: set[str] = set()
         for part in (self.folder / PARTS).glob("*.parquet"):
@@ -222,7 +214,7 @@ class Store:
             raise PaveTwinError(f"'{self.folder}' was begun with {renderer} (now {now}); choose another folder.")
 
     def _rows(self, plan: Plan, unit: Unit) -> pl.DataFrame | None:
-        """What was flown of a unit; None where its part is not there, or cannot be read to its end."""
+        """The flown rows of a unit; None if its part is missing or damaged."""
         try:
             rows = pl.read_parquet(self._part(unit))
         except (OSError, pl.exceptions.PolarsError):
@@ -240,8 +232,10 @@ class Store:
         return tuple(cell for cell in range(len(plan.cells)) if cell not in there)
 
     def _set_apart(self, plan: Plan, unit: Unit) -> None:
-        """Move the rows that were flown with other files to a folder named by the hash of these: first they are written
-        there, then the part without them."""
+        """Move the rows of changed files to a folder named by the hash of the former files.
+
+        They are written there before the part is written without them.
+        """
         rows = self._rows(plan, unit)
         if rows is None or not (outdated := _outdated(plan, unit, rows)).height:
             return
@@ -259,9 +253,7 @@ class Store:
     def _flown(self) -> list[Unit]:
         there = [unit for unit in units_of(self.design()) if self._part(unit).is_file()]
         if not there:
-            raise PaveTwinError(
-                f"Nothing of the study in '{self.folder}' was flown yet; use `pavetwin experiment run`."
-            )
+            raise PaveTwinError(f"Nothing of the study in '{self.folder}' is flown yet; use `pavetwin experiment run`.")
         return there
 
     def _part(self, unit: Unit) -> Path:
@@ -280,10 +272,10 @@ class Store:
 
 
 def query(folder: Path, sql: str) -> pl.DataFrame:
-    """The result of an SQL query (DuckDB's) of the table `segments` of a study, and of `former` where it has one.
+    """Run an SQL query (DuckDB) over the table `segments` of a study, and `former` if it exists.
 
     Raises:
-        PaveTwinError: there is no study, or the query fails.
+        PaveTwinError: the folder holds no study, or the query fails.
     """
     import duckdb
 
@@ -305,13 +297,13 @@ def query(folder: Path, sql: str) -> pl.DataFrame:
 
 
 def _cells(plan: Plan, unit: Unit, rows: pl.DataFrame) -> list[int]:
-    """The place in the plan of the cell that each row belongs to."""
+    """The place of each row's cell in the plan."""
     places = {tuple(plan.levels(unit, cell).values()): at for at, cell in enumerate(plan.cells)}
     return [places[row] for row in rows.select(*FACTORS, *plan.design.sweep_columns).rows()]
 
 
 def _outdated(plan: Plan, unit: Unit, rows: pl.DataFrame) -> pl.DataFrame:
-    """The rows that were flown with other files than the user has now."""
+    """The rows flown with files that have changed since."""
     if not plan.files:
         return rows.clear()
     if FILES not in rows.columns:
@@ -334,14 +326,12 @@ def _description(plan: Plan, models: Mapping[str, Mapping[str, OptionValue]]) ->
 
 
 def _as_written(value: Any) -> str:
-    """A value as a design may hold it, on one line."""
+    """A value as YAML on one line."""
     text: str = yaml.safe_dump(value, default_flow_style=True, sort_keys=False, allow_unicode=True, width=math.inf)
     return text.removesuffix("\n...\n").strip()
 
 
 def _check_same(folder: Path, there: Mapping[str, Any], design: Design) -> None:
-    if there["format"] != FORMAT:
-        raise PaveTwinError(f"'{folder}' was begun with format {there['format']}, not {FORMAT}; choose another folder.")
     if changes := version_changes(there["versions"]):
         raise PaveTwinError(f"'{folder}' was begun with {listed(changes)}; choose another folder or these versions.")
     begun = Design.parse(there["design"], where=str(folder / DESIGN)).model_dump(mode="json")  # its defaults, too
@@ -355,7 +345,7 @@ def _check_same(folder: Path, there: Mapping[str, Any], design: Design) -> None:
 
 def _check_owners(folder: Path, there: Owners, plan: Plan) -> None:
     """Raises:
-    PaveTwinError: a swept setting belonged to other policies or sensors when the study was begun.
+    PaveTwinError: the owners of a swept setting have changed since the study was begun.
     """
     for key in plan.design.sweep:
         before, now = (list(owners[key]) if key in owners else None for owners in (there, plan.owners))

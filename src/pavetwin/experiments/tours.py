@@ -10,11 +10,10 @@ MISSION_COLUMNS: Final = {
     **dict.fromkeys(("mission_time_s", "mission_energy", "mission_distance_m"), pl.Float64),
     "mission_batteries": pl.Int64,
 }
-"""Of missions that are tours: the whole flight from take-off to landing, battery changes included, the same in each row
-of a mission."""
+"""Columns of tours: the whole flight from take-off to landing with battery changes, equal in all rows of a mission."""
 
 SEGMENTS: Final = "segments"
-"""Column of a mission: how many segments it inspected."""
+"""Column of a mission: number of inspected segments."""
 
 _SUMMED: Final = (
     *("length_m", "area_m2", "defects", "swept", "confirmed", "recovered", "wait_s", "occlusions", "revisits"),
@@ -22,28 +21,27 @@ _SUMMED: Final = (
 )
 
 _BY_AREA: Final = ("surface_coverage", "permanently_hidden", "pci", "pci_found", "pci_error", *DETECTED)
-"""Means by area of the segments. Studies of earlier versions do not have all of them."""
+"""Means weighted by the area of the segments; those of `DETECTED` in studies with a sensor that measures sizes."""
 
 
 def is_by_mission(table: pl.DataFrame) -> bool:
-    """Whether a table has one row a mission, as `by_mission` makes it."""
+    """True if a table has one row per mission, as `by_mission` makes it."""
     return SEGMENTS in table.columns
 
 
 def by_mission(table: pl.DataFrame) -> pl.DataFrame:
-    """A study's table with one row a mission where its missions are tours; any other table as it is.
+    """A study's table with one row per mission if its missions are tours; any other table unchanged.
 
-    Shares are of the mission's defects and of its surface, time, energy and distance those of the whole flight, the way
-    home included, and `batteries` is how many full ones it took. Of a mission that failed all of these are null, and a
-    mean over segments is where one of them lacks the value.
+    Shares refer to all defects and the whole surface of a mission; time, energy and distance to the whole flight,
+    including the way home; `batteries` counts full ones. All are null for a failed mission. A mean over segments is
+    null if it is null for one of them.
     """
-    flown = table.filter(pl.col(STATUS) == FLOWN)
-    if not set(MISSION_COLUMNS) <= set(table.columns) or flown["mission_time_s"].null_count():
+    if not set(MISSION_COLUMNS) <= set(table.columns):
         return table
     before = table.columns[: table.columns.index("order")]
     keys = before[: before.index(REPLICATE) + 1]
-    by_area = [name for name in _BY_AREA if name in flown.columns]
-    drawn = [name for name in COVERAGE_DRAWS if name in flown.columns]
+    by_area = [name for name in _BY_AREA if name in table.columns]
+    drawn = [name for name in COVERAGE_DRAWS if name in table.columns]
     sums = [pl.col(name).sum() for name in _SUMMED]
     missions = table.group_by(keys, maintain_order=True).agg(
         *(pl.col(name).first() for name in before if name not in keys),
@@ -78,11 +76,11 @@ def by_mission(table: pl.DataFrame) -> pl.DataFrame:
 
 
 def _weighted(name: str, weight: str) -> pl.Expr:
-    """The sum of a column by weight; null where a segment that has weight lacks the value, as a part is no mean."""
-    lacks = pl.col(name).is_null() & (pl.col(weight) > 0)
-    return pl.when(~lacks.any()).then((pl.col(name) * pl.col(weight)).sum())
+    """The weighted sum of a column; null if a segment with weight has no value."""
+    missing = pl.col(name).is_null() & (pl.col(weight) > 0)
+    return pl.when(~missing.any()).then((pl.col(name) * pl.col(weight)).sum())
 
 
 def _share(part: pl.Expr, whole: pl.Expr) -> pl.Expr:
-    """Null where there is nothing to be a share of."""
+    """A share; null if the whole is 0."""
     return pl.when(whole > 0).then(part / whole)

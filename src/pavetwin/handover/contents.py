@@ -9,7 +9,7 @@ import polars as pl
 import polars.selectors as cs
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.experiments.plan import SHOWN, content_of
+from pavetwin.experiments.units import SHOWN, content_of
 from pavetwin.flightplan import FlightPlan, Trigger, plan_of
 from pavetwin.handover.streets import StreetAdvice
 from pavetwin.inventory.condition import with_detected
@@ -173,16 +173,14 @@ def _check_world(advice: StreetAdvice, world: World) -> None:
 
 def _table(path: Path, columns: Mapping[str, Any]) -> pl.DataFrame:
     """Raises:
-    PaveTwinError: the file is gone, damaged or of an earlier version.
+    PaveTwinError: the file is missing or damaged.
     """
     try:
         table = pl.read_csv(path, schema_overrides=dict(columns), infer_schema_length=0)
     except (OSError, pl.exceptions.PolarsError) as error:
         raise PaveTwinError(f"'{path}' is gone or damaged; fly the mission again.") from error
     if gone := [name for name in columns if name not in table.columns]:
-        raise PaveTwinError(
-            f"'{path}' has no column '{gone[0]}': it is damaged or of an earlier version; fly the mission again."
-        )
+        raise PaveTwinError(f"'{path}' has no column '{gone[0]}': it is damaged; fly the mission again.")
     return table.select(*columns)
 
 

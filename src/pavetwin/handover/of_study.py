@@ -10,9 +10,9 @@ from pavetwin.config.options import OptionValue
 from pavetwin.defects import DefectOptions
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import OWN_ROUTES, Design, WorldEntry
-from pavetwin.experiments.plan import SHOWN, Cell, are_texts, cells_of, content_of
 from pavetwin.experiments.statistics import MissionLimits, Objective
 from pavetwin.experiments.store import Store
+from pavetwin.experiments.units import SHOWN, Cell, are_texts, cells_of, content_of
 from pavetwin.flightplan.of_mission import check_place
 from pavetwin.handover.streets import StreetAdvice, street_advice
 from pavetwin.mission.environment import prepare

@@ -25,8 +25,6 @@ CHOSEN: Final = ("world", "traffic", "sensor", "preset")
 SHOWN: Final = 0.05
 """Below this p, divided among the streets, a difference counts as shown."""
 
-_NEEDED: Final = ("street", "segment", "length_m", "defects", "confirmed", "coverage", "time_s", "energy")
-
 
 @dataclass(frozen=True)
 class StreetAdvice:
@@ -42,10 +40,9 @@ class StreetAdvice:
     segments: tuple[str, ...]
     """Ids of the segments that the study flew over, in the order of their first mission."""
     content: str = ""
-    """Of the world, what names it in the study (`pavetwin.experiments.plan.content_of`), shortened; empty where that is
-    not known."""
+    """Shortened hash of the world in the study (`pavetwin.experiments.units.content_of`); empty if unknown."""
     of_defects: bool = False
-    """Whether the study flew over the world's own defects, which its content then names too."""
+    """True if the study flew over the world's own defects; `content` then covers them."""
 
     @property
     def world(self) -> str:
@@ -80,10 +77,8 @@ def street_advice(
             energy are of whole missions.
 
     Raises:
-        PaveTwinError: the table lacks a column, a level is not named or not there, or no option keeps the limits.
+        PaveTwinError: a level is ambiguous or unknown, or no option keeps the limits.
     """
-    if gone := [name for name in (*CHOSEN, *_NEEDED) if name not in table.columns]:
-        raise PaveTwinError(f"The study '{study}' is of an earlier version (its table has no column '{gone[0]}').")
     chosen = {name: _level(table, name, levels.get(name)) for name in CHOSEN}
     table = table.filter(pl.col(name) == level for name, level in chosen.items())
     (overall,) = advise(table, limits, objective=objective, seed=seed, design=design)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pavetwin.experiments.engines import Single
+from pavetwin.experiments.engine import Single
 from pavetwin.experiments.run import run
 from pavetwin.world.store import save_world
 from scenes import damaged

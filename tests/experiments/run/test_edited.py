@@ -7,7 +7,7 @@ import pytest
 from polars.testing import assert_frame_equal
 
 from pavetwin.experiments import fly_unit
-from pavetwin.experiments.engines import Single
+from pavetwin.experiments.engine import Single
 from pavetwin.experiments.run import run
 from pavetwin.experiments.store import Store, query
 from pavetwin.mission.fly import fly

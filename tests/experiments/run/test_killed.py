@@ -15,7 +15,7 @@ from polars.testing import assert_frame_equal
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments import fly_unit
 from pavetwin.experiments.design import read_design
-from pavetwin.experiments.engines import Pool, Single
+from pavetwin.experiments.engine import Pool, Single
 from pavetwin.experiments.run import run
 from pavetwin.experiments.store import Store
 from pavetwin.mission.replay import grown_s

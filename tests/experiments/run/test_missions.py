@@ -16,14 +16,13 @@ from pavetwin.config import load_settings
 from pavetwin.defects import DefectOptions, add_defects, place
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments import fly_unit
-from pavetwin.experiments.engines import Engine, Listener, Pool, Single
-from pavetwin.experiments.engines.base import DIED
-from pavetwin.experiments.engines.cluster import Cluster
+from pavetwin.experiments.engine import DIED, Cluster, Engine, Listener, Pool, Single
 from pavetwin.experiments.metrics import metrics_in
-from pavetwin.experiments.plan import Plan, Unit
-from pavetwin.experiments.report import gather, write_report
+from pavetwin.experiments.report.page import write_report
+from pavetwin.experiments.report.study import gather
 from pavetwin.experiments.run import run
 from pavetwin.experiments.store import Store
+from pavetwin.experiments.units import Plan, Unit
 from pavetwin.mission.environment import prepare
 from pavetwin.mission.fly import fly, fly_over
 from pavetwin.mission.metrics import SegmentMetrics

@@ -1,4 +1,4 @@
-"""The page: what the study was, what it found, its sections, how it was computed and how to repeat it."""
+"""The page of a study's report: its answer, its sections, its method and how to repeat it."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -9,18 +9,75 @@ from typing import Any
 import polars as pl
 import yaml
 
+from pavetwin.config import load_settings
+from pavetwin.config.settings import ALIASES
 from pavetwin.defects import DefectOptions
-from pavetwin.experiments.metrics import FACTORS, FAILED, STATUS
-from pavetwin.experiments.report import front, traffic, whole
+from pavetwin.experiments.metrics import FACTORS, FAILED, STATUS, metric_named
+from pavetwin.experiments.report import study_sections, tables
+from pavetwin.experiments.report.figures import overview
+from pavetwin.experiments.report.proposals import ANSWER, answer_section, findings_section
 from pavetwin.experiments.report.results import group_builders
-from pavetwin.experiments.report.study import AXES, Study, constants, missions_of, replicates
-from pavetwin.experiments.words import factor_text, factors_text, level_text
+from pavetwin.experiments.report.study import AXES, METRIC, Group, Study, constants, missions_of, replicates
+from pavetwin.experiments.report.tables import defects_under
+from pavetwin.experiments.statistics import Objective
+from pavetwin.experiments.words import amount, factor_text, factors_text, level_name, level_text
+from pavetwin.files import writing
 from pavetwin.reports.blocks import Section
-from pavetwin.reports.page import block_numbers, render
+from pavetwin.reports.canvas import vector
+from pavetwin.reports.page import block_numbers, figure_files, render
 from pavetwin.reports.words import counted, listed, percent
+
+OVERVIEW = "overview"
+"""Anchor of the section with that figure."""
+
+_MOST_PANELS = 4
+
+_ASKED = {
+    Objective.MOST_FOUND: "finds most of the pavement's defects",
+    Objective.HIGHEST: "flies highest",
+    Objective.FASTEST: "is the fastest",
+    Objective.LEAST_ENERGY: "takes the least energy",
+    Objective.MOST_ACCURATE_INDEX: "gives the most accurate condition index",
+}
+
 
 MOST_WHOLE, MOST_GROUPS = 4, 16
 """Combinations of the other factors that have figures, and that have tables; all are in the files beside the page."""
+
+
+def write_report(
+    study: Study, folder: Path, on_progress: Callable[[float], None] | None = None, *, figures: bool = False
+) -> list[Path]:
+    """Write `report.html`, `table.csv`, `table.md`, `table.tex` and, where something is compared in pairs,
+    `differences.csv` into `folder`. The same study gives the same bytes.
+
+    Args:
+        on_progress: told the share done.
+        figures: write each figure also as a file of its own, `figures/figure-N.svg`; maps as PNG.
+
+    Returns:
+        The files.
+
+    Raises:
+        PaveTwinError: one cannot be written; it is then as it was before.
+    """
+    report = on_progress or (lambda _: None)
+    sections = sections_of(study, report)
+    files = {
+        "report.html": page(study, sections).encode(),
+        "table.csv": tables.csv(study.summary).encode(),
+        "table.md": tables.markdown(study).encode(),
+        "table.tex": tables.latex(study).encode(),
+    }
+    if study.comparisons:
+        files["differences.csv"] = tables.differences_csv(study).encode()
+    if figures:
+        files |= figure_files(sections)
+    for name, content in files.items():
+        with writing(folder / name) as temporary:
+            temporary.write_bytes(content)
+    report(1.0)
+    return [folder / name for name in files]
 
 
 def page(study: Study, sections: Sequence[Section]) -> str:
@@ -30,18 +87,16 @@ def page(study: Study, sections: Sequence[Section]) -> str:
         "study.html.jinja",
         title=study.title,
         study=study,
-        question=front.question(study),
+        question=question(study),
         answers=[(each.assumption, each.sentences) for each in study.advice],
-        by_traffic=[
-            (name, " ".join(" ".join(each.sentences) for each in advice)) for name, advice in study.advice_in.items()
-        ],
         limited=any(each.recommendation.limits.named for each in study.advice),
-        changed=front.changed_settings(study.design),
+        changed=changed_settings(study.design),
         presets=listed(list(study.design.get("presets") or ())),
-        overview=[section for section in sections if section.anchor == front.OVERVIEW],
+        answer=[section for section in sections if section.anchor == ANSWER],
+        overview=[section for section in sections if section.anchor == OVERVIEW],
         summary=design_words(study),
         facts=facts(study),
-        sections=[section for section in sections if section.anchor != front.OVERVIEW],
+        sections=[section for section in sections if section.anchor not in (ANSWER, OVERVIEW)],
         numbers=block_numbers(sections),
         design=design_text(study.design),
         metrics={metric.name for metric in study.metrics},
@@ -154,10 +209,15 @@ def sections_of(study: Study, on_progress: Callable[[float], None] = lambda _: N
     """
     every = list(study.groups())
     groups = every[:MOST_GROUPS]
-    builders = (traffic.traffic_section, whole.effects_section, whole.streets_section, whole.failures_section)
+    builders = (
+        study_sections.traffic_section,
+        study_sections.effects_section,
+        study_sections.streets_section,
+        study_sections.failures_section,
+    )
     parts = [group_builders(group, brief=at > MOST_WHOLE) for at, group in enumerate(groups, start=1)]
     # Of the table's files and the page, which take as long as a section.
-    total, done = len(builders) + sum(map(len, parts)) + 3, 0
+    total, done = len(builders) + sum(map(len, parts)) + 5, 0
 
     def made(build: Callable[[], Section]) -> list[Section]:
         nonlocal done
@@ -165,7 +225,8 @@ def sections_of(study: Study, on_progress: Callable[[float], None] = lambda _: N
         on_progress(done / total)
         return [] if section.empty else [section]
 
-    sections = made(partial(front.overview_section, study)) + made(partial(whole.across_section, study))
+    first = (answer_section, overview_section, findings_section, study_sections.across_section)
+    sections = [section for build in first for section in made(partial(build, study))]
     for at, (group, part) in enumerate(zip(groups, parts, strict=True), start=1):
         prefix = f"results-{at}-" if group.key else ""
         inner = [section for build in part for section in made(partial(build, prefix))]
@@ -181,3 +242,81 @@ def sections_of(study: Study, on_progress: Callable[[float], None] = lambda _: N
 def _levels(study: Study, name: str) -> str:
     levels = [level_text(name, level) for level in study.levels(name)]
     return listed(levels) if len(levels) <= 12 else f"{', '.join(levels[:10])} … {levels[-1]}"
+
+
+def question(study: Study) -> str:
+    """What the study was flown to answer, under the limits of its recommendation."""
+    choices = [
+        factor_text(name).lower() for name in ("altitude_m", "policy", *study.swept) if len(study.levels(name)) > 1
+    ]
+    asked = study.advice[0].recommendation if study.advice else None
+    limits, objective = (asked.limits.named, asked.objective) if asked else ({}, Objective.MOST_FOUND)
+    words = {"coverage": "at least {} coverage", "time_s": "at most {} of time", "energy": "at most {}"}
+    named = [words[name].format(amount(metric_named(name), limit)) for name, limit in limits.items()]
+    within = f" with {listed(named)} a {_unit(study)}" if named else ""
+    traffic = [level_text("traffic", level) for level in study.levels("traffic")]
+    where = f"in {listed(traffic)} traffic" if len(traffic) <= _MOST_PANELS else f"in {len(traffic)} kinds of traffic"
+    if not choices:
+        return f"How many of the pavement's defects are found {where}{within}, and what does it cost?"
+    return f"Which {listed(choices)} {_ASKED[objective]} {where}{within}?"
+
+
+def _unit(study: Study) -> str:
+    return "mission" if study.tours else "segment"
+
+
+def changed_settings(design: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Setting, the value of the preset, and the values of the study, for each that differs from a preset of it.
+
+    Altitudes and policies are what a study compares, and are left out.
+    """
+    given = {key: [value] for key, value in (design.get("set") or {}).items()} | dict(design.get("sweep") or {})
+    given |= {"sensing.sensor": list(design["sensors"])} if design.get("sensors") else {}
+    presets = list(design.get("presets") or ())
+    changed = []
+    for key, values in given.items():
+        usual = [_of_preset(preset, ALIASES.get(key, key)) for preset in presets]
+        if any(list(values) != [value] for value in usual):
+            before = [_text(value) for value in usual]
+            same = f"{before[0]}" if len(set(before)) == 1 else listed(
+                [f"{text} ({preset})" for text, preset in zip(before, presets, strict=True)]
+            )  # fmt: skip
+            changed.append((key, same, ", ".join(map(_text, values))))
+    return changed
+
+
+def overview_section(study: Study) -> Section:
+    """Coverage against time of every altitude and policy, for the first group of a study."""
+    gain, cost = metric_named("coverage"), metric_named("time_s")
+    group = next(iter(study.groups()), None)
+    if group is None or not {gain, cost} <= set(study.metrics):
+        return Section(OVERVIEW, "", [])
+    group = group.usual
+    if len(group.altitudes) * len(group.policies) < 2:
+        return Section(OVERVIEW, "", [])
+    of = f" ({group.title})" if group.title else ""
+    picture = vector(
+        overview(group, gain, cost, group.traffics[:_MOST_PANELS]),
+        f"Mean coverage against mean time of a {_unit(study)}{of}, with 95 % intervals{_rests_on(group)}. The "
+        "shape of a mark is the policy, its filling the altitude: the darker, the higher. Up and to the left is "
+        "better.",
+        "Scatter of mean coverage over mean time with intervals, a panel for each traffic density, by policy and "
+        "altitude.",
+    )
+    return Section(OVERVIEW, "", [picture])
+
+
+def _rests_on(group: Group) -> str:
+    words = defects_under(row for row in group.summary.iter_rows(named=True) if row[METRIC] == "coverage")
+    return f"; each coverage rests on {words}" if words else ""
+
+
+def _of_preset(preset: str, setting: str) -> Any:
+    value: Any = load_settings(preset).model_dump(mode="json")
+    for name in setting.split("."):
+        value = value.get(name) if isinstance(value, Mapping) else None
+    return value
+
+
+def _text(value: Any) -> str:
+    return "none" if value is None else level_name(value)

@@ -8,9 +8,9 @@ from typing import Any, Final
 import polars as pl
 
 from pavetwin.experiments.metrics import COMPARED, INDEX_ERROR, Metric, metric_named
-from pavetwin.experiments.report import figures, headline
-from pavetwin.experiments.report.headline import FEW_MARK
+from pavetwin.experiments.report import figures, tables
 from pavetwin.experiments.report.study import AXES, METRIC, Group, replicates
+from pavetwin.experiments.report.tables import FEW_MARK
 from pavetwin.experiments.statistics.paired import Comparison, is_significant
 from pavetwin.experiments.statistics.simultaneous import ALPHA
 from pavetwin.experiments.statistics.summary import FEW
@@ -62,7 +62,7 @@ def group_builders(group: Group, *, brief: bool = False) -> list[Callable[[str],
 
 
 def _means(group: Group) -> Iterator[Block]:
-    yield from (table for _, table in headline.headline_tables(group))
+    yield from (table for _, table in tables.headline_tables(group))
 
 
 def _over(group: Group, factor: str) -> Iterator[Block]:
@@ -95,7 +95,7 @@ def _intervals(group: Group) -> Iterator[Block]:
         metrics = _known(group, names)
         for traffics in _parts(group.traffics, _MOST_COLUMNS) if metrics else ():
             words = listed([metric.label.lower() for metric in metrics])
-            rests = headline.defects_under(
+            rests = tables.defects_under(
                 row for row in group.summary.iter_rows(named=True) if row[METRIC] == metrics[0].name
             )
             yield vector(
@@ -283,8 +283,8 @@ def _spread(group: Group) -> Iterator[Block]:
                 "half (box) and the 5th to 95th percentile (whiskers).",
                 f"Box plots with dots of {metric.label.lower()} by traffic density, altitude and policy.",
             )
-        if metric.name in headline.TAILS:
-            yield headline.tail_table(group, metric)
+        if metric.name in tables.TAILS:
+            yield tables.tail_table(group, metric)
 
 
 def _known(group: Group, names: Sequence[str]) -> list[Metric]:

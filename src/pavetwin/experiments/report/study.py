@@ -4,19 +4,43 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Final
 
 import polars as pl
 
-from pavetwin.experiments.advice import Advice
-from pavetwin.experiments.design import IN_DESIGN
-from pavetwin.experiments.metrics import EVERY_METRIC, FACTORS, FLOWN, REFERENCE, REPLICATE, STATUS, Metric
-from pavetwin.experiments.statistics import Comparison
+from pavetwin.config import load_settings
+from pavetwin.config.settings import ALIASES
+from pavetwin.errors import PaveTwinError
+from pavetwin.experiments.advice import Advice, advise
+from pavetwin.experiments.design import IN_DESIGN, Design
+from pavetwin.experiments.metrics import (
+    EVERY_METRIC,
+    EVERY_PAIR,
+    FACTORS,
+    FLOWN,
+    REFERENCE,
+    REPLICATE,
+    STATUS,
+    Metric,
+    metrics_in,
+)
+from pavetwin.experiments.statistics import (
+    Comparison,
+    MissionLimits,
+    Objective,
+    differences,
+    effects,
+    every_pair,
+    summarise,
+)
 from pavetwin.experiments.statistics.cells import failed_alone, levels_of
-from pavetwin.experiments.tours import is_by_mission
+from pavetwin.experiments.store import Store
+from pavetwin.experiments.tours import by_mission, is_by_mission
 from pavetwin.experiments.words import factor_text, level_text
 from pavetwin.reports.words import listed
 from pavetwin.world.model import World
+from pavetwin.world.store import load_world
 
 AXES: Final = ("traffic", "altitude_m", "policy")
 """The factors that one table or plot shows together: density and altitude down the side, policies across."""
@@ -45,11 +69,8 @@ class Study:
     with nothing to compare are left out."""
     effects: pl.DataFrame
     """Which factor explains how much; empty where nothing varies."""
-    conclusions: Sequence[str]
     worlds: Mapping[str, World]
     """By the names in the table; worlds that are not here get no map."""
-    findings: Sequence[str] = ()
-    """The few conclusions that stand on the first page."""
     advice: Sequence[Advice] = ()
     """What it recommends; one for each combination of its assumptions."""
     advice_in: Mapping[str, Sequence[Advice]] = field(default_factory=dict)
@@ -263,3 +284,137 @@ def _order(level: Any) -> tuple[int, Any]:
     if isinstance(level, str):
         return (0, _KNOWN_ORDER.index(level)) if level in _KNOWN_ORDER else (2, 0)
     return (1, float(level)) if level is not None else (3, 0)
+
+
+_MOST_TRAFFICS = 6
+"""With more kinds of traffic there is no recommendation for each."""
+
+
+def gather(
+    title: str,
+    design: Mapping[str, Any],
+    table: pl.DataFrame,
+    worlds: Mapping[str, World],
+    *,
+    limits: MissionLimits | None = None,
+    objective: Objective = Objective.MOST_FOUND,
+    seed: int = 0,
+) -> Study:
+    """The statistics of a table over everything that it varies.
+
+    Args:
+        design: plain values of `design.yaml`, and the `version` that flew it.
+        worlds: by the names in the table; those that are not here get no map.
+        limits, objective: of the recommendation.
+        seed: of the resamples.
+    """
+    rows, table = table, by_mission(table)
+    by = table.columns[: table.columns.index(REPLICATE)]
+    levels = {name: levels_of(table, name) for name in by}
+    factors = tuple(name for name in by if len(levels[name]) > 1)
+    summary = summarise(table, by, metrics_in(table), seed=seed)
+    compared: list[Comparison] = []
+    for factor, (reference, reason) in references(levels, design).items():
+        if factor == "policy" and design.get("compare") == EVERY_PAIR:
+            compared += every_pair(table, by, levels[factor], factor=factor, seed=seed)
+        else:
+            found = differences(table, by, factor=factor, reference=reference, seed=seed)
+            compared.append(Comparison(factor, reference, reason, found))
+    after_policies = sum(found.factor == "policy" for found in compared)
+    heights = sorted(levels["altitude_m"])
+    compared[after_policies:after_policies] = every_pair(table, by, heights, factor="altitude_m", seed=seed)
+    explained = effects(table, factors)
+    within = limits or MissionLimits()
+    traffics = levels["traffic"] if 1 < len(levels["traffic"]) <= _MOST_TRAFFICS else []
+    asked: dict[str, Any] = {"objective": objective, "seed": seed, "design": design}
+    advice_in = {name: advise(table.filter(traffic=name), within, **asked) for name in traffics}
+    return Study(
+        *(title, design, factors, table, summary, compared, explained, worlds),
+        rows=rows,
+        advice=advise(table, within, **asked),
+        advice_in=advice_in,
+    )
+
+
+def references(levels: Mapping[str, Sequence[Any]], design: Mapping[str, Any]) -> dict[str, tuple[Any, str]]:
+    """For policies and every swept setting, where there are several: its reference, and why it is that one.
+
+    Args:
+        levels: of each factor, in the design's order.
+        design: plain values of `design.yaml`.
+    """
+    compared = [factor for factor in levels if factor == "policy" or factor not in FACTORS]
+    return {factor: _reference(factor, list(levels[factor]), design) for factor in compared if len(levels[factor]) > 1}
+
+
+def _reference(factor: str, levels: list[Any], design: Mapping[str, Any]) -> tuple[Any, str]:
+    wanted = design.get("compare", REFERENCE)
+    if factor == "policy" and wanted in levels:
+        return wanted, "" if wanted == REFERENCE else "as the design has it"
+    if factor not in FACTORS:
+        usual = _of_presets(factor, design)
+        if len(usual) == 1 and usual[0] in levels:
+            return usual[0], "as the preset has it"
+    absent = f", as {REFERENCE} is not among them" if factor == "policy" else ""
+    return levels[0], f"the first that the design names{absent}"
+
+
+def _of_presets(column: str, design: Mapping[str, Any]) -> list[Any]:
+    """The values that the design's presets have for a swept setting, each once; as the table writes them."""
+    keys = [key for key in design.get("sweep", {}) if column in (key, f"{key}_set")]
+    found: list[Any] = []
+    for key in keys:
+        texts = {type(value) for value in design["sweep"][key]} - {int, float}
+        for preset in design.get("presets", ()):
+            value: Any = load_settings(preset)
+            for name in ALIASES.get(key, key).split("."):
+                value = getattr(value, name, None)
+            value = str(value) if texts and texts != {bool} else value
+            found += [value] if value not in found else []
+    return found
+
+
+def gather_folder(
+    store: Store, *, limits: MissionLimits | None = None, objective: Objective = Objective.MOST_FOUND
+) -> Study:
+    """The statistics of what was flown so far.
+
+    Args:
+        limits, objective: of the recommendation.
+
+    Raises:
+        PaveTwinError: the folder holds no study, nothing of it is flown, or a file is damaged.
+    """
+    said, table, design = store.description(), store.table(), store.design()
+    return gather(
+        design.name, _plain(said), table, _worlds(design), limits=limits, objective=objective, seed=design.seed
+    )
+
+
+def _plain(said: dict[str, Any]) -> dict[str, Any]:
+    """The design and the versions it was flown with, as a report shows them."""
+    return {
+        **said["design"],
+        "version": said["versions"]["pavetwin"],
+        "files": said.get("files") or {},
+        "made_with": {
+            "SUMO": said["versions"]["libsumo"],
+            **{f"world {name}": content for name, content in said["worlds"].items()},
+        },
+        "worlds": [
+            world if world["routes"] or world["recordings"] or world.get("nearest") else world["path"]
+            for world in said["design"]["worlds"]
+        ],
+    }
+
+
+def _worlds(design: Design) -> dict[str, World]:
+    """Those that can still be read; the others get no map."""
+    found = {}
+    for entry in design.worlds:
+        try:
+            world = load_world(Path(entry.path))
+        except PaveTwinError:
+            continue
+        found[world.name] = world
+    return found

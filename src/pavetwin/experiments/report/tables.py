@@ -1,14 +1,190 @@
 """Tables as files: tidy CSV, Markdown as GitHub shows it, LaTeX with booktabs."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
+import numpy as np
 import polars as pl
 
-from pavetwin.experiments.report.headline import headline_tables
-from pavetwin.experiments.report.study import Study
-from pavetwin.reports.blocks import Table, TableCell
+from pavetwin.experiments.metrics import BATTERIES, DETECTED_METRICS, ERROR_METRICS, Metric, metric_named
+from pavetwin.experiments.report.study import Group, Row, Study
+from pavetwin.experiments.statistics.summary import FEW
+from pavetwin.experiments.words import factor_text, heading, level_text, shown
+from pavetwin.reports.blocks import Table, TableCell, text_cells
+from pavetwin.reports.words import MISSING, counted
+
+HEADLINE: Final = (
+    *("coverage", "swath_coverage", "recovery", "time_s", "energy", BATTERIES),
+    *(metric.name for metric in (*ERROR_METRICS, *DETECTED_METRICS)),
+)
+FEW_MARK: Final = "†"
+"""Of cells with too few values."""
+TAILS: Final = ("time_s", "energy")
+"""Metrics whose rare large values matter."""
+
+
+def headline_tables(group: Group) -> Iterator[tuple[Metric, Table]]:
+    """One for each headline metric that has a defined value in the group."""
+    for name in HEADLINE:
+        metric = metric_named(name)
+        if any(row is not None and row["mean"] is not None for row in _rows(group, name)):
+            yield metric, headline_table(group, metric)
+
+
+def headline_table(group: Group, metric: Metric) -> Table:
+    """Mean ± SD of every cell, and in brackets the number of defined values where that is not the usual one."""
+    rows = [row for row in _rows(group, metric.name) if row is not None]
+    usual = max((row["n"] for row in rows), default=0)
+    lines = list(_lines(group, metric.name))
+    body = tuple((*lead, *_cells(metric, cells, whole, usual)) for lead, cells, whole in lines)
+    return Table(
+        caption=_caption(f"{heading(metric)}: mean ± standard deviation", group),
+        heads=_heads(group),
+        rows=body,
+        lead=len(_leading(group)),
+        notes=[
+            *_notes(rows, usual),
+            *_rests_on(metric, rows),
+            *_without(group),
+            *_of_bold(body, partial=not all(each for _, _, whole in lines for each in whole)),
+            *(_by_time(group) if metric.name == "energy" else []),
+        ],
+        span=factor_text("policy"),
+    )
+
+
+def tail_table(group: Group, metric: Metric) -> Table:
+    """Median, 95th percentile and maximum of every cell."""
+    body = tuple(
+        (*lead, *text_cells(*(_tail(metric, cell) for cell in cells))) for lead, cells, _ in _lines(group, metric.name)
+    )
+    caption = f"{heading(metric)}: median / 95th percentile / maximum"
+    lead = len(_leading(group))
+    notes = _by_time(group) if metric.name == "energy" else []
+    return Table(_caption(caption, group), _heads(group), body, lead=lead, notes=notes, span=factor_text("policy"))
+
+
+def _by_time(group: Group) -> list[str]:
+    """That energy adds nothing to time where every mission spent it at one rate: the linear model of battery."""
+    rates = group.result.filter(pl.col("time_s") > 0).select(rate=100 * pl.col("energy") / pl.col("time_s"))["rate"]
+    known = rates.drop_nulls().to_numpy()
+    if not len(known) or np.ptp(known) > 1e-6 * known.max():
+        return []
+    return [f"The battery falls evenly with time here: energy in % is time in s over {1 / known.mean():.4g}."]
+
+
+def _lines(group: Group, metric: str) -> Iterator[tuple[list[TableCell], list[Row | None], list[bool]]]:
+    """What each row is about, its cells, a policy each, and which of these lack no mission that another option flew."""
+    for traffic in group.traffics:
+        for altitude in group.altitudes:
+            for part in group.parts:
+                cells = [part.cell(metric, traffic, altitude, policy) for policy in group.policies]
+                whole = [not part.failed_alone(traffic, altitude, policy) for policy in group.policies]
+                levels = {"traffic": traffic, "altitude_m": altitude, **part.key}
+                if any(cell is not None for cell in cells):
+                    yield [TableCell(level_text(name, levels[name])) for name in _leading(group)], cells, whole
+
+
+def _rows(group: Group, metric: str) -> list[Row | None]:
+    return [cell for _, cells, _ in _lines(group, metric) for cell in cells]
+
+
+def _leading(group: Group) -> tuple[str, ...]:
+    return ("traffic", "altitude_m", *group.swept)
+
+
+def _heads(group: Group) -> tuple[str, ...]:
+    policies = (level_text("policy", policy) for policy in group.policies)
+    return *(factor_text(name) for name in _leading(group)), *policies
+
+
+def _caption(words: str, group: Group) -> str:
+    return f"{words} ({group.title})" if group.title else words
+
+
+def _cells(metric: Metric, cells: list[Row | None], whole: list[bool], usual: int) -> list[TableCell]:
+    """The best of a row in bold, shared by ties as printed; none where all read the same or neither is better.
+
+    Only those that are whole: the mean of one that failed where another flew leaves out what it failed on.
+    """
+    means = [shown(metric, cell["mean"] if cell is not None else None) for cell in cells]
+    known = [mean for mean, fair in zip(means, whole, strict=True) if fair and mean != MISSING]
+    rank = min if metric.more_is_better is False else max
+    best = rank(known, key=_value) if metric.more_is_better is not None and len(set(known)) > 1 else None
+    return [
+        _cell(metric, cell, fair and mean == best, usual) for cell, mean, fair in zip(cells, means, whole, strict=True)
+    ]
+
+
+def _cell(metric: Metric, cell: Row | None, best: bool, usual: int) -> TableCell:
+    if cell is None or cell["mean"] is None:
+        return TableCell(MISSING)
+    spread = f" ± {shown(metric, cell['sd'])}" if cell["sd"] is not None else ""
+    mark = FEW_MARK if cell["n"] < FEW <= usual else ""
+    number = f" ({cell['n']}{mark})" if cell["n"] != usual else ""
+    return TableCell(shown(metric, cell["mean"]) + spread, best, number)
+
+
+def _value(text: str) -> float:
+    return float(text.replace("−", "-"))
+
+
+def _tail(metric: Metric, cell: Row | None) -> str:
+    if cell is None or cell["median"] is None:
+        return MISSING
+    return " / ".join(shown(metric, cell[name]) for name in ("median", "p95", "maximum"))
+
+
+def _rests_on(metric: Metric, rows: Sequence[Row]) -> list[str]:
+    """On how many defects the means of a share of them rest."""
+    words = defects_under(rows) if metric.of else ""
+    return [f"Each mean rests on {words}."] if words else []
+
+
+def defects_under(rows: Iterable[Row]) -> str:
+    """`54 defects`, `48 to 54 defects`: under each mean; empty where the study's table does not count them."""
+    counts = sorted({row["defects"] for row in rows if row.get("defects")})
+    ends = [f"{count:,}".replace(",", "\u2009") for count in dict.fromkeys((*counts[:1], *counts[-1:]))]
+    return f"{' to '.join(ends)} defect{'s' * (counts[-1] != 1)}" if counts else ""
+
+
+def _without(group: Group) -> list[str]:
+    """That missions which lack a swept setting are shown with each of its values."""
+    lacking = {name: group.lacking(name) for name in group.swept}
+    return [
+        f"The same missions of {policies} stand with every value of {factor_text(name)}, which they do not have."
+        for name, policies in lacking.items()
+        if policies
+    ]
+
+
+def _of_bold(body: Sequence[Sequence[TableCell]], *, partial: bool) -> list[str]:
+    """What bold means, where any is.
+
+    Args:
+        partial: an option failed in missions that another flew.
+    """
+    if not any(cell.strong for line in body for cell in line):
+        return []
+    left = " A mean that leaves out missions which failed and another option flew is never bold." if partial else ""
+    return [f"Bold: the best mean of a row as printed, shared by ties; that alone makes no difference certain.{left}"]
+
+
+def _notes(rows: list[Row], usual: int) -> list[str]:
+    but = " but where a number in brackets says otherwise" if any(row["n"] != usual for row in rows) else ""
+    few = any(0 < row["n"] < FEW for row in rows)
+    undefined, failed = (sum(row[name] or 0 for row in rows) for name in ("undefined", "failed"))
+    notes = (
+        (True, f"n = {usual} in each cell{but}."),
+        (usual < FEW, "These are too few to say how sure a mean is."),
+        (few and usual >= FEW, f"{FEW_MARK}: too few to say how sure the mean is."),
+        (undefined, f"{counted(undefined, 'mission')} without a defined value (see the definitions) left out."),
+        (failed, f"{counted(failed, 'mission')} failed and left out."),
+        (any(row["mean"] is None for row in rows), f"{MISSING}: no defined value."),
+    )
+    return [note for applies, note in notes if applies]
+
 
 _LATEX: Final = {
     "\\": r"\textbackslash{}",

@@ -1,11 +1,9 @@
-"""The statistics of a study: summaries, paired differences, effects, sentences, a recommendation."""
+"""The statistics of a study: summaries, paired differences, effects and a recommendation."""
 
 from pavetwin.experiments.statistics.choice import MissionLimits, Objective
 from pavetwin.experiments.statistics.effects import effects
-from pavetwin.experiments.statistics.key_findings import key_findings
 from pavetwin.experiments.statistics.paired import Comparison, differences, every_pair
 from pavetwin.experiments.statistics.recommend import Recommendation, recommend
-from pavetwin.experiments.statistics.sentences import conclusions
 from pavetwin.experiments.statistics.summary import summarise
 
 __all__ = [
@@ -13,11 +11,9 @@ __all__ = [
     "MissionLimits",
     "Objective",
     "Recommendation",
-    "conclusions",
     "differences",
     "effects",
     "every_pair",
-    "key_findings",
     "recommend",
     "summarise",
 ]

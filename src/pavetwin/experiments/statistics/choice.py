@@ -1,28 +1,178 @@
-"""Which options are the best under limits and for an objective, and how likely each of them truly is."""
+"""The choice of an option under limits: the best for an objective, and the probability that it truly is.
+
+The probabilities come from draws of the true means, corrected for the winner's curse: the option with the best mean of
+many was chosen for its random errors too, and resampling repeats the same errors. The correction is empirical Bayes on
+the parts of an analysis of variance. The options' means are split into their average, the main effects of each factor,
+and the rest. The average is kept. Every other part, with squared length q and noise n (the squared length that errors
+alone would have), becomes
+
+    part = (1 − κ) · observed part,   κ with the density  κ^(ν/2) · exp(−κ ν q / 2n)  on 0 … 1,
+
+where κ = n / (n + variance of the true effects) has an even prior (Strawderman 1971) and ν is the number of degrees of
+freedom of the noise after Satterthwaite. A part no larger than noise shrinks away (κ near 1); a part far larger than
+noise hardly changes. Every draw has its own κ and adds √(1 − κ) times the deviation of a resample of the replicates,
+which keeps their correlations and skewness, with Student's tails for few of them.
+
+Policies differ in few replicates only: where traffic hides a defect. Options that are level in all replicates would be
+level in all draws, although the next replicate may separate them. The noise therefore includes `unseen` replicates that
+were not flown (one in Laplace's rule of succession), in which every contrast of the options varies as contrasts of this
+study do on average.
+
+docs/explanation/statistics.md shows how well the claims hold (`python -m benchmarks.calibration`).
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import lru_cache
 from math import isfinite
 from typing import Any, Final
 
 import numpy as np
+from scipy.special import gammainc, gammaincinv
 
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
 from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.experiments.metrics import COMPARED, INDEX_ERROR
-from pavetwin.experiments.statistics.shrinkage import distinct, true_means
+from pavetwin.experiments.statistics.bootstrap import Sizes, resamples, strata
+
+DRAWS: Final = 4000
+_SHRINKAGE: Final = 3
+"""Separates these draws from those of bootstrap and tests under the same seed."""
+_FLAT: Final = 1e-3
+"""Below this rate the density of κ is a power of κ to many digits."""
+
+
+@dataclass(frozen=True)
+class TrueMeans:
+    """The options' true means as far as the replicates show them."""
+
+    expected: Float64Array
+    """(options,) NaN where there is no value."""
+    draws: Float64Array
+    """(draws, options) equally likely means."""
+
+
+def true_means(
+    units: Float64Array, worlds: IndexArray, levels: Sequence[IndexArray], seed: int, *, unseen: float = 0.0
+) -> TrueMeans:
+    """Shrunk means of one metric, and draws of them. Metrics of the same study share resamples under the same seed.
+
+    Args:
+        units: (options, blocks) one value per replicate, NaN where undefined.
+        worlds: (blocks,) number of each block's world, ascending; differences between worlds are no noise.
+        levels: for each factor, (options,) the number of the option's level.
+        unseen: number of replicates that were not flown and count besides those that were.
+    """
+    expected, draws = np.full(len(units), np.nan), np.full((DRAWS, len(units)), np.nan)
+    known = np.flatnonzero(np.isfinite(units).any(axis=1))
+    if len(known):
+        observed, deviations = _resampled(units[known], worlds, seed)
+        parts = _parts([level[known] for level in levels], len(known))
+        made = _shrunk(observed, deviations, parts, len(worlds) - len(np.unique(worlds)), unseen, seed)
+        expected[known], draws[:, known] = made
+    return TrueMeans(expected, draws)
+
+
+def distinct(units: Float64Array) -> tuple[IndexArray, IndexArray]:
+    """The first of each set of options with the same values, in their order, and for each option its set's number.
+
+    Args:
+        units: (options, values) NaN where undefined.
+    """
+    keys = np.round(np.where(np.isfinite(units), units, np.inf), 9)
+    _, first, of = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    return first[order], np.argsort(order)[of.ravel()]
+
+
+def _resampled(units: Float64Array, worlds: IndexArray, seed: int) -> tuple[Float64Array, Float64Array]:
+    """(options,) observed means and (draws, options) deviations of the means of resamples."""
+    counts, here = _counts(strata(worlds), seed), np.isfinite(units)
+    values = np.nan_to_num(units)
+    observed = values.sum(axis=1) / here.sum(axis=1)
+    drawn, sums = counts @ here.T.astype(np.float64), counts @ values.T
+    means = np.divide(sums, drawn, out=np.tile(observed, (len(counts), 1)), where=drawn > 0)
+    return observed, means - observed
+
+
+@lru_cache(maxsize=4)
+def _counts(sizes: Sizes, seed: int) -> Float64Array:
+    """(draws, replicates) number of times that each replicate is drawn, the same for all metrics of a study."""
+    return resamples(sizes, seed)[:DRAWS]
+
+
+def _parts(levels: Sequence[IndexArray], options: int) -> list[Float64Array]:
+    """Orthonormal bases, (options, dimensions) each: of the average, of each factor's main effects, of the rest."""
+    bases: list[Float64Array] = []
+    factors = [(level[:, np.newaxis] == np.unique(level)).astype(np.float64) for level in levels]
+    for columns in (np.ones((options, 1)), *factors, np.eye(options)):
+        for basis in bases:
+            columns = columns - basis @ (basis.T @ columns)
+        directions, lengths, _ = np.linalg.svd(columns, full_matrices=False)
+        if (lengths > 1e-9).any():
+            bases.append(directions[:, lengths > 1e-9])
+    return bases
+
+
+def _shrunk(
+    observed: Float64Array,
+    deviations: Float64Array,
+    parts: Sequence[Float64Array],
+    freedom: int,
+    unseen: float,
+    seed: int,
+) -> tuple[Float64Array, Float64Array]:
+    """The fields of `TrueMeans`, every part but the first shrunk by draws of its own κ; no noise and no shrinkage
+    without degrees of freedom."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_SHRINKAGE,)))
+    # The variance among resamples of n replicates is short by (n − 1) / n.
+    spread = np.sqrt((freedom + 1) / freedom) if freedom else 0.0
+    tails = np.sqrt(freedom / rng.chisquare(freedom, len(deviations))) if freedom else np.zeros(len(deviations))
+    expected, draws = np.zeros_like(observed), np.zeros_like(deviations)
+    average = _per_contrast([spread * (deviations @ basis) for basis in parts[1:]])
+    share = unseen / (freedom + 1 + unseen)
+    for number, basis in enumerate(parts):
+        own, errors = basis.T @ observed, spread * (deviations @ basis)
+        uniform = rng.random(len(deviations))
+        if number and share:
+            errors = np.sqrt(1 - share) * errors + np.sqrt(share * average) * rng.standard_normal(errors.shape)
+        kappa = _kappa(own, errors, uniform) if number else np.zeros(len(deviations))
+        draws += ((1 - kappa)[:, np.newaxis] * own + (np.sqrt(1 - kappa) * tails)[:, np.newaxis] * errors) @ basis.T
+        expected += basis @ ((1 - kappa.mean()) * own)
+    return expected, draws
+
+
+def _per_contrast(errors: Sequence[Float64Array]) -> float:
+    """The mean variance of (draws, contrasts) errors over all contrasts; 0 of none."""
+    variances = np.concatenate([part.var(axis=0) for part in errors]) if errors else np.zeros(1)
+    return float(variances.mean())
+
+
+def _kappa(own: Float64Array, errors: Float64Array, uniform: Float64Array) -> Float64Array:
+    """Draws of the share of a part that is noise, by the inverse of its distribution at `uniform`."""
+    covariance = errors.T @ errors / len(errors)
+    noise = float(np.trace(covariance))
+    if noise <= 0:
+        return np.zeros_like(uniform)
+    half = noise**2 / float((covariance**2).sum()) / 2
+    rate = half * float(own @ own) / noise
+    if rate < _FLAT:
+        return np.asarray(uniform ** (1 / (half + 1)))
+    found = gammaincinv(half + 1, uniform * gammainc(half + 1, rate)) / rate
+    return np.asarray(np.clip(found, 0.0, 1.0))
+
 
 COVERAGE, TIME, ENERGY = COMPARED
 ALTITUDE: Final = "altitude_m"
 SAME: Final = 1e-9
 """Values closer than this are equal: sums of the same shares in another order."""
 UNSEEN: Final = 1.0
-"""Replicates that were not flown, beside those that were, in which options that are level may differ in coverage. Costs
-have none: what a policy that waits takes longer tells nothing of one that does not."""
+"""Replicates that were not flown, in which options that are level may differ in coverage. Costs have none: the time of
+a policy that waits is no evidence about one that does not."""
 _MORE_IS_BETTER: Final = (COVERAGE, ALTITUDE)
 _SENSOR: Final = 4
-"""Keeps draws of a sensor's parameters apart from others under the same seed."""
+"""Separates draws of a sensor's parameters from others under the same seed."""
 _NEAR: Final = 0.01
 """Options that break their limits by this share more than the nearest are as near."""
 
@@ -31,7 +181,7 @@ Row = dict[str, Any]
 
 
 class Objective(StrEnum):
-    """By what the best of the options that keep the limits is chosen."""
+    """The criterion that chooses among the options that keep the limits."""
 
     MOST_FOUND = "most-found"
     """The best coverage."""
@@ -56,8 +206,8 @@ class Objective(StrEnum):
 
     @property
     def order(self) -> tuple[str, ...]:
-        """What decides, then what decides among options that are level in that. Of the highest none is better: they are
-        level with each other."""
+        """The metric that decides, then those that decide among options that are level in it. Options at the highest
+        altitude are level with each other."""
         return {
             Objective.MOST_FOUND: (COVERAGE, TIME, ENERGY),
             Objective.HIGHEST: (ALTITUDE,),
@@ -68,19 +218,18 @@ class Objective(StrEnum):
 
     @property
     def judged(self) -> tuple[str, ...]:
-        """The metrics that options are judged by: `COMPARED`, and what else decides and is measured."""
+        """The metrics that options are judged by: `COMPARED`, and the measured metric that decides."""
         return (*COMPARED, *(name for name in self.order if name not in (*COMPARED, ALTITUDE)))
 
     @property
     def needs_coverage(self) -> bool:
-        """Whether an option that finds nothing may be the best of all: soon done, or right about a sound road."""
+        """True if an option that finds nothing could win: it is fast, and right about a road without defects."""
         return self is not Objective.MOST_FOUND
 
 
 @dataclass(frozen=True)
 class MissionLimits:
-    """What an option must keep on average, per segment mission, or per mission where these are tours.
-    None: no limit."""
+    """Limits on an option's means, per segment mission or per tour. None is no limit."""
 
     max_time_s: float | None = None
     max_energy: float | None = None
@@ -101,21 +250,17 @@ class MissionLimits:
         limits = {COVERAGE: self.min_coverage, TIME: self.max_time_s, ENERGY: self.max_energy}
         return {name: limit for name, limit in limits.items() if limit is not None}
 
-    @property
-    def words(self) -> str:
-        return "the limit" if len(self.named) == 1 else "the limits"
-
 
 @dataclass(frozen=True)
 class Chances:
-    """What the replicates say of the options' true means, NaN where undefined."""
+    """Probabilities and expectations of the options' true means, NaN where undefined."""
 
     kept: Float64Array
-    """(options,) the probability that they keep the limits."""
+    """(options,) probability of keeping the limits."""
     certainty: Float64Array
-    """(options,) that the option also is the best of all that do, or level with the best."""
+    """(options,) probability of also being the best, or level with the best, of those that keep the limits."""
     expected: Float64Array
-    """(metrics, options) true means of what the objective judges by."""
+    """(metrics, options) expected true means of the metrics of the objective."""
 
 
 def choice_under(
@@ -129,16 +274,16 @@ def choice_under(
     altitudes_m: Float64Array | None = None,
     sensor_errors: Float64Array | None = None,
 ) -> Chances:
-    """How likely each option keeps the limits and is the best, in draws of the true means.
+    """Probability that each option keeps the limits and is the best, in draws of the true means.
 
-    Options with the same values in every replicate are one option: how many others do the same
-    changes nothing.
+    Options with the same values in every replicate count as one option.
 
     Args:
-        units: (metrics, options, blocks) of each replicate what the objective judges by, NaN where undefined.
+        units: (metrics, options, blocks) value of each metric of the objective per replicate, NaN where undefined.
         worlds, levels: as `true_means` takes them.
-        altitudes_m: (options,) for the objective that asks for them.
-        sensor_errors: (options, parameter draws) by how much another sensor, as likely, changes the mean coverage.
+        altitudes_m: (options,) for the objective `HIGHEST`.
+        sensor_errors: (options, parameter draws) change of the mean coverage with other, equally likely parameters of
+            the sensor.
     """
     first, of = distinct(np.concatenate([*units], axis=1))
     some = [level[first] for level in levels]
@@ -157,7 +302,7 @@ def choice_under(
 
 
 def keeping(means: Float64Array, limits: MissionLimits) -> BoolArray:
-    """(draws, options) where (metrics, draws, options) means keep the limits; what is undefined keeps none."""
+    """(draws, options) True where (metrics, draws, options) means keep the limits; undefined means keep none."""
     kept = ~np.isnan(means).any(axis=0)
     for name, limit in limits.named.items():
         value = means[COMPARED.index(name)]
@@ -168,11 +313,11 @@ def keeping(means: Float64Array, limits: MissionLimits) -> BoolArray:
 def best_among(
     means: Float64Array, kept: BoolArray, objective: Objective, altitudes_m: Float64Array | None = None
 ) -> BoolArray:
-    """(draws, options) which are the best, or level with the best, of those that are `kept` in a draw.
+    """(draws, options) True for the best, and those level with it, of the options that are `kept` in a draw.
 
     Args:
-        means: (metrics, draws, options) of what the objective judges by.
-        altitudes_m: (options,) for the objective that asks for them.
+        means: (metrics, draws, options) of the metrics of the objective.
+        altitudes_m: (options,) for the objective `HIGHEST`.
     """
     values: Mapping[str, Float64Array | None] = {
         **dict(zip(objective.judged, means, strict=True)),
@@ -209,7 +354,7 @@ def nearest_of(options: Sequence[Row], limits: MissionLimits) -> tuple[Row | Non
 
 
 def _breach(value: float, limit: float, name: str) -> float:
-    """By which share of the limit a value breaks it; negative where it keeps it."""
+    """Breach of a limit as a share of it; negative if the value keeps it."""
     if name == COVERAGE:
         return (limit - value) / limit if limit else -1.0
     return value / limit - 1

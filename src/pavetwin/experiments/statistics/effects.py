@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
 from math import prod
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import polars as pl
@@ -22,9 +22,11 @@ from pavetwin.arrays import Float64Array, IndexArray
 from pavetwin.experiments.metrics import METRICS, REPLICATE, Metric
 from pavetwin.experiments.statistics.cells import at_every_level, layout, values_of
 
-RESIDUAL = "residual"
-TIMES = " × "
-"""Between the factors of an interaction's name."""
+RESIDUAL: Final = "residual"
+TIMES: Final = " × "
+"""Separates the factors of an interaction's name."""
+EFFECT_ALPHA: Final = 0.01
+"""Family-wise error of the terms called significant: small, since it adds to that of the differences."""
 
 
 @dataclass(frozen=True)
@@ -159,3 +161,24 @@ def _row(term: _Term, total: float) -> tuple[object, ...]:
     p = float(fdtrc(term.epsilon * term.df, term.epsilon * term.error_df, f))
     gain = term.df * (f - 1)
     return term.df, term.ss, f, p, eta2, max(gain / (gain + term.observed), 0.0)
+
+
+def significant_terms(effects: pl.DataFrame, metric: str) -> list[str]:
+    """The terms with p < `EFFECT_ALPHA` after Holm's correction for all terms of a metric, the largest share first."""
+    rows = effects.filter(pl.col("metric") == metric).drop_nulls(["eta2", "p"]).sort("eta2", descending=True).to_dicts()
+    corrected = holm(np.array([row["p"] for row in rows], dtype=np.float64))
+    return [row["term"] for row, p in zip(rows, corrected, strict=True) if p < EFFECT_ALPHA]
+
+
+def holm(p: Float64Array) -> Float64Array:
+    """p-values corrected for being the smallest of many (Holm 1979): holds the family-wise error under any dependence.
+
+    Args:
+        p: (comparisons,) NaN where there was no test; such are not part of the family.
+    """
+    corrected = np.full(len(p), np.nan)
+    tested = np.flatnonzero(~np.isnan(p))
+    order = tested[np.argsort(p[tested], kind="stable")]
+    steps = p[order] * np.arange(len(order), 0, -1)
+    corrected[order] = np.minimum(np.maximum.accumulate(steps), 1.0)
+    return corrected

@@ -177,17 +177,3 @@ def _dz(gaps: Float64Array) -> float:
         return np.nan
     sd = float(gaps.std(ddof=1))
     return float(gaps.mean()) / sd if sd > 1e-12 * np.abs(gaps).max() else np.nan
-
-
-def holm(p: Float64Array) -> Float64Array:
-    """p-values corrected for being the smallest of many (Holm 1979): holds the family-wise error under any dependence.
-
-    Args:
-        p: (comparisons,) NaN where there was no test; such are not part of the family.
-    """
-    corrected = np.full(len(p), np.nan)
-    tested = np.flatnonzero(~np.isnan(p))
-    order = tested[np.argsort(p[tested], kind="stable")]
-    steps = p[order] * np.arange(len(order), 0, -1)
-    corrected[order] = np.minimum(np.maximum.accumulate(steps), 1.0)
-    return corrected

@@ -1,21 +1,112 @@
-"""Dask: a cluster on this machine, or one that runs anywhere, by the address of its scheduler.
-
-A worker needs PaveTwin in the same version and the worlds' folders under the same paths, where recordings are kept too.
-"""
+"""Engines that fly the units of a study: this process, a pool of processes, or a Dask cluster."""
 
 import asyncio
 import logging
-from collections.abc import Iterator, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from importlib.metadata import version
+from itertools import groupby
 from typing import Any, Final
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.experiments.engines.base import DIED, Engine, Listener, in_batches
 from pavetwin.experiments.fly_unit import failed_unit, fly_unit
-from pavetwin.experiments.plan import Plan, Unit, check_worlds
+from pavetwin.experiments.units import Plan, Unit, check_worlds
+from pavetwin.traffic.runner import keep_process
+from pavetwin.workers import ATTEMPTS, OnTick, WaitingProcess, WorkerPool, started
+
+DIED: Final = f"The process that flew it died {ATTEMPTS} times, perhaps out of memory."
+
+
+@dataclass(frozen=True)
+class Listener:
+    """What an engine calls while it flies. An exception from `on_ready` or `on_unit` ends it."""
+
+    on_ready: Callable[[], None]
+    """Called once the workers are ready; until then nothing is written."""
+
+    on_unit: Callable[[Unit, bytes], None]
+    """Called with each unit's part when it is complete, in any order."""
+
+    on_wait: Callable[[str], None]
+    """Called with what is waited for before the workers are ready."""
+
+    on_recorded: Callable[[], None] = lambda: None
+    """Called when the traffic of another unit is recorded, by engines that know of it."""
+
+
+def in_batches(units: Sequence[Unit], workers: int) -> list[list[Unit]]:
+    """Units for one process: all of a replicate, which share defects, where there are enough replicates."""
+    together = [list(batch) for _, batch in groupby(units, key=lambda unit: (unit.world, unit.replicate))]
+    return together if len(together) >= 2 * workers else [[unit] for unit in units]
+
+
+class Engine(ABC):
+    """Flies units, each once, in any order."""
+
+    def started(self) -> AbstractContextManager[object]:
+        """While it lasts, workers start that `fly` uses, before it is known what they fly."""
+        return nullcontext()
+
+    @abstractmethod
+    def fly(self, plan: Plan, units: Sequence[Unit], listener: Listener) -> None:
+        """Fly all units.
+
+        Raises:
+            PaveTwinError: there are no workers.
+        """
+
+
+class Single(Engine):
+    def fly(self, plan: Plan, units: Sequence[Unit], listener: Listener) -> None:
+        listener.on_ready()
+        for unit in units:
+            listener.on_unit(unit, fly_unit(plan, unit, listener.on_recorded))
+
+
+class Pool(Engine):
+    """`jobs` processes. One that dies is replaced, and what it flew is flown again, unit by unit."""
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs = jobs
+        self._waiting: list[WaitingProcess] = []
+
+    @contextmanager
+    def started(self) -> Iterator[None]:
+        with started(self._jobs, fly_unit.__module__) as self._waiting:
+            yield
+        self._waiting = []
+
+    def fly(self, plan: Plan, units: Sequence[Unit], listener: Listener) -> None:
+        listener.on_wait(f"Starting {self._jobs} processes")
+        listener.on_ready()
+
+        def on_result(batch: list[Unit], parts: list[bytes]) -> None:
+            for unit, part in zip(batch, parts, strict=True):
+                listener.on_unit(unit, part)
+
+        def give_up(batch: list[Unit]) -> None:
+            for unit in batch:
+                listener.on_unit(unit, failed_unit(plan, unit, DIED))
+
+        waiting, self._waiting = self._waiting, []
+        with WorkerPool(self._jobs, partial(_start, plan), listener.on_recorded, waiting) as pool:
+            pool.run(
+                in_batches(units, self._jobs),
+                on_result,
+                remaining=lambda batch: [[unit] for unit in batch],
+                give_up=give_up,
+            )
+
+
+def _start(plan: Plan, on_tick: OnTick) -> Callable[[list[Unit]], list[bytes]]:
+    keep_process()
+    return lambda batch: [fly_unit(plan, unit, on_tick) for unit in batch]
+
 
 ANSWER_S: Final = 15.0
 """How long a scheduler, and then its first worker, may take to answer."""

@@ -1,9 +1,4 @@
-"""From a design to work: its cells, and the units that are flown one by one.
-
-A unit is one replicate over one world in one traffic: a recording, the defects of a segment, and a mission for each
-cell. All random numbers of a replicate come from (seed, replicate) only, so replicates can be added later without
-changing the others.
-"""
+"""The plan of a study as values: its cells, the units that are flown one by one, their seeds and settings."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,18 +6,20 @@ from functools import cache, cached_property
 from hashlib import sha256
 from itertools import product
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 from pavetwin.config import MissionSettings, load_settings
+from pavetwin.config.mission import PolicySettings
 from pavetwin.config.options import OptionValue, options_of_one
 from pavetwin.config.settings import ALIASES
 from pavetwin.errors import PaveTwinError, naming
 from pavetwin.experiments.design import ALL, Design, Value, WorldEntry
-from pavetwin.experiments.owners import EVERYONE, Owners, has_setting
 from pavetwin.files import file_sha256
 from pavetwin.mission.replay import Replay
 from pavetwin.plugins import load_plugins
-from pavetwin.policies import policy_class
+from pavetwin.policies import policy_class, policy_names
+from pavetwin.reports.words import listed
 from pavetwin.seeds import Stream, child
 from pavetwin.sensing import ImageSource, sensor_class
 from pavetwin.traffic.demand import own_demand
@@ -31,6 +28,76 @@ from pavetwin.traffic.recording import Recording
 from pavetwin.traffic.recording_file import load_recording
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world
+
+Owners = Mapping[str, Sequence[str]]
+"""Swept setting, as the design names it → the policies or sensors that have it, as the design names them. A setting
+that all of them have, or that belongs to no policy and no sensor, is not named."""
+
+EVERYONE: Final[Owners] = MappingProxyType({})
+
+
+def owners_of(design: Design) -> dict[str, list[str]]:
+    """The owners of a design's swept settings; its plugins are loaded.
+
+    Raises:
+        PaveTwinError: a policy or sensor is not known, or no policy of the design reads a setting of policies.
+    """
+    found = {}
+    for key in design.sweep:
+        section, _, setting = ALIASES.get(key, key).partition(".")
+        option = setting.removeprefix("options.") if setting.startswith("options.") else None
+        if option is not None and section in ("policy", "sensing"):
+            names = design.policies if section == "policy" else design.sensors
+            has = [name for name in names if option in _options(section, name)]
+        elif section == "policy" and setting in PolicySettings.model_fields:
+            names = design.policies
+            has = [name for name in names if setting in policy_class(name).reads]
+            if not has:
+                those = [name for name in policy_names() if setting in policy_class(name).reads]
+                raise PaveTwinError(
+                    f"the design: sweep: no policy of the design reads {key}; of all, {listed(those)} "
+                    f"{'does' if len(those) == 1 else 'do'}."
+                )
+        else:
+            continue
+        if 0 < len(has) < len(names):  # an option that none has is refused where settings are made
+            found[key] = has
+    return found
+
+
+def has_setting(owners: Owners, key: str, policy: str, sensor: str) -> bool:
+    """Whether missions of a policy with a sensor have a swept setting."""
+    if key not in owners:
+        return True
+    return (policy if _is_of_policies(key) else sensor) in owners[key]
+
+
+def sentences(design: Design, owners: Owners, names: Mapping[str, str]) -> list[str]:
+    """`Only hover has wait_s: baseline and skip are flown once for all its values.`
+
+    Args:
+        names: of the policies of the design.
+    """
+    said = []
+    for key, having in owners.items():
+        every = design.policies if _is_of_policies(key) else design.sensors
+        lacking = [names.get(name, name) for name in every if name not in having]
+        verb = "is" if len(lacking) == 1 else "are"
+        only = listed([names.get(name, name) for name in having])
+        said.append(
+            f"Only {only} {'has' if len(having) == 1 else 'have'} {key}: {listed(lacking)} {verb} flown once for all "
+            "its values."
+        )
+    return said
+
+
+def _is_of_policies(key: str) -> bool:
+    return ALIASES.get(key, key).startswith("policy.")
+
+
+def _options(section: str, name: str) -> Mapping[str, object]:
+    return (policy_class(name) if section == "policy" else sensor_class(name)).default_options
+
 
 IN_DESIGN_FILE: Final = {
     **{"`plugins`": "plugins", "`policy`": "policies", "`density`": "densities", "`preset`": "presets"},
