@@ -22,7 +22,7 @@ from pavetwin.world.parking.place import (
     ParkingSource,
     StreetSide,
 )
-from pavetwin.world.parking.summary import on_carriageway
+from pavetwin.world.parking.places import on_carriageway
 from pavetwin.world.store import load_world, save_world
 from scenes import built
 from scenes.kerbs import Scene, europe

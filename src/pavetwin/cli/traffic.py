@@ -152,7 +152,7 @@ def _density(
     asked = traffic_name(name, los, hour, mix)
     if asked is None:
         raise PaveTwinError(
-            "Give the amount of traffic: --los A to F, --hour 0 to 23, --density low, medium, high or v12-p40 (vehicles "
+            "Give a demand: --los A to F, --hour 0 to 23, --density low, medium, high or v12-p40 (vehicles "
             "per kilometre of lane, pedestrians per kilometre of sidewalk), or --routes."
         )
     return density_named(asked)

@@ -222,7 +222,7 @@ def _summary(world: "World", record: "BuildRecord") -> list[tuple[str, str]]:
 
 def _parking_rows(world: "World") -> list[tuple[str, str]]:
     """Parking places by where they are from, and by how much of them lies on the carriageway."""
-    from pavetwin.world.parking.summary import on_carriageway
+    from pavetwin.world.parking.places import on_carriageway
 
     if not world.parking:
         return [("parking places", "0")]

@@ -113,7 +113,7 @@ class CrackContext(Settings):
         return max(self.slab_joint, self.slab_corner, self.lane_joint) > 0
 
     def draw(self, seed: int, street: str) -> tuple[Feature | None, ShapeParameters]:
-        """What one defect starts at, if anything, and the parameters of what grows in it.
+        """Feature that a defect starts at, if any, and the parameters of what grows in it.
 
         Args:
             seed: of its shape; other defects do not depend on what is drawn here.

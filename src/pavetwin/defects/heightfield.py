@@ -2,6 +2,9 @@
 
 The defect's own frame has its centre at the origin, x along its length, y to the left and z up, in metres. Rows run
 along y (row 0 at the smallest), columns along x.
+
+The labelled region is derived from it by the rule of `Marking`. Its triangle mesh is dense where the surface is curved,
+with the border exactly at the road's height.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,6 @@
-"""The sizes an inspector would measure on a defect, computed from its heightfield."""
+"""The sizes an inspector would measure on a defect, from its heightfield; the direction of a thin defect; and points
+spread evenly over a defect, to estimate the hidden share of its area.
+"""
 
 import math
 from dataclasses import dataclass

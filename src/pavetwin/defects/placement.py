@@ -8,6 +8,8 @@ the segment: short segments may have fewer than requested.
 
 Segments are processed in parallel, by processes where these have been started, else on threads. The result does not
 depend on their number.
+
+Placed defects are kept in the cache between runs, and `build_folder` writes a world with its defects.
 """
 
 import math

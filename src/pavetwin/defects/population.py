@@ -372,7 +372,7 @@ def population_names() -> list[str]:
 
 
 def population_sha256(name: str) -> str:
-    """SHA-256 of all that a population says.
+    """SHA-256 of the contents of a population.
 
     Raises:
         PaveTwinError: there is no such population or file, or the file is none.

@@ -1,4 +1,7 @@
-"""Pothole (D40 in RDD2022): merged sub-bowls, a steep ragged rim, bare aggregate, loose stones, cracks around it."""
+"""Pothole (D40 in RDD2022): merged sub-bowls, a steep ragged rim, bare aggregate, loose stones, cracks around it.
+
+Sizes of stones, ledges and bumps are metres, independent of depth: a deep hole is no rougher than a shallow one.
+"""
 
 import math
 from collections.abc import Callable
@@ -231,8 +234,8 @@ class PotholeParameters(Settings):
     depth_m: Annotated[Range, limited(0.002, 1.0)] = (0.013, 0.2)
     """Greatest depth; log-uniform, and not above 0.25 of the diameter while the range allows."""
     fullness: Annotated[Range, limited(0.05, 1.0, unit="")] = (0.5, 0.85)
-    """Ratio of its volume to that of a cylinder of its rim and depth: a cone has 1/3, a box 1. Holes too narrow for such
-    slopes are fuller."""
+    """Ratio of its volume to that of a cylinder of its rim and depth: a cone has 1/3, a box 1. Holes too narrow for
+    such slopes are fuller."""
     bowls: Annotated[tuple[int, int], counts(1, 20)] = (2, 5)
     """Sub-bowls that have merged."""
     stone_m: Annotated[Range, limited(0.002, 0.1)] = (0.008, 0.02)

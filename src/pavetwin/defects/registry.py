@@ -1,4 +1,7 @@
-"""Classes of defects, their registry, and their conformance rules. A new one is one file with one `@defect_class`."""
+"""Classes of defects, their registry, and their conformance rules. A new one is one file with one `@defect_class`.
+
+The rules are tried on shapes of many seeds, for plugins and in tests of all classes.
+"""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager

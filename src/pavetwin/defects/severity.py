@@ -2,6 +2,8 @@
 
 Where the standard gives millimetres, they are used. Where it only describes (alligator cracking), we use our own
 thresholds for its terms; `docs/explanation/defects.md` lists them.
+
+`Distress` lists the distresses of asphalt that count in the Pavement Condition Index.
 """
 
 from enum import StrEnum

@@ -1,4 +1,9 @@
-"""Shared helpers of defect classes: ranges, lattices around shapes, noise."""
+"""Shared helpers of defect classes: ranges, lattices, noise, cracks as lines, and notches.
+
+A crack is a random line with an opening and a depth. A notch is the part that a defect loses to another within it, as a
+network of cracks to a pothole. Outlines stay disjoint, so that each place belongs to one label: where the pothole lies,
+and `APART_M` around it, the network is lost. The notch opens to the network's border: an outline has no holes.
+"""
 
 import math
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,7 @@
 """Agents in a frame of a recording, their speeds, and the distances they have covered, from its key frames.
 
 Parts are read when they are asked for, and few of them are kept: what a recording takes of memory does not grow with
-its length, but for the distances of its agents at the beginning of each part.
+its length, except for the distances of its agents at the beginning of each part.
 """
 
 from bisect import bisect_right

@@ -31,7 +31,7 @@ OBSERVED_SHARE: Final = 2.0
 """An area's vehicles are observed on so many times its own kilometres of lane."""
 
 OBSERVED_LEAST_KM: Final = 10.0
-"""And on so many at least: those of the demo's town and more."""
+"""Least number: those of the demo's town and more."""
 
 GROWN_M: Final = 50.0
 """The streets on which they are observed grow by this distance until they are enough."""

@@ -7,6 +7,8 @@ exits) and is at least `TRIP_M` long where the network is large enough. At a den
 service or an hour is asked for, no exit is preferred. Vehicles are rerouted (SUMO's rerouting device) by travel times
 that are means over up to half an hour. Pedestrians start on any sidewalk, walk at random over crossings and end on a
 sidewalk. During the first half of the warm-up agents start anywhere. Runs only in the simulation's process.
+
+The network comes from the running simulation; the lanes of each edge, in their order, come from the world.
 """
 
 from collections import defaultdict

@@ -2,7 +2,11 @@
 
 A density is vehicles per kilometre of lane and pedestrians per kilometre of sidewalk. The denominators are the lengths
 of all driving lanes and of all sidewalks, between junctions. Agents on junctions and crossings count in the numerator.
-Which density gives a level of service or carries the traffic of an hour depends on the world: see `demand_search`.
+The density of a level of service or of an hour depends on the world: see `demand_search`.
+
+A level of service describes traffic flow by the share of the free-flow speed that it keeps. The classes are those of
+the Highway Capacity Manual (HCM, 6th edition, chapters 16 and 18) for motor vehicles on urban streets, by travel speed
+over base free-flow speed. The edition of 2010 has 85 % instead of 80 % for A. A mix is a YAML file of `mixes`.
 """
 
 import gzip

@@ -7,6 +7,8 @@ that gives the next one, and trials on both sides bound it. The result is read o
 
 The first two trials, the nearly empty network and a guess, run side by side. The search is the same under every seed of
 traffic, since the density is a property of the streets. Its trials are kept next to the recordings.
+
+Without a requested level of service the usual one is recorded, or the nearest that the world can reach.
 """
 
 import hashlib

@@ -5,6 +5,8 @@ the lane whose centre line it is nearest to, of those in its direction; inside a
 behind. The speed ratio is the time that the distance driven takes at these speeds, over the time that it took (the
 inverse of the travel time index): waiting at signals and turning count as losses, so that even a nearly empty network
 stays below 1.
+
+`to_recording` converts the frames of SUMO's process to a recording with these samples.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,10 @@
-"""The messages between the simulation's process and its owner: a job, and parts of the recording."""
+"""Messages between the simulation's process and its owner: a job, and parts of the recording; and the values in them.
+
+`AreaTraffic` is the traffic of some streets of a town. The places of a town's vehicles depend on their trips and on the
+queues on the way. An area that is simulated without its town has the same traffic if as many vehicles are there at any
+time, and if they come from, go to and leave into the same streets: the trips are cut to the area, as SUMO's
+`cutRoutes.py` does with routes. Imports little, since the simulation's process needs it.
+"""
 
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass

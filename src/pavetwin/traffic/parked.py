@@ -3,6 +3,9 @@
 They are static: drawn once for a mission from its settings, its date and time and a seed, without SUMO. What stands in
 a place depends on the seed and the place alone, never on other places. A place that is taken at one occupancy is taken,
 by the same vehicle, at every higher one.
+
+`occupancy.yaml` has the daily curves of occupancy for each kind of surroundings, and their sources. Between full hours
+they are straight lines.
 """
 
 import math

@@ -1,6 +1,10 @@
-"""The file of a recording: one Parquet table of key frames (see `part_table`), its parts as row groups.
+"""The file of a recording, and its export as floating car data.
 
-Everything else is JSON in the file's metadata under the key `pavetwin`. The same recording gives the same bytes.
+The file is one Parquet table of key frames (see `tracks`), its parts as row groups. Everything else is JSON in the
+file's metadata under the key `pavetwin`. The same recording gives the same bytes.
+
+Floating car data has a row for each agent and moment, as tools for SUMO's traces read it. Columns as in SUMO's
+`fcd-output` (`time`, `id`, `type`, `x`, `y`, `angle`, `speed`), then `class` and the body's sizes.
 """
 
 import json

@@ -5,6 +5,16 @@ connection. The owner sends a `SimulationJob` and then, any number of times, a c
 done and finally a `Part`. SUMO is paused between requests. After None the simulation is closed, which None answers;
 then the next job may come, which is simulated as in a new process. When the other end is closed, the job's folder is
 removed and the process ends.
+
+`AreaLoop` holds the demand of an area: as many vehicles as its town has there, on the town's trips cut to the area. In
+the first half of the warm-up vehicles start anywhere on these trips, in proportion to the time that they take on each
+edge. Later they enter where trips entered during the observation, each with equal probability. Their number follows
+that of the observation, second by second from a random one on, so that quiet and busy minutes come as in the town.
+Behind the area they drive as fast as the town's vehicles do there, so that queues reach back into it as in the town.
+
+`LevelControl` holds a level of service: one density gives a speed ratio only on average over days, since near capacity
+a queue that happens to spill back changes it by a tenth or more. So the number of vehicles follows a
+proportional-integral law on the relative error of the speed ratio, from the density of `demand_search` on.
 """
 
 import os

@@ -1,4 +1,8 @@
-"""A world's collections as layers of one GeoPackage, and back; `layer_tables` defines their columns."""
+"""A world's collections as layers of one GeoPackage, and back; and styles of layers for QGIS (QML).
+
+Layers: streets (centre lines), segments (polygons), centre_lines (of segments), lanes, sidewalks, connections,
+junctions, crossings, buildings, furniture, parks, parking, defects.
+"""
 
 import json
 import sqlite3

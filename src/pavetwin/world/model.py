@@ -2,6 +2,10 @@
 
 The world frame is east-north-up in metres and equal to the frame of the world's SUMO network. `GeoReference` converts
 it to WGS 84.
+
+The carriageway is the only definition of the road surface: the segments, and the part of each junction between its
+arms. Scenes and maps draw it, nothing is placed on it, images measure it. Each segment's polygon is its part of it, and
+densities per square metre use the area of that polygon. Junction areas belong to no segment.
 """
 
 import hashlib
@@ -519,7 +523,7 @@ class World:
 
     @property
     def network_file(self) -> Path:
-        """The SUMO network beside the world.
+        """The SUMO network in the world's folder.
 
         Raises:
             PaveTwinError: the world was never saved.

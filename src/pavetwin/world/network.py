@@ -5,6 +5,8 @@ service roads, parking aisles, footways and cycleways of their own), and each ur
 sides unless the map excludes them: a sidewalk mapped as a way of its own (`sidewalk=separate`) is dropped with
 the other footways and would be missing. Then netconvert makes the network: junctions joined, crossings and traffic
 lights guessed (actuated), only the largest connected part, UTM.
+
+netconvert keeps only the largest connected part and drops the other streets without a warning; `LeftOut` counts them.
 """
 
 import gzip

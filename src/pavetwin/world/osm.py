@@ -1,5 +1,5 @@
-"""Map features of OpenStreetMap besides roads: buildings, trees, street lamps, poles, signs, green areas, and the
-names of streets in Latin letters.
+"""Map features of OpenStreetMap besides the road network: buildings, trees, street lamps, poles, signs, green areas,
+names of streets in Latin letters, bridges, and pavements that are not asphalt.
 
 Coordinates are in the world frame (metres). Features further than `REACH_M` from every street are omitted.
 """

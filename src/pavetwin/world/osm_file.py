@@ -1,4 +1,4 @@
-"""OpenStreetMap files: their objects, and the values of their tags."""
+"""OpenStreetMap files: their objects, numbers from free-text tags, names in Latin letters, and heights of buildings."""
 
 import re
 import unicodedata

@@ -1,7 +1,7 @@
-"""Joints of pavements: between slabs of concrete, and between lanes that were paved apart.
+"""Joints and gutters of pavements: between slabs of concrete, between lanes that were paved apart, and along kerbs.
 
-What is decided here depends on a street's name and a segment's own geometry alone, so that defects and scenes agree,
-and a street is independent of others.
+All depend on a street's name and a segment's own geometry alone, so that defects and scenes agree, and a street is
+independent of others. Asphalt defects avoid gutters.
 """
 
 import zlib
@@ -13,7 +13,7 @@ from pavetwin.arrays import Float64Array
 from pavetwin.world.model import Segment
 
 SLAB_SHARE: Final = 0.08
-"""Of streets, those built of slabs of concrete. Where a scene's look has them paved over, their joints are reflected by
+"""Share of streets built of slabs of concrete. Where a scene's look has them paved over, their joints are reflected by
 cracks. Ours."""
 
 SLAB_M: Final = 4.5
@@ -23,7 +23,7 @@ SLAB_WIDTH_M: Final = 3.6
 """Across it, about; the carriageway is divided into slabs of one width."""
 
 APART_SHARE: Final = 0.4
-"""Of the other streets, those whose lanes were paved one after the other, with a cold joint between them. Ours."""
+"""Share of the other streets whose lanes were paved one after the other, with a cold joint between them. Ours."""
 
 
 def has_slabs(street: str) -> bool:
@@ -47,7 +47,7 @@ def joints_along(segment: Segment) -> Float64Array:
 
 
 def slab_width_m(segment: Segment) -> float:
-    """Of a segment's slabs [m]."""
+    """Width of a segment's slabs [m]."""
     return segment.width_m / (len(joints_along(segment)) + 1)
 
 
@@ -69,7 +69,7 @@ GUTTER_M: Final = 0.30
 """Width of a gutter of concrete slabs or cast with the kerb (RASt 06: 30 cm)."""
 
 SHARE: Final = 0.45
-"""Of streets."""
+"""Share of streets with gutters."""
 
 
 def has_gutter(street: str) -> bool:

@@ -2,6 +2,9 @@
 
 It is the only reader of a world's network. Requests and signal programs are not read. Coordinates are
 metres in the network's frame, which is the world frame.
+
+A connection's line follows SUMO's internal lanes. A left turn that waits inside the junction has two of them in
+sequence.
 """
 
 import math
@@ -178,7 +181,7 @@ class Edge:
 
     @property
     def sidewalk_width_m(self) -> float:
-        """Width of the sidewalks beside its carriageway, 0 when it has none."""
+        """Width of the sidewalks along its carriageway, 0 when it has none."""
         return sum(lane.width_m for lane in self.lanes if lane.kind is LaneKind.SIDEWALK)
 
 

@@ -1,7 +1,8 @@
-"""Streets cut into segments, the units of inspection (S = {s_1 … s_N}).
+"""Streets of a network, and their segments, the units of inspection (S = {s_1 … s_N}).
 
-A street is cut across into the fewest equal pieces of at most `segment_length`. The pieces tile its carriageway;
-the cuts are perpendicular to the centre line.
+A street joins the directed edges of a road to one carriageway, with a centre line and a polygon. The carriageway is the
+driving and bicycle lanes; sidewalks are not part of it. A street is cut across into the fewest equal pieces of at most
+`segment_length`. The pieces tile its carriageway; the cuts are perpendicular to the centre line.
 """
 
 import math
@@ -84,7 +85,7 @@ def _plain_first(name: str) -> tuple[str, bool]:
 
 
 def _median_m(edge: Edge, other: Edge) -> float:
-    """Width of the strip between two opposite edges' innermost lanes [m]; infinite when not beside each other."""
+    """Width of the strip between two opposite edges' innermost lanes [m]; infinite when they are not adjacent."""
     inner, facing = edge.carriageway[-1], other.carriageway[-1]
     if not 0.6 <= inner.length_m / facing.length_m <= 1.0 / 0.6 and abs(inner.length_m - facing.length_m) > 10.0:
         return math.inf
@@ -314,6 +315,6 @@ def segment_key(segment: Segment) -> int:
 
 
 def outside_words(world: World) -> str:
-    """How much of the carriageway belongs to no segment."""
+    """Area of the carriageway that belongs to no segment."""
     outside_m2, whole_m2 = world.outside_segments_m2, world.carriageway.area
     return f"{outside_m2:.0f} m² of junctions and crossings, {100 * outside_m2 / whole_m2:.0f} % of the carriageway"

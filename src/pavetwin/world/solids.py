@@ -1,4 +1,4 @@
-"""What stands still as vertical prisms with convex bases: buildings and furniture, which occlude the road and obstruct
+"""Static objects as vertical prisms with convex bases: buildings and furniture, which occlude the road and obstruct
 the UAV, and parked vehicles."""
 
 import math
@@ -18,7 +18,7 @@ ARM_HALF_HEIGHT_M = 0.15
 
 ARM_HALF_WIDTH_M = 0.1
 PLATE_WIDTH_M, PLATE_HALF_DEPTH_M, PLATE_BOTTOM_M = 0.75, 0.03, 0.7
-"""Of a sign: its width, half its thickness, and how far below the mast's top it begins [m]."""
+"""A sign's width, half its thickness, and how far below the mast's top it begins [m]."""
 
 TRUNK_RADIUS_M = 0.2
 CROWN_SIDES, MAST_SIDES = 12, 8

@@ -94,7 +94,7 @@ def attribution(source: str) -> str | None:
 
 
 def load_record(folder: str | Path) -> BuildRecord:
-    """What a saved world was made from.
+    """Source and options of a saved world.
 
     Raises:
         PaveTwinError: as `load_world`.

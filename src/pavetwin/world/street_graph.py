@@ -23,7 +23,7 @@ CURVE_STEP_M = 7.0
 NODE_SPACING_M = 36.0
 """Least distance between two junctions on a side street [m]; room for queues and crossings."""
 MAIN_SPACING_M = 52.0
-"""The same on the main street and the through road."""
+"""Distance on the main street and the through road."""
 CLEARANCE_M = 30.0
 """Least distance between streets that do not meet [m]: two rows of gardens, or one of houses."""
 MAIN, THROUGH = 0, 1

@@ -1,8 +1,10 @@
-"""Houses for the invented town: closed rows around the blocks of the centre, terraces and single houses further out.
+"""The demo town, and its houses: closed rows around the blocks of the centre, terraces and single houses further out.
 
-Buildings are behind the sidewalks, with or without a front garden, face their street, and do not overlap. Heights are
-storeys of about 3 m and a roof: 9 to 15 m in the centre, 6 to 9 m elsewhere, a church with a steeple by a small square.
-Coordinates are metres in the plan's frame (the main crossing at the origin).
+`plan_town` draws the streets, `plan_roads` gives them lanes and names, `place_buildings` lines them with houses. The
+town lies north-east of the world's origin. Coordinates of houses are metres in the plan's frame (the main crossing at
+the origin). Houses are behind the sidewalks, with or without a front garden, face their street, and do not overlap.
+Heights are storeys of about 3 m and a roof: 9 to 15 m in the centre, 6 to 9 m elsewhere, a church with a steeple by a
+small square.
 """
 
 import math
@@ -177,7 +179,7 @@ def _stations(ring: LineString, rng: np.random.Generator) -> Iterator[float]:
 
 
 def _line_streets(site: _Site, paved: Surface, skip: Surface, near_side_street: Surface) -> None:
-    """Terraces and single houses along both sides of every street, but for `skip` and few on the roads out of town."""
+    """Terraces and single houses along both sides of every street, except `skip`, and few on the roads out of town."""
     rng = site.rng
     shapely.prepare([skip, near_side_street])
     for part in polygons_of(paved):

@@ -4,6 +4,8 @@ A bent main street and a through road cross obliquely at the town's centre. In e
 closes a first large block, which is subdivided by streets that meet their neighbours at right angles and curve between
 them. Then some pieces are removed, so that blocks become irregular, and crescents and closes are added at the edge. The
 same seed gives the same plan; a plan that breaks a rule of `faults` is discarded and the next one is tried.
+
+Its last steps are a park, removed streets, crescents at the edge, and closes.
 """
 
 import math
@@ -179,7 +181,7 @@ def _attempt(rng: np.random.Generator) -> TownPlan | None:
 
 
 def faults(plan: TownPlan) -> list[str]:
-    """Which rules a plan breaks: connected, no sharp corners, no junctions on top of each other, no stray crossing."""
+    """Rules that a plan breaks: connected, no sharp corners, no junctions on top of each other, no stray crossing."""
     graph, found = plan.graph, []
     if not graph.connected_without():
         found.append("not connected")
@@ -341,7 +343,7 @@ def _splitting_street(graph: StreetGraph, block: Polygon, rng: np.random.Generat
 
 
 def _inequality(block: Polygon, along: Float64Array, first: IndexArray, second: IndexArray) -> Float64Array:
-    """How unequal the parts of a block are, cut between two places of its outline: 0 alike, 1 nothing on one side.
+    """Inequality of the parts of a block, cut between two places of its outline: 0 equal, 1 nothing on one side.
 
     By the shoelace formula: the area swept from the outline's start, at a place, is linear between vertices.
     """

@@ -22,7 +22,7 @@ from pavetwin.world.town_plan import TownPlan
 
 KMH = 1 / 3.6
 CENTRE_REACH_M = 190.0
-"""How far from the crossing the main street keeps two lanes each way [m]."""
+"""Distance from the crossing within which the main street keeps two lanes each way [m]."""
 
 _MAIN_NAMES = ("Main Street", "High Street", "Market Street")
 _THROUGH_NAMES = ("Mill Road", "Station Road", "Bridge Road", "Harbour Road", "Abbey Road")

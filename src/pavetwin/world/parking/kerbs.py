@@ -1,7 +1,7 @@
-"""The kerbs of a world's streets, along which one parks.
+"""Kerbs of a world's streets, and the parking places along them.
 
-A street has a kerb on each side. Its line is the outer border of the carriageway, in the direction of the traffic
-beside it: along a two-way street each kerb belongs to one directed edge, along a one-way street both to the same.
+A street has a kerb on each side. Its line is the outer border of the carriageway, in the direction of the adjacent
+traffic: along a two-way street each kerb belongs to one directed edge, along a one-way street both to the same.
 """
 
 import math
@@ -206,7 +206,7 @@ def slots_in(
     rule: ParkingRule,
     spacing_m: float | None = None,
 ) -> Iterator[Slot]:
-    """As many places as fit into an interval, in the middle of it.
+    """The places that fit into an interval, centred in it.
 
     Args:
         inner_m: where the places begin, outwards from the kerb; below 0 on the carriageway.

@@ -3,6 +3,11 @@
 A street that is parked on has a lane along its kerb that is not driven on, between its sidewalk and its driving lanes.
 Where the map has the width from kerb to kerb, its driving lanes are narrowed for it; without one, or where they would
 become too narrow, the carriageway is widened.
+
+They are inserted into a SUMO network by way of netconvert's plain XML: plain files of nodes, edges, connections and
+traffic lights. Edges get their lanes there, connections and links of signals keep their lanes, and netconvert makes the
+network again. Ids, names, turns, crossings and signal programs stay; kerbs, junctions and crossings get the shapes of
+the wider streets.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

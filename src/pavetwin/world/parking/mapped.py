@@ -1,6 +1,12 @@
 """Parking on a map: tags of streets, areas along streets, obstacles that interrupt a row, and hours of restrictions.
 
-Coordinates are in the world frame (metres).
+Both schemes of tags are read: `parking:SIDE` with `:orientation`, `:capacity`, `:restriction`,
+`:restriction:conditional` and `:access`, and the deprecated `parking:lane:SIDE` with `parking:condition:SIDE`. The
+former counts where a side has both.
+
+Hours are a part of OSM's opening hours: days of the week and times, such as `Mo-Fr 07:00-17:00; Sa 09:00-14:00`,
+`Mo,We 08:00-12:00`, `08:00-18:00` and `24/7`. Holidays are ordinary days. A text with anything else in it closes no
+place.
 """
 
 import datetime as dt

@@ -1,4 +1,6 @@
-"""All parking places of a world: row by row along its kerbs, wherever nothing else is in the way."""
+"""Parking places of a world: row by row along its kerbs, by the map's tags and areas or else by the rule, except at
+junctions, traffic lights, crossings, driveways, bus stops, hydrants and masts.
+"""
 
 import math
 from collections import defaultdict
@@ -10,8 +12,9 @@ import shapely
 from shapely import LineString, Point, Polygon, STRtree
 from shapely.affinity import translate
 
+from pavetwin.arrays import Float64Array
 from pavetwin.world.ground import Nearby
-from pavetwin.world.model import Building, Furniture, FurnitureKind, Segment
+from pavetwin.world.model import Building, Furniture, FurnitureKind, Segment, World
 from pavetwin.world.parking.kerbs import (
     SHORTEST_M,
     Kerb,
@@ -438,3 +441,13 @@ def _within(whole: KerbInterval, parts: Iterable[KerbInterval]) -> Iterator[Kerb
     for start, end in parts:
         if min(end, whole[1]) > max(start, whole[0]):
             yield max(start, whole[0]), min(end, whole[1])
+
+
+def on_carriageway(world: World) -> Float64Array:
+    """The share of each place's area that lies on the segments of its world, 0 … 1, (places,)."""
+    places = np.array([place.polygon for place in world.parking], dtype=object)
+    surfaces = np.array([segment.polygon for segment in world.segments], dtype=object)
+    place, surface = shapely.STRtree(surfaces).query(places, predicate="intersects")
+    shared = shapely.area(shapely.intersection(places[place], surfaces[surface]))
+    covered = np.bincount(place, weights=shared, minlength=len(places))
+    return np.asarray(covered / shapely.area(places), dtype=np.float64)
