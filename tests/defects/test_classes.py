@@ -164,7 +164,7 @@ def test_a_pothole_is_one_hole_with_a_steep_rim_and_stones(seed: int) -> None:
 @given(seeds)
 def test_a_deep_pothole_is_no_rougher_than_a_shallow_one_and_its_walls_lean(seed: int) -> None:
     def rough(depth: float) -> float:
-        """How far the floor stands out from its mean over 6 cm."""
+        """Deviation of the floor from its mean over 6 cm."""
         asked = PotholeParameters(diameter_m=(0.9, 0.9), depth_m=(depth, depth), cracks=(0, 0), loose=0.0)
         height = pothole(rng(seed), asked).height_m
         return float(np.std((height - uniform_filter(height, 13))[height < -0.85 * depth]))

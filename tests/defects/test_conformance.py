@@ -1,4 +1,4 @@
-"""What a defect class of one's own must keep, and what is said where it does not."""
+"""Conformance rules of user classes of defects, and messages for broken ones."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -75,7 +75,7 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("words", BROKEN)
-def test_each_rule_is_found_and_said(words: str, tmp_path: Path) -> None:
+def test_each_broken_rule_is_reported(words: str, tmp_path: Path) -> None:
     before, after = BROKEN[words]
     path = file(tmp_path, before, after)
     plugins.load_plugins([path], check=False)
@@ -104,11 +104,11 @@ def test_a_class_that_fails_later_is_named_with_its_file_and_line(tmp_path: Path
 
 def test_a_broken_class_is_refused_before_anything_is_built(tmp_path: Path) -> None:
     path = file(tmp_path, "return Severity.LOW", "return sizes.depth")
-    said = plain_refusal(
+    message = plain_refusal(
         pavetwin("world", "build", "--generate", "grid", "-o", tmp_path / "w", "--plugin", path, cwd=tmp_path)
     )
-    assert "the defect class 'dent' breaks a rule: `rate` fails: AttributeError" in said
-    assert f"{path}, line 11" in said
+    assert "the defect class 'dent' breaks a rule: `rate` fails: AttributeError" in message
+    assert f"{path}, line 11" in message
     assert not (tmp_path / "w").exists()
 
 

@@ -221,7 +221,7 @@ def test_a_long_shape_at_an_angle_has_the_extents_of_its_rectangle_and_no_crack(
     assert length_of(crack) == crack.crack_length_m != crack.extent_length_m
 
 
-def test_what_is_no_heightfield_is_refused() -> None:
+def test_an_invalid_heightfield_is_refused() -> None:
     whole = flat()
     with pytest.raises(ValueError, match="not float32"):
         replace(whole, opening=np.zeros((80, 121), dtype=np.float32))

@@ -1,12 +1,14 @@
 """Defects lie whole on their segment, apart from each other, and depend on their own segment alone."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
+from shapely.affinity import rotate, translate
 
 from pavetwin.defects import (
     DEFECT_CLASSES,
@@ -20,8 +22,11 @@ from pavetwin.defects import (
     kinds,
     measure,
     place,
+    placed_on,
     sample_points,
 )
+from pavetwin.defects import placement as placed
+from pavetwin.defects.placement import APART_M
 from pavetwin.defects.poses import RoadSection, wheel_paths
 from pavetwin.defects.poses import poses as placed_poses
 from pavetwin.defects.pothole import pothole, sample_pothole_poses
@@ -29,9 +34,15 @@ from pavetwin.defects.registry import DefectKind
 from pavetwin.defects.severity import pothole_severity
 from pavetwin.defects.shapes import turned
 from pavetwin.errors import PaveTwinError
+from pavetwin.experiments import fly_unit
+from pavetwin.mission.inputs import defects_of
+from pavetwin.mission.spec import DefectInput
 from pavetwin.workers import started
+from pavetwin.world.cache import placed_folder
+from pavetwin.world.folder import CACHE_VARIABLE
+from pavetwin.world.model import Defect, World
 from pavetwin.world.store import load_world, save_world
-from scenes import built
+from scenes import built, tiny
 
 
 def rng(seed: int) -> np.random.Generator:
@@ -255,3 +266,146 @@ def test_sample_points_stand_for_equal_shares_of_the_area(kind: str) -> None:
         assert np.mean(points[:, 0] <= half.bounds[2]) == pytest.approx(share, abs=0.08)
     with pytest.raises(ValueError, match="0 points"):
         sample_points(defect, 0)
+
+
+OPTIONS = DefectOptions(population="paper", per_segment=3)
+STREETS = [tiny.street(name, (0.0, y), (30.0, y)) for name, y in (("one", 0.0), ("two", 50.0))]
+
+
+@pytest.fixture
+def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> World:
+    """Two streets with a content hash, as every world has that was built, and an empty cache."""
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+    return replace(tiny.world(STREETS, ()), content_hash="5")
+
+
+def values(defects: Sequence[Defect]) -> list[object]:
+    rows = [[getattr(each, field.name) for field in fields(each)] for each in defects]
+    return [[getattr(value, "wkb", value) for value in row] for row in rows]
+
+
+def files() -> list[Path]:
+    return list(placed_folder().iterdir()) if placed_folder().is_dir() else []
+
+
+def test_a_second_process_reads_the_same_to_the_bit(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = placed_on(world, world.segments, 7, OPTIONS)
+    assert values(first) == values(place(world.segments, 7, OPTIONS))
+    assert len(files()) == 1
+    monkeypatch.setattr(placed, "place", lambda *_, **__: pytest.fail("placed, and not read from the cache"))
+    found = placed_on(world, world.segments, 7, OPTIONS, threads=1)
+    assert values(found) == values(first)
+    assert all(type(a.severity) is type(b.severity) for a, b in zip(found, first, strict=True))
+
+
+def test_other_inputs_are_other_files(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(placed, "place", lambda *_, **__: ())
+
+    def file_of(world: World, seed: int = 7, options: DefectOptions = OPTIONS, count: int = 2) -> str:
+        before = set(files())
+        placed_on(world, world.segments[:count], seed, options)
+        return str({*files()} - before)
+
+    names = [
+        file_of(world),
+        file_of(world, seed=8),
+        file_of(world, count=1),
+        file_of(world, options=DefectOptions(population="survey")),
+        file_of(replace(world, content_hash="6")),
+    ]
+    monkeypatch.setattr(placed, "made_by", lambda *_: "by other code")
+    names.append(file_of(world))
+    assert len({*names}) == len(names) == len(files())
+
+
+def test_nothing_is_kept_of_a_world_without_a_hash_or_of_classes_of_a_users_own(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    placed_on(replace(world, content_hash=""), world.segments[:1], 7, OPTIONS)
+    monkeypatch.setattr(DefectKind, "ships", False)
+    monkeypatch.setattr(placed, "place", lambda *_, **__: ())
+    placed_on(world, world.segments[:1], 7, OPTIONS)
+    assert not files()
+
+
+def test_missions_and_studies_find_theirs_there(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    place_of_unit = fly_unit._Place("a.yaml", world.content_hash, (0,), 7, OPTIONS.model_dump_json())
+    monkeypatch.setattr(fly_unit, "world_of_study", lambda *_: world)
+    source = DefectInput(seed=7, options=OPTIONS)
+    first = [defects_of(world, source), fly_unit._defects.__wrapped__(place_of_unit)]
+    assert len(files()) == 2
+    monkeypatch.setattr(placed, "place", lambda *_, **__: pytest.fail("placed, and not read from the cache"))
+    again = [defects_of(world, source), fly_unit._defects.__wrapped__(place_of_unit)]
+    assert [*map(values, again)] == [*map(values, first)]
+
+
+BROKEN = """
+title: potholes in networks
+density: {per_100_m2: 2}
+classes:
+  crocodile_crack:
+    weight: 1
+    sizes: {length_m: {median: 1.4, least: 1.4, most: 1.4}, width_m: {median: 1.1, least: 1.1, most: 1.1}}
+  pothole:
+    weight: 1
+    sizes: {diameter_m: {median: 0.3, least: 0.3, most: 0.3}}
+    within: {crocodile_crack: 1.0}
+"""
+
+
+@pytest.fixture(scope="module")
+def population(tmp_path_factory: pytest.TempPathFactory) -> str:
+    file = tmp_path_factory.mktemp("population") / "broken.yaml"
+    file.write_text(BROKEN)
+    return str(file)
+
+
+@pytest.fixture(scope="module")
+def broken(population: str) -> World:
+    town = built("cross").world
+    return replace(town, defects=place(town.segments[:1], 5, DefectOptions(population=population)))
+
+
+def hosts(world: World) -> list[Defect]:
+    return [defect for defect in world.defects if defect.notch]
+
+
+def test_potholes_lie_within_networks_and_outlines_stay_apart(broken: World) -> None:
+    holes = [defect for defect in broken.defects if defect.kind == "pothole"]
+    assert len(holes) > 2
+    assert len(hosts(broken)) >= len(holes) - 1
+    for host in hosts(broken):
+        within = [hole for hole in holes if host.polygon.convex_hull.contains(hole.centre)]
+        assert len(within) == 1
+        assert host.polygon.distance(within[0].polygon) < 2 * APART_M
+    outlines = np.array([defect.polygon for defect in broken.defects])
+    one, other = shapely.STRtree(outlines).query(outlines, "dwithin", distance=0.999 * APART_M)
+    assert (one == other).all()
+
+
+def test_a_network_with_a_notch_equals_its_heightfield(broken: World) -> None:
+    for host in hosts(broken):
+        shape = heightfield_of(host)
+        outline = rotate(shape.outline, host.yaw_rad, (0, 0), use_radians=True)
+        assert translate(outline, host.centre.x, host.centre.y).symmetric_difference(host.polygon).area < 1e-4
+        whole = heightfield_of(replace(host, notch=()))
+        assert 0.5 * whole.outline.area <= shape.outline.area < 0.98 * whole.outline.area
+        assert host.length_m == pytest.approx(measure(shape).crack_length_m, abs=1e-3)
+        assert not (shape.height_m[~shape.mask] != 0).any()
+
+
+def test_notches_are_stored_and_count_as_content(broken: World, tmp_path: Path) -> None:
+    some = replace(broken, defects=tuple(replace(each, id=number) for number, each in enumerate(hosts(broken)[:2])))
+    save_world(replace(built("cross"), world=some), tmp_path / "town")
+    again = load_world(tmp_path / "town")
+    assert again.defects == some.defects
+    assert again.defects_hash == some.defects_hash
+    whole = tuple(replace(each, notch=()) for each in some.defects)
+    assert replace(some, defects=whole).defects_hash != some.defects_hash
+
+
+def test_only_classes_listed_before_can_hold_others(tmp_path: Path) -> None:
+    file = tmp_path / "broken.yaml"
+    file.write_text(BROKEN.replace("within: {crocodile_crack", "within: {pothole"))
+    with pytest.raises(PaveTwinError, match=r"classes\.pothole\.within: 'pothole' is not listed before it"):
+        DefectOptions(population=str(file)).effective()

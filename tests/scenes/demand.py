@@ -15,7 +15,7 @@ FREE_FLOW_KMH = 45.0
 def on_the_curve(search: DemandSearch, *counts: int, empty_ratio: float = EMPTY_RATIO) -> list[Trial]:
     """What trials would give in a network that follows the curve of `demand_search` exactly."""
     trials = []
-    search._tell(1.0)
+    search._report(1.0)
     for count in counts:
         density = count / search._inputs.capacity.lanes_km
         ratio = empty_ratio * exp(-0.5 * (density / SCALE_PER_LANE_KM) ** 2)

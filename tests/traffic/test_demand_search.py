@@ -1,8 +1,10 @@
 """Demand for a level of service, found by closed loop on a signalled cross; and held over the recording."""
 
 import json
+from collections.abc import Callable
 from contextlib import closing, suppress
 from dataclasses import replace
+from functools import partialmethod
 from math import log
 from pathlib import Path
 
@@ -10,7 +12,7 @@ import pytest
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.traffic.demand import LevelOfService, density_named
-from pavetwin.traffic.demand_search import NEAR, DemandSearch, Trial, _fitted, found
+from pavetwin.traffic.demand_search import NEAR, DemandSearch, Trial, _fitted, found, nearest_first, within_reach
 from pavetwin.traffic.flow import MOST_REMOVALS_PER_HOUR, flow_of, to_recording
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.job import SimulationJob
@@ -136,7 +138,7 @@ class _Simulations:
 
     def __init__(self, fails: bool = False) -> None:
         self.fails = fails
-        self.told: list[str] = []
+        self.reported: list[str] = []
         self.pedestrians: list[bool] = []
 
     def __call__(self, job: SimulationJob) -> "_Simulations":
@@ -144,15 +146,15 @@ class _Simulations:
         return self
 
     def begin(self, _frames: int) -> None:
-        self.told.append("begin")
+        self.reported.append("begin")
 
     def finish(self, _on_progress: object) -> None:
-        self.told.append("finish")
+        self.reported.append("finish")
         if self.fails:
             raise PaveTwinError("SUMO crashed.")
 
     def close(self) -> None:
-        self.told.append("close")
+        self.reported.append("close")
 
 
 @pytest.mark.usefixtures("fresh")
@@ -165,7 +167,7 @@ def test_the_first_two_trials_run_side_by_side_where_the_second_can_be_guessed(
     monkeypatch.setattr(DemandSearch, "_measured", lambda *_: Trial(1.0, 0.72, 0.0, 0.0))
     with suppress(PaveTwinError):
         DemandSearch(cross, "europe").target(LevelOfService(level))
-    assert simulations.told == ["begin"] * side_by_side + ["finish"] * side_by_side + ["close"] * side_by_side
+    assert simulations.reported == ["begin"] * side_by_side + ["finish"] * side_by_side + ["close"] * side_by_side
     assert simulations.pedestrians == [False] * side_by_side
 
 
@@ -176,12 +178,12 @@ def test_both_simulations_end_where_one_fails(cross: World, monkeypatch: pytest.
     search = DemandSearch(cross, "europe")
     with pytest.raises(PaveTwinError, match="crashed"):
         search.target(LevelOfService.C)
-    assert simulations.told == ["begin", "begin", "finish", "close", "close"]
+    assert simulations.reported == ["begin", "begin", "finish", "close", "close"]
     assert search.trials == []
 
 
 @pytest.mark.usefixtures("fresh")
-def test_the_search_and_the_recording_are_told_apart(cross: World, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_progress_of_search_and_recording_is_reported_separately(cross: World, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(DemandSearch, "_simulated", on_the_curve)
     searched: list[float] = []
     recorded: list[float] = []
@@ -246,3 +248,50 @@ def test_slow_traffic_gets_fewer_vehicles_and_fast_traffic_more(cross: World, sp
     counts = [control.vehicles() for _ in range(0, 1200, EVERY_S)]
     assert [counts[-1] < 99, counts[-1] == 100, counts[-1] > 101][sign + 1]
     assert 100 * 2.7182**-LARGEST - 1 <= counts[-1] <= 100 * 2.7183**LARGEST + 1
+
+
+@pytest.fixture
+def keeps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
+    """Makes the nearly empty network keep a share of the speed limits."""
+    monkeypatch.setenv("PAVETWIN_CACHE", str(tmp_path))
+
+    def keep(share: float) -> None:
+        monkeypatch.setattr(DemandSearch, "_simulated", partialmethod(on_the_curve, empty_ratio=share))
+
+    return keep
+
+
+@pytest.mark.parametrize(
+    ("empty", "asked", "flown"),
+    [
+        (0.72, "los-C", "los-C"),
+        (0.47, "los-C", "los-D"),
+        (0.36, "los-C", "los-E"),
+        (0.36, "los-C+south_asia", "los-E+south_asia"),
+        (0.72, "los-A", "los-B"),
+        (0.36, "hour-08", "hour-08"),
+        (0.36, "high", "high"),
+    ],
+)
+def test_the_nearest_level_that_is_reached_takes_its_place(
+    cross: World, keeps: Callable[[float], None], empty: float, asked: str, flown: str
+) -> None:
+    keeps(empty)
+    assert within_reach(cross, density_named(asked)).name == flown
+
+
+def test_of_two_levels_as_near_the_worse_comes_first() -> None:
+    assert "".join(nearest_first(LevelOfService.C)) == "CDBEAF"
+    assert "".join(nearest_first(LevelOfService.A)) == "ABCDEF"
+
+
+def test_what_goes_wrong_in_the_simulation_is_no_level_out_of_reach(
+    cross: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise PaveTwinError("SUMO crashed.")
+
+    monkeypatch.setenv("PAVETWIN_CACHE", str(tmp_path))
+    monkeypatch.setattr(DemandSearch, "_simulated", fail)
+    with pytest.raises(PaveTwinError, match="SUMO crashed"):
+        within_reach(cross, density_named("los-C"))

@@ -96,7 +96,7 @@ def test_one_that_died_while_it_waited_is_replaced(cross: World) -> None:
 def test_one_that_crashes_or_hangs_while_it_closes_its_simulation_is_replaced(
     cross: World, monkeypatch: pytest.MonkeyPatch, stays_s: float
 ) -> None:
-    """`sleep` stands for it: it is alive when it is asked for, and never says that its simulation is closed."""
+    """`sleep` stands for it: it is alive when it is asked for, and never reports that its simulation is closed."""
     monkeypatch.setattr(runner, "GRACE_S", 0.6)
     owner, its_end = Pipe()
     with its_end:
@@ -108,7 +108,7 @@ def test_one_that_crashes_or_hangs_while_it_closes_its_simulation_is_replaced(
 
 
 @pytest.mark.usefixtures("keeping")
-def test_what_sumo_prints_of_a_later_simulation_is_told(cross: World, tmp_path: Path) -> None:
+def test_output_of_sumo_from_a_later_simulation_is_reported(cross: World, tmp_path: Path) -> None:
     recorded(cross, "low", 1)
     routes = tmp_path / "mine.rou.xml"
     routes.write_text('<routes><vehicle id="a" depart="0"><route edges="nowhere"/></vehicle></routes>')

@@ -1,10 +1,8 @@
-"""Parked vehicles: who stands in a place, when, and how."""
+"""Parked vehicles: kinds, times and positions."""
 
 import datetime as dt
 import hashlib
 import math
-import subprocess
-import sys
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +13,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import Point, Polygon
 
-from pavetwin.config import load_settings
 from pavetwin.config.conditions import Conditions
 from pavetwin.config.mission import ParkingSettings
 from pavetwin.traffic.demand import DEFAULT_MIX
@@ -124,7 +121,7 @@ def test_kinds_are_those_of_traffic_that_fit() -> None:
     assert found.kind.count("compact") > found.kind.count("motorcycle") * 3
 
 
-def test_who_parks_is_of_the_mix_of_traffic() -> None:
+def test_parked_vehicles_follow_the_mix_of_traffic() -> None:
     def kinds(mix: str, length_m: float = 6.1) -> dict[str, float]:
         full = ParkingSettings(occupancy=1.0)
         found = parked_vehicles(row(2000, length_m, 2.1), full, NOON, 1, mix).kind
@@ -138,8 +135,8 @@ def test_who_parks_is_of_the_mix_of_traffic() -> None:
     assert {"scooter", "auto_rickshaw"} <= set(kinds("south_asia"))
 
 
-def test_the_default_mix_parks_the_same_vehicles_as_ever() -> None:
-    """Positions to the last bit, as before other mixes could park."""
+def test_draws_of_parked_vehicles_are_stable() -> None:
+    """Kinds and positions to the last bit."""
     found, draws = parked(row(400), 0.7, seed=5), hashlib.sha256()
     draws.update(" ".join(found.kind).encode())
     for column in (found.place, found.x, found.y, found.yaw_rad, found.height_m, found.look):
@@ -156,7 +153,7 @@ def test_some_are_reversed_into_perpendicular_places_only() -> None:
     assert 60 < backwards(ParkingOrientation.PERPENDICULAR) < 140
 
 
-def test_nobody_stands_in_a_loading_bay_at_its_hours() -> None:
+def test_a_loading_bay_is_empty_at_its_hours() -> None:
     bay = row(closed="Mo-Fr 07:00-17:00")
     assert len(parked(bay, 1.0)) == 0
     assert len(parked(bay, 1.0, conditions=NOON.model_copy(update={"time": dt.time(18)}))) == 200
@@ -172,7 +169,7 @@ def test_residents_are_at_home_at_night_and_shops_are_visited_by_day() -> None:
 
 
 @pytest.mark.parametrize(("kmh", "around"), [(20, "residential"), (30, "residential"), (50, "mixed"), (60, "mixed")])
-def test_the_speed_limit_says_what_is_around_a_street_without_a_class(kmh: float, around: str) -> None:
+def test_surroundings_without_a_class_follow_from_the_speed_limit(kmh: float, around: str) -> None:
     assert surroundings_of("", round(kmh / 3.6, 2)) == surroundings_of("main", kmh / 3.6) == around
     assert surroundings_of("highway.residential", kmh / 3.6) == "residential"
 
@@ -203,12 +200,3 @@ def test_without_a_share_the_curve_of_the_street_counts() -> None:
     for conditions in (NOON, night):
         expected = occupancy("residential", conditions) * 3000
         assert len(parked(world, None, conditions=conditions)) == pytest.approx(expected, abs=90)
-
-
-def test_the_presets() -> None:
-    assert [load_settings(preset).parking.enabled for preset in ("default", "paper")] == [True, False]
-
-
-def test_parked_vehicles_need_no_sumo() -> None:
-    code = "import sys, pavetwin.traffic.parked; print({'libsumo', 'sumo', 'traci'} & {*sys.modules})"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "set()\n"

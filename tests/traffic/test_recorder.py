@@ -23,7 +23,7 @@ from scenes.processes import is_gone, is_over, simulations
 from scenes.traffic import ROUTES, SOURCES, bytes_of, scene_world
 
 ENDS_S = (0.5, 7.0, 7.5, 30.0, 90.0)
-"""Of the parts that are compared with one recording of the last of them."""
+"""Ends of the parts that are compared with one recording up to the last end."""
 
 
 @pytest.fixture
@@ -33,7 +33,7 @@ def cross(tmp_path: Path) -> World:
 
 @pytest.fixture
 def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where the folders of simulations are made. The cache holds no recording of other tests."""
+    """Folder of the simulations' folders. The cache holds no recording of other tests."""
     folder = tmp_path / "tmp"
     folder.mkdir()
     monkeypatch.setenv("PAVETWIN_CACHE", str(tmp_path / "cache"))
@@ -65,7 +65,7 @@ def test_what_is_recorded_is_packed_piece_by_piece(cross: World, monkeypatch: py
     monkeypatch.setattr("pavetwin.traffic.tracks.PART_STEPS", 30)
     whole = record(cross, "medium", 3, 60.0)
     monkeypatch.setattr("pavetwin.traffic.record.FRAMES_AT_ONCE", 50)
-    told: list[float] = []
+    reported: list[float] = []
     handed: list[int] = []
     begin = SimulationProcess.begin
     order: list[str] = []
@@ -82,7 +82,7 @@ def test_what_is_recorded_is_packed_piece_by_piece(cross: World, monkeypatch: py
     monkeypatch.setattr(SimulationProcess, "begin", counted)
     monkeypatch.setattr("pavetwin.traffic.record.to_recording", packed)
     with Recorder(Inputs.of(cross, "medium", 3), force=True) as recorder:
-        pieces = recorder.until(60.0, told.append)
+        pieces = recorder.until(60.0, reported.append)
         assert sum(handed) == pieces.frames
         assert max(handed) == 50
         assert order == ["simulate", "simulate", "pack", "simulate", "pack", "pack"]  # SUMO goes on meanwhile
@@ -91,8 +91,8 @@ def test_what_is_recorded_is_packed_piece_by_piece(cross: World, monkeypatch: py
         assert all(isinstance(part, PackedPart) for part in done)
         assert isinstance(last, TrackPart)
     assert bytes_of(pieces) == bytes_of(whole)
-    assert told == sorted(told)
-    assert told[-1] == 1.0
+    assert reported == sorted(reported)
+    assert reported[-1] == 1.0
 
 
 def test_a_recording_from_the_disk_is_extended_by_one_simulation(cross: World) -> None:
@@ -118,7 +118,7 @@ def test_traffic_that_sumo_does_not_repeat_is_refused(cross: World) -> None:
     assert wanted.path.read_bytes() == before
 
 
-def test_sumo_ends_when_nobody_holds_its_recorder(cross: World, places: Path) -> None:
+def test_sumo_ends_with_its_recorder(cross: World, places: Path) -> None:
     recorder = Recorder(Inputs.of(cross, "low", 1))
     recorded = recorder.until(5.0)
     assert bytes_of(recorded)  # written at once
@@ -157,7 +157,7 @@ def test_simulations_at_the_same_time_share_nothing(cross: World) -> None:
         assert recording.same_traffic(record(cross, "low", seed, 10.0, force=True))
 
 
-def test_a_crash_is_told_by_its_signal_and_another_simulation_goes_on(cross: World) -> None:
+def test_a_crash_names_its_signal_and_another_simulation_continues(cross: World) -> None:
     with Recorder(Inputs.of(cross, "low", 1)) as crashing, Recorder(Inputs.of(cross, "low", 2)) as other:
         other.until(5.0)
         before = simulations(os.getpid())

@@ -1,24 +1,28 @@
-"""A recording as a value: its prefix, its file, its numbers. No SUMO needed."""
+"""A recording as a value: its prefix, its file, its numbers, states of its agents, and its export. No SUMO needed."""
 
 import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pavetwin._core import Trace
+from pavetwin.arrays import Float64Array
 from pavetwin.errors import PaveTwinError
+from pavetwin.traffic.agent_states import PARTS_KEPT, AgentStateReader
 from pavetwin.traffic.demand import DENSITIES, Capacity, density_named, density_of
 from pavetwin.traffic.kinds import KINDS, PEDESTRIANS, VEHICLES, sumo_types
 from pavetwin.traffic.recording import Agents, Origin, Recording
-from pavetwin.traffic.recording_file import load_recording, save_recording
+from pavetwin.traffic.recording_file import export_fcd, load_recording, save_recording
 from pavetwin.traffic.trace import KeyFrameColumns, trace_arguments, trace_of
-from pavetwin.traffic.tracks import POSE_COLUMNS, AgentTracks, PoseRows, TrackPart, from_columns, to_columns
-from scenes.recordings import recording
+from pavetwin.traffic.tracks import PART_STEPS, POSE_COLUMNS, AgentTracks, PoseRows, TrackPart, from_columns, to_columns
+from scenes.command_line import pavetwin, plain_refusal
+from scenes.recordings import Pose, recording
 
 
 def recording_of(counts: list[int], walkers: int = 1) -> Recording:
@@ -111,29 +115,7 @@ def test_the_file_gives_back_what_was_saved(tmp_path_factory: pytest.TempPathFac
     assert path.read_bytes() == before
 
 
-def test_the_file_is_sorted_and_small_in_type(tmp_path: Path) -> None:
-    path = tmp_path / "t.parquet"
-    save_recording(recording_of([2, 0, 3]), path)
-    table = pq.read_table(path)
-    assert table.column_names == ["agent", "step", "x", "y", "yaw", "speed", "is_last"]
-    assert [str(column.type) for column in table.columns] == [*["int32"] * 6, "bool"]
-    part = from_columns({name: table[name].to_numpy() for name in table.column_names}, 0, 2)
-    assert part.agent.tolist() == [0, 0, 1, 1, 2]
-    assert part.step.tolist() == [0, 2, 0, 2, 2]
-
-
-def test_columns_have_the_types_of_the_kernel() -> None:
-    columns = trace_arguments(recording_of([2, 3]))
-    arrays = {**columns, **columns["read"](0)}.items()
-    kinds = {name: value.dtype.name for name, value in arrays if isinstance(value, np.ndarray)}
-    assert kinds == {
-        **dict.fromkeys(("agent", "step"), "uint32"),
-        **dict.fromkeys(("x_m", "y_m", "yaw_rad", "speed_mps", "length_m", "width_m", "height_m", "base_m"), "float32"),
-        **dict.fromkeys(("is_pedestrian", "is_last"), "bool"),
-    }
-
-
-def test_a_density_that_was_missed_is_said() -> None:
+def test_a_missed_density_is_reported() -> None:
     sparse = recording_of([3, 3, 3])  # 2 vehicles on 0.5 km: 4 instead of 6; 1 pedestrian on 0.05 km: 20 as asked
     assert sparse.remarks[0].startswith("4.0 vehicles per lane-kilometre instead of 6")
     assert "removed after blocking traffic (SUMO teleports); treat the density with care" in sparse.remarks[1]
@@ -141,7 +123,7 @@ def test_a_density_that_was_missed_is_said() -> None:
     assert pathless.remarks == ("the world has no sidewalks, so there are no pedestrians",)
 
 
-def test_a_file_that_is_no_recording_is_refused(tmp_path: Path) -> None:
+def test_a_file_without_a_recording_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "low-1.parquet"
     with pytest.raises(PaveTwinError, match="no recording"):
         load_recording(path)
@@ -159,8 +141,8 @@ def test_a_recording_of_another_format_is_refused(tmp_path: Path) -> None:
     save_recording(recording_of([1, 2]), path)
     table = pq.read_table(path)
     metadata = json.loads(pq.read_metadata(path).metadata[b"pavetwin"])
-    said = json.dumps(metadata | {"format": 99}).encode()
-    pq.write_table(table.replace_schema_metadata({b"pavetwin": said}), path)
+    message = json.dumps(metadata | {"format": 99}).encode()
+    pq.write_table(table.replace_schema_metadata({b"pavetwin": message}), path)
     with pytest.raises(PaveTwinError, match="has format 99; this version reads only format 1"):
         load_recording(path)
 
@@ -278,7 +260,7 @@ def test_a_walk_takes_little_more_than_a_byte_a_pose(tmp_path: Path) -> None:
     assert sum(group.column(each).total_compressed_size for each in range(group.num_columns)) < 1.3 * ways_m.size
 
 
-def test_a_place_that_is_none_is_refused() -> None:
+def test_a_place_off_the_earth_is_refused() -> None:
     rows = recording_of([1, 1]).tracks.rows
     with pytest.raises(ValueError, match="not a number of metres on Earth"):
         TrackPart.of(replace(rows, x=np.full(2, -1073741824.0, np.float32)))
@@ -290,7 +272,7 @@ def test_a_standing_agent_needs_two_key_frames() -> None:
     assert [int((part.load().agent == agent).sum()) for agent in (0, 1)] == [2, 200]
 
 
-def test_a_part_that_is_damaged_is_said_when_the_clock_gets_there(tmp_path: Path) -> None:
+def test_a_damaged_part_is_reported_when_the_clock_reaches_it(tmp_path: Path) -> None:
     moving = recording(["suv"] * 40, lambda agent, time_s: (7.3 * agent + time_s**1.5, 0.0, 0.0, 0.0), frames=300)
     path = tmp_path / "r.parquet"
     save_recording(moving, path)
@@ -331,3 +313,157 @@ def test_what_ends_the_reading_of_a_part_passes_through_the_kernel(kind: type[Ba
     with pytest.raises(kind) as caught:
         trace.agents_at(0.0)
     assert caught.value is raised
+
+
+def east_then_north(agent: int, t: float) -> Pose:
+    """The first drives east at 10 m/s, the second walks north at 1 m/s."""
+    return (10 * t, 5.0, 0.0, 10.0) if agent == 0 else (-3.0, t, np.pi / 2, 1.0)
+
+
+@pytest.fixture
+def long(tmp_path: Path) -> Recording:
+    """A recording of three parts."""
+    made = recording(("van", "man"), east_then_north, frames=601)
+    return save_recording(made, tmp_path / "long.parquet")
+
+
+def test_rows_are_those_of_fcd(long: Recording, tmp_path: Path) -> None:
+    assert export_fcd(long, tmp_path / "all.parquet") == 2 * long.frames
+    table = pl.read_parquet(tmp_path / "all.parquet")
+    assert table.columns[:7] == ["time", "id", "type", "x", "y", "angle", "speed"]
+    van, man = (table.filter(pl.col("type") == kind) for kind in ("van", "man"))
+    half_m = long.agents.length_m[0] / 2
+    np.testing.assert_allclose(van["time"], np.arange(long.frames) * long.step_s)
+    np.testing.assert_allclose(van["x"], 10 * van["time"].to_numpy() + half_m, atol=2e-3)
+    assert van["angle"].unique().to_list() == [90.0]
+    assert man["angle"].unique().to_list() == [0.0]
+    np.testing.assert_allclose(man["y"], man["time"], atol=2e-3)
+    assert (van["class"].unique().to_list(), man["class"].unique().to_list()) == (["vehicle"], ["pedestrian"])
+
+
+@pytest.mark.parametrize(("start_s", "end_s"), [(0.0, 0.0), (0.0, 7.5), (110.0, 130.5), (240.0, 300.0), (60.0, 60.0)])
+def test_a_stretch_is_that_of_the_whole(long: Recording, tmp_path: Path, start_s: float, end_s: float) -> None:
+    export_fcd(long, tmp_path / "all.parquet")
+    export_fcd(long, tmp_path / "some.csv", start_s, end_s)
+    whole, some = pl.read_parquet(tmp_path / "all.parquet"), pl.read_csv(tmp_path / "some.csv")
+    expected = whole.filter(pl.col("time").is_between(start_s, end_s))
+    assert some.height == expected.height == 2 * ((end_s - start_s) * 2 + 1)
+    for name in ("time", "x", "y", "angle", "speed"):
+        np.testing.assert_allclose(some[name], expected[name], atol=1e-9)
+    assert some["id"].cast(str).to_list() == expected["id"].to_list()
+
+
+def test_what_is_not_in_it_is_refused(long: Recording, tmp_path: Path) -> None:
+    for start_s, end_s in ((-1.0, 5.0), (5.0, 4.0), (0.0, 300.5), (float("nan"), 5.0)):
+        with pytest.raises(PaveTwinError, match="lasts from 0 to 300 s"):
+            export_fcd(long, tmp_path / "x.csv", start_s, end_s)
+    file = long.path
+    assert "must end in .parquet or .csv" in plain_refusal(pavetwin("traffic", "export", file, tmp_path / "x.txt"))
+    assert "There is no recording" in plain_refusal(pavetwin("traffic", "export", tmp_path / "no", tmp_path / "x.csv"))
+    assert not list(tmp_path.glob("x.*"))
+    done = pavetwin("traffic", "export", file, tmp_path / "x.csv", "--from", 10, "--to", 12)
+    assert "10 rows in" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("start_s", "end_s", "times"), [(0.25, 1.2, [0.5, 1.0]), (0.3, 0.9, [0.5]), (0.5, 0.5, [0.5]), (0.0, 0.49, [0.0])]
+)
+def test_a_stretch_holds_the_moments_within_it_alone(
+    long: Recording, tmp_path: Path, start_s: float, end_s: float, times: list[float]
+) -> None:
+    export_fcd(long, tmp_path / "some.csv", start_s, end_s)
+    some = pl.read_csv(tmp_path / "some.csv").filter(pl.col("type") == "man")
+    assert some["time"].to_list() == some["y"].to_list() == times
+
+
+def test_a_stretch_between_two_moments_is_refused(long: Recording, tmp_path: Path) -> None:
+    with pytest.raises(PaveTwinError, match=r"No moment of the recording lies from 0.3 to 0.4 s: it has one every 0.5"):
+        export_fcd(long, tmp_path / "x.csv", 0.3, 0.4)
+    assert not list(tmp_path.glob("x.*"))
+
+
+def test_a_recording_and_other_files_are_not_replaced_by_themselves(long: Recording, tmp_path: Path) -> None:
+    assert long.path is not None
+    before = long.path.read_bytes()
+    (tmp_path / "link.parquet").symlink_to(long.path)
+    (tmp_path / "there.csv").write_text("mine")
+    for target in (long.path, tmp_path / "there.csv"):
+        reported = plain_refusal(pavetwin("traffic", "export", long.path, target))
+        assert "exists; choose another name, or add --force" in reported
+    for target in (long.path, tmp_path / "link.parquet"):
+        with pytest.raises(PaveTwinError, match="it is the recording itself, which this would replace"):
+            export_fcd(long, target)
+    assert (tmp_path / "there.csv").read_text() == "mine"
+    assert long.path.read_bytes() == before
+    assert pavetwin("traffic", "export", long.path, tmp_path / "there.csv", "--force").returncode == 0
+
+
+AGENTS = 7
+
+
+def wandering(seed: int, frames: int) -> Recording:
+    """Agents that come and go, stand for long, and move by all amounts."""
+    rng = np.random.default_rng(seed)
+    place = np.cumsum(rng.normal(0, 1, (frames, AGENTS, 2)) * (rng.random((frames, AGENTS, 1)) < 0.3), axis=0)
+    speed = np.round(rng.random((frames, AGENTS)) * 3, 1) * (rng.random((frames, AGENTS)) < 0.3)
+    there = np.cumsum(rng.random((frames, AGENTS)) < 0.02, axis=0) % 3 > 0
+    made = recording(["man"] * AGENTS, lambda _agent, _time: (0.0, 0.0, 0.0, 0.0))
+    frame, agent = np.nonzero(there)
+    rows = PoseRows(
+        np.concatenate([[0], np.cumsum(there.sum(axis=1))]).astype(np.uint32),
+        agent.astype(np.uint32),
+        *(place[frame, agent, axis].astype(np.float32) for axis in (0, 1)),
+        np.zeros(len(agent), dtype=np.float32),
+        speed[frame, agent].astype(np.float32),
+    )
+    tracks = AgentTracks.of(rows, made.agents.is_pedestrian, made.step_s)
+    return Recording(made.origin, made.step_s, made.agents, tracks, made.removals, {}, None)
+
+
+def by_all_poses(made: Recording) -> tuple[Float64Array, Float64Array]:
+    """(frames, agents) each: the way moved, NaN where an agent is not there; and the speed."""
+    moved = np.full((made.frames, AGENTS), np.nan)
+    speed = np.full((made.frames, AGENTS), np.nan)
+    last: dict[int, tuple[float, float, float]] = {}
+    for frame in range(made.frames):
+        for row in range(int(made.step_offsets[frame]), int(made.step_offsets[frame + 1])):
+            agent, x, y = int(made.agent[row]), float(made.x[row]), float(made.y[row])
+            before_x, before_y, way = last.get(agent, (x, y, 0.0))
+            way += float(np.hypot(x - before_x, y - before_y))
+            last[agent] = x, y, way
+            moved[frame, agent], speed[frame, agent] = way, made.speed_mps[row]
+    return moved, speed
+
+
+@settings(max_examples=12, deadline=None)
+@given(seed=st.integers(0, 10_000), start=st.sampled_from([0, 1, 100, PART_STEPS, PART_STEPS + 37]))
+def test_states_are_those_of_all_poses(seed: int, start: int) -> None:
+    whole = wandering(seed, 2 * PART_STEPS + 50)
+    made = whole.after(start * whole.step_s)
+    moved, speed = by_all_poses(made)
+    ways, who = AgentStateReader(made), np.arange(AGENTS)
+    for frame in np.random.default_rng(seed).permutation(made.frames).tolist():
+        found = ways.at(who, frame)
+        there = ~np.isnan(moved[frame])
+        assert np.array_equal(found.is_there, there)
+        assert found.speed_mps[there] == pytest.approx(speed[frame, there], abs=1e-6)
+        assert found.travelled_m == pytest.approx(np.where(there, moved[frame], 0.0), abs=1e-6)
+
+
+def test_no_agent_is_present_after_the_end_or_in_empty_traffic() -> None:
+    made = wandering(1, 300)
+    for ways, frame in ((AgentStateReader(made), 300), (AgentStateReader(made), -1)):
+        assert not ways.at(np.arange(AGENTS), frame).is_there.any()
+    assert AgentStateReader(made).at(np.zeros(0, dtype=np.int64), 0).is_there.shape == (0,)
+    empty = PoseRows(np.zeros(4, np.uint32), np.zeros(0, np.uint32), *(np.zeros(0, np.float32) for _ in range(4)))
+    tracks = AgentTracks.of(empty, made.agents.is_pedestrian, made.step_s)
+    nobody = Recording(made.origin, made.step_s, made.agents, tracks, made.removals, {}, None)
+    assert not AgentStateReader(nobody).at(np.arange(AGENTS), 1).is_there.any()
+
+
+def test_few_parts_stay_in_memory() -> None:
+    ways = AgentStateReader(wandering(2, 8 * PART_STEPS))
+    for frame in range(0, 8 * PART_STEPS, 50):
+        ways.at(np.arange(AGENTS), frame)
+    assert ways._read.cache_info().currsize == PARTS_KEPT
+    assert "rows" not in vars(ways._tracks), "all poses were read"

@@ -1,21 +1,30 @@
-"""What SUMO was made to do: densities held, signals obeyed, people on sidewalks, bodies of the right size."""
+"""Behaviour of simulated traffic: densities held, signals obeyed, people on sidewalks, bodies of the right size."""
 
+import math
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given
+from hypothesis import strategies as st
 from shapely import unary_union
 
-from pavetwin.traffic.demand import DENSITIES, TOLERANCE
+from pavetwin.traffic.closed_loop import TRIP_M, ClosedLoop, Roads, Sidewalks
+from pavetwin.traffic.demand import DENSITIES, TOLERANCE, density_named
+from pavetwin.traffic.inputs import Inputs
+from pavetwin.traffic.job import centre_of_front, yaw_of_heading
 from pavetwin.traffic.kinds import KINDS
 from pavetwin.traffic.record import record
 from pavetwin.traffic.recording import Recording
 from pavetwin.world.model import LaneKind, World
-from scenes import built
+from scenes import built, tiny
 from scenes.traffic import scene_world
 
 DURATION_S = 120.0
@@ -89,7 +98,7 @@ def test_every_agent_is_somewhere_once_a_step(busy_cross: Recording) -> None:
 
 
 def test_the_speed_is_that_of_the_motion(busy_cross: Recording) -> None:
-    """Two independent ways: what SUMO says, and the distance between steps, for vehicles on straight arms."""
+    """Two independent ways: SUMO's speed, and the distance between steps, for vehicles on straight arms."""
     for agent in np.flatnonzero(~busy_cross.agents.is_pedestrian)[:40]:
         rows = np.flatnonzero(busy_cross.agent == agent)
         straight = (np.abs(busy_cross.x[rows]) > 30) | (np.abs(busy_cross.y[rows]) > 30)
@@ -130,7 +139,7 @@ def _fronts(recording: Recording) -> Iterator[tuple[np.ndarray, np.ndarray, np.n
         yield step[rows], front, yaw
 
 
-def test_nobody_drives_over_a_red_stop_line(cross: World, busy_cross: Recording) -> None:
+def test_no_vehicle_crosses_a_red_stop_line(cross: World, busy_cross: Recording) -> None:
     (signal,) = busy_cross.signals.values()
     states = np.empty(busy_cross.frames, dtype=object)
     for step, state in signal:
@@ -159,3 +168,84 @@ def test_nobody_drives_over_a_red_stop_line(cross: World, busy_cross: Recording)
                 )
     assert crossed > 20
     assert len(signal) > 4
+
+
+EXITS = 6
+TRIPS = 600
+
+
+def goals(*, fastest: bool, length_m: float = TRIP_M + 1.0) -> Counter[str]:
+    """The exits of many trips from one entry, to which the way to the last exit is the fastest; the way to the first
+    is shorter than to the others."""
+
+    def route(_start: str, goal: str, _kind: str, _depart: float, _mode: int) -> Any:
+        number = int(goal)
+        length = length_m - (300.0 if number == 0 else 0.0)
+        return SimpleNamespace(edges=("entry", goal), length=length, travelTime=100.0 - number)
+
+    count = EXITS + 1
+    roads = Roads(
+        ids=(*map(str, range(EXITS)), "entry"),
+        length_m=np.full(count, 100.0),
+        lanes=np.ones(count, dtype=np.int64),
+        entries=np.array([EXITS]),
+        exits=np.arange(EXITS),
+        kerbsides=np.arange(count),
+    )
+    sumo = SimpleNamespace(simulation=SimpleNamespace(findRoute=route))
+    walks = Sidewalks((), np.zeros(0), (), ())
+    loop = ClosedLoop(sumo, roads, walks, 1, 0, np.random.default_rng(1), [("car", 1.0)], fastest_goals=fastest)
+    return Counter(loop._trip(EXITS, "car")[-1] for _ in range(TRIPS))
+
+
+def test_at_a_density_trips_lead_to_the_fastest_of_some_exits() -> None:
+    assert goals(fastest=True)["5"] > 0.6 * TRIPS
+
+
+def test_at_a_level_of_service_they_lead_to_all_exits_that_are_far_enough_alike() -> None:
+    found = goals(fastest=False)
+    assert found["0"] == 0
+    assert {found[str(exit)] for exit in range(1, EXITS)} <= set(range(90, 151))
+
+
+def test_where_no_exit_is_far_enough_they_lead_to_a_far_one() -> None:
+    assert goals(fastest=False, length_m=TRIP_M - 50.0)["0"] < 0.01 * TRIPS
+
+
+@pytest.mark.parametrize(
+    ("traffic", "fastest"), [("high", True), ("v12-p40", True), ("los-C", False), ("hour-08", False)]
+)
+def test_levels_and_hours_prefer_no_exit(traffic: str, fastest: bool) -> None:
+    assert Inputs(tiny.straight(), density_named(traffic), 0).prefers_fastest_goals is fastest
+
+
+degrees = st.floats(0.0, 360.0)
+metres = st.floats(-1e4, 1e4)
+
+
+@pytest.mark.parametrize(
+    ("heading_deg", "yaw_rad"), [(90.0, 0.0), (0.0, math.pi / 2), (180.0, -math.pi / 2), (45.0, math.pi / 4)]
+)
+def test_the_compass_points(heading_deg: float, yaw_rad: float) -> None:
+    assert yaw_of_heading(heading_deg) == pytest.approx(yaw_rad)
+
+
+@given(degrees)
+def test_yaw_points_where_the_heading_points(heading_deg: float) -> None:
+    yaw = float(yaw_of_heading(heading_deg))
+    assert -math.pi <= yaw <= math.pi
+    east, north = math.sin(math.radians(heading_deg)), math.cos(math.radians(heading_deg))
+    assert (math.cos(yaw), math.sin(yaw)) == pytest.approx((east, north), abs=1e-9)
+
+
+@given(degrees, metres, metres, st.floats(0.2, 20.0))
+def test_the_front_is_half_a_length_ahead_of_the_centre(heading_deg: float, x: float, y: float, length: float) -> None:
+    yaw = yaw_of_heading(heading_deg)
+    centre = centre_of_front((x, y), yaw, length)
+    ahead = np.array([math.sin(math.radians(heading_deg)), math.cos(math.radians(heading_deg))])
+    assert centre + ahead * length / 2 == pytest.approx(np.array([x, y]), abs=1e-6)
+
+
+def test_many_bodies_at_once() -> None:
+    centre = centre_of_front([(10.0, 0.0), (0.0, 10.0)], yaw_of_heading([90.0, 0.0]), [4.0, 12.0])
+    assert centre == pytest.approx(np.array([[8.0, 0.0], [0.0, 4.0]]))

@@ -31,7 +31,7 @@ def generated(kind: NetworkKind, seed: int) -> tuple[SourceNetwork, RoadNet]:
 
 
 def drivable(net_file: Path) -> tuple[dict[str, set[str]], set[str]]:
-    """Which edge leads on to which for cars, and all edges cars may use; read from the XML, not through our reader."""
+    """Successors of each edge for cars, and all edges that cars may use; read from the XML, not through our reader."""
     root = ElementTree.parse(net_file).getroot()
     cars = set()
     for edge in root.iter("edge"):

@@ -42,7 +42,7 @@ def on(places: tuple[ParkingPlace, ...], side: StreetSide) -> list[ParkingPlace]
     return sorted((place for place in places if place.side is side), key=lambda place: place.centre.x)
 
 
-def test_a_street_all_parked_has_a_place_every_5_2_m_on_both_sides() -> None:
+def test_a_street_with_parking_has_a_place_every_5_2_m_on_both_sides() -> None:
     places = WIDE.places()
     assert Counter(place.side for place in places) == {StreetSide.LEFT: 19, StreetSide.RIGHT: 19}
     assert {place.source for place in places} == {ParkingSource.TAGGED}
@@ -57,25 +57,25 @@ def test_places_on_the_street_end_at_the_mapped_kerb() -> None:
         assert (near, far) == (pytest.approx(KERB - 2.0), pytest.approx(KERB))
 
 
-def test_parked_vehicles_look_along_the_traffic_beside_them() -> None:
+def test_parked_vehicles_face_along_the_adjacent_traffic() -> None:
     places = WIDE.places()
     assert {round(place.yaw_rad, 6) for place in on(places, StreetSide.RIGHT)} == {0.0}
     assert {round(abs(place.yaw_rad), 6) for place in on(places, StreetSide.LEFT)} == {round(math.pi, 6)}
 
 
-def test_a_mapped_width_beyond_the_lanes_puts_places_beside_them() -> None:
+def test_a_mapped_width_beyond_the_lanes_puts_places_next_to_them() -> None:
     """Two lanes of 3.25 m on a street of 12.5 m: 3 m of asphalt on each side are no lane."""
     for place in Scene(tags={**LANE, "width": "12.5"}).places():
         assert min(map(abs, span(place, 1))) == pytest.approx(3.25, abs=0.01)
 
 
-def test_without_a_mapped_width_rows_lie_beside_the_driving_lanes() -> None:
+def test_without_a_mapped_width_rows_lie_next_to_the_driving_lanes() -> None:
     places = Scene(tags={"parking:both": "lane"}).places()
     inner = {side: min(min(map(abs, span(place, 1))) for place in on(places, side)) for side in StreetSide}
     assert sum(inner.values()) == pytest.approx(6.5, abs=0.01)
 
 
-def test_where_nothing_else_is_beside_the_lanes_one_parks_there() -> None:
+def test_vehicles_park_next_to_lanes_if_nothing_else_is_there() -> None:
     for place in Scene(tags={"parking:both": "lane"}, sidewalks=False).places():
         assert min(map(abs, span(place, 1))) == pytest.approx(3.25, abs=0.01)
 
@@ -83,7 +83,7 @@ def test_where_nothing_else_is_beside_the_lanes_one_parks_there() -> None:
 @pytest.mark.parametrize(
     ("position", "inner_m"), [("half_on_kerb", KERB - 1.0), ("on_kerb", KERB), ("street_side", KERB)]
 )
-def test_positions_beside_and_on_the_kerb(position: str, inner_m: float) -> None:
+def test_positions_next_to_and_on_the_kerb(position: str, inner_m: float) -> None:
     places = Scene(lane_m=KERB, tags={**LANE, "parking:both": position}).places()
     assert places
     for place in places:
@@ -122,7 +122,7 @@ def test_a_mapped_capacity_is_taken() -> None:
     assert Counter(place.side for place in places) == {StreetSide.LEFT: 16, StreetSide.RIGHT: 16}
 
 
-def test_an_area_beside_the_street_is_filled() -> None:
+def test_an_area_along_the_street_is_filled() -> None:
     area = box(20, -10.5, 50, -5.4)
     tags = {"parking": "street_side", "orientation": "perpendicular"}
     places = Scene(lane_m=KERB, tags={"parking:both": "separate"}, areas=[(area, tags)]).places()
@@ -192,7 +192,7 @@ def test_a_place_keeps_away_from_houses() -> None:
 
 
 def test_5_m_before_and_behind_a_junction_stay_clear() -> None:
-    """The side street's edges are at x = 60 ± 5.25: nobody parks on its side of the street from 49.75 to 70.25."""
+    """The side street's edges are at x = 60 ± 5.25: no places on its side of the street from 49.75 to 70.25."""
     places = replace(WIDE, length_m=140.0, side_street_at=60.0).places()
     along = [place for place in places if place.polygon.bounds[3] > -KERB - 1]
     right = on(tuple(along), StreetSide.RIGHT)
@@ -200,7 +200,7 @@ def test_5_m_before_and_behind_a_junction_stay_clear() -> None:
     assert not any(span(place)[1] > 49.76 and span(place)[0] < 70.24 for place in right if place.centre.y < 0)
 
 
-def test_only_streets_with_houses_are_parked_along_by_rule_unless_their_class_says_so() -> None:
+def test_the_rule_gives_places_to_streets_with_houses_or_of_some_classes() -> None:
     rows = [box(x, -30, x + 8, -12) for x in range(0, 100, 10)]
     net = Scene(lane_m=KERB, kind="")
     assert net.places() == ()
@@ -210,7 +210,7 @@ def test_only_streets_with_houses_are_parked_along_by_rule_unless_their_class_sa
 
 
 @pytest.mark.parametrize(("lane_m", "sides"), [(2.4, 0), (3.0, 1), (3.75, 2)])
-def test_by_rule_one_parks_on_as_many_sides_as_leave_a_passage(lane_m: float, sides: int) -> None:
+def test_the_rule_leaves_a_passage(lane_m: float, sides: int) -> None:
     assert len({place.side for place in Scene(lane_m=lane_m).places()}) == sides
 
 

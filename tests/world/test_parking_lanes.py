@@ -30,7 +30,7 @@ BOTH = {"parking:both": "lane"}
 
 
 def width_m(scene: Scene) -> float:
-    """Of the carriageway with its parking lanes."""
+    """Width of the carriageway with its parking lanes."""
     edges = scene.net(scene.lanes()).edges
     return sum(lane.width_m for name in ("east", "west") if name in edges for lane in edges[name].carriageway)
 
@@ -77,7 +77,7 @@ def test_a_lane_is_as_wide_as_its_row_lies_on_the_street(tags: dict[str, str], w
 
 
 @pytest.mark.parametrize("position", ["street_side", "on_kerb", "no"])
-def test_what_lies_beside_the_carriageway_needs_no_lane(position: str) -> None:
+def test_places_off_the_carriageway_need_no_lane(position: str) -> None:
     assert Scene(tags={"parking:both": position}).lanes() == {}
 
 
@@ -97,7 +97,7 @@ def test_no_lane_runs_into_a_house() -> None:
     assert all(place.centre.y > 0 for place in Scene(tags=BOTH, buildings=[beside]).places())
 
 
-def test_nobody_parks_on_a_street_without_parking_lanes() -> None:
+def test_a_street_without_parking_lanes_has_no_places() -> None:
     scene = Scene(tags=BOTH)
     streets = streets_of(scene.net())
     bare = parking_places(scene.net(), streets, segments_of(streets), (), (), scene.mapped(), europe())
@@ -116,7 +116,7 @@ def test_places_lie_on_parking_lanes(left_hand: bool, one_way: bool) -> None:
 
 
 def surface(net: RoadNet | World, kind: LaneKind) -> shapely.Geometry:
-    """What lanes of a kind cover."""
+    """Area covered by lanes of a kind."""
     lanes = net.lanes if isinstance(net, World) else [lane for edge in net.edges.values() for lane in edge.lanes]
     return shapely.union_all(
         [lane.centre_line.buffer(lane.width_m / 2, cap_style="flat") for lane in lanes if lane.kind is kind]

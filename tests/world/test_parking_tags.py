@@ -2,12 +2,15 @@
 
 import datetime as dt
 import math
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.world.build import build_world
 from pavetwin.world.parking.mapped import (
     FORBIDDEN,
     NO_PLACES,
@@ -19,8 +22,10 @@ from pavetwin.world.parking.mapped import (
     is_within,
     sides_of,
 )
-from pavetwin.world.parking.place import ParkingOrientation, ParkingPosition, StreetSide
+from pavetwin.world.parking.place import ParkingOrientation, ParkingPosition, ParkingSource, StreetSide
 from pavetwin.world.parking.rule import parking_rule, rule_names
+from scenes import built
+from scenes.parking_survey import compared, without_parking
 
 PLACES = Provision.PLACES
 LANE, HALF, KERB, BAY = ParkingPosition
@@ -128,7 +133,7 @@ def test_a_moment_lies_in_hours(hours: str, date: str, time: str, inside: bool) 
 
 
 @pytest.mark.parametrize("name", rule_names())
-def test_places_of_a_rule_fit_beside_each_other(name: str) -> None:
+def test_places_of_a_rule_fit_next_to_each_other(name: str) -> None:
     rule = parking_rule(name)
     assert rule is not None
     for size in rule.places.values():
@@ -157,3 +162,27 @@ def test_an_unknown_rule_is_refused_with_the_nearest_name() -> None:
     with pytest.raises(PaveTwinError, match="europe"):
         parking_rule("eurpe")
     assert parking_rule("none") is None
+
+
+SURVEY = "parking/neukoelln_parking_way_west.geojson"
+
+
+def test_tagged_streets_have_the_places_of_the_survey(shared_file: Callable[[str], Path]) -> None:
+    found = compared(built("berlin_neukoelln").world, shared_file(SURVEY))
+    assert len(found) == 5
+    theirs, ours = np.array(list(found.values())).T
+    deviation = (ours - theirs) / theirs
+    assert np.median(np.abs(deviation)) <= 0.15
+    assert np.abs(deviation).max() <= 0.25
+    assert ours.sum() == pytest.approx(theirs.sum(), rel=0.10)
+
+
+def test_the_rule_gives_untagged_streets_fewer_places(shared_file: Callable[[str], Path], tmp_path: Path) -> None:
+    """It has parallel places only; along parks and squares the survey has perpendicular ones."""
+    bare = without_parking(shared_file("osm/berlin_neukoelln.osm"), tmp_path / "bare.osm")
+    world = build_world(bare).world
+    assert {place.source for place in world.parking} == {ParkingSource.RULE}
+    theirs, ours = np.array(list(compared(world, shared_file(SURVEY)).values())).T
+    # A third too few today; a better rule may come as near as it can.
+    assert -0.41 <= np.median((ours - theirs) / theirs) <= 0.15
+    assert 0.55 <= ours.sum() / theirs.sum() <= 1.1

@@ -1,23 +1,32 @@
-"""What stands beside the streets: buildings, furniture, and the solids made of them."""
+"""Map features: buildings, furniture, their solids, bridges, and pavements that are not asphalt."""
 
 import math
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
-from shapely import Point, Polygon
+from shapely import LineString, Point, Polygon
 
+from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.world.build import BuildOptions, Built, build_world
 from pavetwin.world.buildings import clear_of_roads
+from pavetwin.world.content import content_hash
 from pavetwin.world.furniture import TREE_OVERHANG_M
 from pavetwin.world.ground import Nearby, PlacementGround
 from pavetwin.world.model import Building, Furniture, FurnitureKind, LaneKind, World
+from pavetwin.world.osm import bridges_on, paving_m2, paving_words
 from pavetwin.world.osm_file import building_height_m, metres
 from pavetwin.world.segments import union_of
 from pavetwin.world.solids import SolidKind, Solids, convex_parts, furniture_prisms, solids
-from scenes import built, net_of
+from pavetwin.world.store import load_world, save_world
+from scenes import HERE, built, damaged, net_of
+from scenes.command_line import pavetwin
 
 TOWNS = ("cross", "berlin_neukoelln", "seattle_roosevelt", "grid")
 
@@ -126,7 +135,7 @@ def test_street_lights_stand_every_thirty_metres_and_look_at_the_road() -> None:
         assert surface.distance(tip) < surface.distance(light.position)
 
 
-def test_map_and_rule_are_told_apart() -> None:
+def test_map_and_rule_are_counted_separately() -> None:
     record = built("cross").record
     assert record.mapped["buildings"] == 5
     assert record.mapped["tree"] == 2
@@ -222,3 +231,104 @@ def test_an_empty_world_has_no_solids_and_arrays_must_belong_together() -> None:
     assert len(none) == 0
     with pytest.raises(ValueError, match="belong together"):
         Solids(np.zeros(3, np.int64), np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0, np.uint8))
+
+
+STREET = LineString([(0, 0), (60, 0), (100, 40)])
+EXTRACT = """<?xml version='1.0' encoding='UTF-8'?>
+<osm version="0.6" generator="by hand">
+<node id="1" version="1" lat="50.0" lon="8.0000"/><node id="2" version="1" lat="50.0" lon="8.0010"/>
+<node id="3" version="1" lat="50.0" lon="8.0015"/><node id="4" version="1" lat="50.0" lon="8.0030"/>
+<way id="10" version="1"><nd ref="1"/><nd ref="2"/><tag k="highway" v="residential"/><tag k="name" v="High"/></way>
+<way id="11" version="1"><nd ref="2"/><nd ref="3"/><tag k="highway" v="residential"/><tag k="name" v="High"/>
+<tag k="bridge" v="yes"/><tag k="layer" v="1"/></way>
+<way id="12" version="1"><nd ref="3"/><nd ref="4"/><tag k="highway" v="residential"/><tag k="name" v="High"/></way>
+</osm>
+"""
+
+
+@cache
+def bridge_town() -> Built:
+    with TemporaryDirectory() as folder:
+        source = Path(folder) / "bridge.osm"
+        source.write_text(EXTRACT, encoding="utf-8")
+        return build_world(source, BuildOptions(seed=1))
+
+
+def test_a_bridge_covers_the_stations_along_its_way() -> None:
+    assert bridges_on(STREET, [LineString([(40, 2), (20, 2)])]) == ((20.0, 40.0),)
+    assert bridges_on(STREET, [LineString([(40, 30), (20, 30)])]) == ()
+    across = LineString([(30, -20), (30, 20)])
+    assert bridges_on(STREET, [across]) == ()
+
+
+def test_a_way_that_goes_on_beyond_the_street_counts_as_far_as_it_follows_it() -> None:
+    assert bridges_on(STREET, [LineString([(-40, 0), (25, 0)])]) == ((0.0, 25.0),)
+
+
+def test_a_bridge_of_an_extract_is_kept_with_the_world(tmp_path: Path) -> None:
+    streets = [street for street in bridge_town().world.streets if street.bridges]
+    assert streets
+    total_m = sum(last - first for street in streets for first, last in street.bridges)
+    assert 30.0 < total_m < 42.0
+    assert load_world(save_world(bridge_town(), tmp_path / "town").folder or "").streets == bridge_town().world.streets
+
+
+def test_bridges_are_not_part_of_the_content() -> None:
+    world = bridge_town().world
+    other = replace(world, streets=tuple(replace(street, bridges=()) for street in world.streets))
+    assert other != world
+    assert content_hash(other, "") == content_hash(world, "")
+
+
+@pytest.fixture(scope="module")
+def mapped(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The map of the crossing, one of whose streets is of setts."""
+    text = (HERE / "cross.osm").read_text(encoding="utf-8")
+    first = text.index('<tag k="name" v="Nebenstraße"/>')
+    path = tmp_path_factory.mktemp("paving") / "cross.osm"
+    path.write_text(text[:first] + '<tag k="surface" v="sett"/>' + text[first:], encoding="utf-8")
+    return path
+
+
+def test_the_area_of_setts_is_that_of_the_street_s_segments(mapped: Path) -> None:
+    made = build_world(mapped, BuildOptions(seed=1))
+    area_m2 = made.record.paving_m2["sett"]
+    assert list(made.record.paving_m2) == ["sett"]
+    assert 50 < area_m2 < 0.9 * sum(segment.area_m2 for segment in made.world.segments)
+    # The pavement is reported, and is no part of the world.
+    assert made.world.content_hash == built("cross").world.content_hash
+
+
+def test_asphalt_is_not_mentioned() -> None:
+    segments = built("cross").world.segments
+    ways = {int(edge.lstrip("-").split("#")[0]) for segment in segments for edge in segment.edges}
+    assert paving_m2(segments, dict.fromkeys(ways, "asphalt")) == {}
+    assert paving_words({}) == ""
+    (area_m2,) = paving_m2(segments, dict.fromkeys(ways, "cobblestone")).values()
+    assert area_m2 == pytest.approx(sum(segment.area_m2 for segment in segments), abs=0.1)
+
+
+def test_uninspected_area_and_placed_defects_are_reported(mapped: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "cross"
+    world = save_world(add_defects(build_world(mapped), DefectOptions(population="paper", per_segment=2)), folder)
+    assert 0 < world.outside_segments_m2 < world.carriageway.area / 2
+    message = " ".join(pavetwin("world", "info", folder).stdout.split())
+    outside = f"{world.outside_segments_m2:.0f} m² of junctions and crossings"
+    assert outside in message
+    assert "placed by the program, not surveyed" in message
+    assert "damage classes are those of asphalt" in message
+    flown = pavetwin("fly", folder, "--density", "low", "--segments", "1", "-o", tmp_path / "m").stdout
+    assert f"Defects are placed by the program, not surveyed; not inspected: {outside}" in flown
+
+
+def test_streets_are_listed_with_their_segments(tmp_path: Path) -> None:
+    folder = tmp_path / "cross"
+    world = save_world(damaged("cross", 0), folder)
+    lines = pavetwin("world", "info", folder, "--streets").stdout.splitlines()
+    names = {segment.street_name for segment in world.segments}
+    assert len(lines) == 1 + len(names)
+    for name in names:
+        own = [segment for segment in world.segments if segment.street_name == name]
+        (line,) = [line for line in lines if line.startswith(name)]
+        assert all(segment.id in line for segment in own)
+        assert line.split()[-1] == f"{sum(segment.area_m2 for segment in own):.0f}"
