@@ -1,4 +1,4 @@
-"""Frames as datasets need them: a UAV's nadir pictures over streets with high traffic, also over the most crowded place
+"""Frames as datasets need them: a UAV's nadir images over streets with high traffic, also over the most crowded place
 of all, and a car's view along a street there; and how much longer they take beside parked vehicles."""
 
 import math

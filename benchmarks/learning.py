@@ -42,7 +42,7 @@ def lines(folder: Path, size: Size) -> Iterator[Line]:
 
 
 def _drawn(folder: Path, side_px: tuple[int, int]) -> Path:
-    """A dataset of one picture from above; its labels are not what is there, which takes as long to learn."""
+    """A dataset of one image from above; its labels are not what is there, which takes as long to learn."""
     width, height = side_px
     for split in ("train", "val"):
         (folder / "images" / split).mkdir(parents=True)

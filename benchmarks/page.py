@@ -65,7 +65,7 @@ RATE: Final = """async ([wide, tall, seconds, mode]) => {
     while (performance.now() - begun < 1000 * seconds) { draw(); await new Promise(next => setTimeout(next, 0)); }
     return 1000 * (at - first) / (performance.now() - begun);
 }"""
-"""Pictures of this size a second while the camera moves, each waited for until its pixels are there."""
+"""Images of this size a second while the camera moves, each waited for until its pixels are there."""
 
 
 def lines(town: Path, folder: Path, size: Size) -> Iterator[Line]:
@@ -218,7 +218,7 @@ def _rates(shown: Tab, size_px: tuple[int, int], target: float, note: str) -> It
 
 
 def _on_a_gpu(world: Path) -> Iterator[Line]:
-    """Pictures a second of a browser that draws with a graphics processor; where there is none, that is said."""
+    """Images a second of a browser that draws with a graphics processor; where there is none, that is said."""
     with browser(HARDWARE) as started, page_server(world) as (address, _), tab(started) as shown:
         shown.open(f"{address}#world={world.name}")
         shown.wait("window.pavetwin?.town && (!pavetwin.town.available || pavetwin.town.tiles)")

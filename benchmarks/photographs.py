@@ -20,7 +20,7 @@ PER_SECOND: Final = 100.0
 """Images resized and written on two cores, as required."""
 
 DIFFERENT: Final = 20
-"""Pictures that are drawn; the others are these again."""
+"""Images that are drawn; the others are these again."""
 
 
 def line(folder: Path, size: Size) -> Line:

@@ -50,7 +50,7 @@ def plot(lines: list[Line], path: Path) -> None:
 
     Args:
         lines: lines without a target are left out.
-        path: the picture, `.svg` or `.png`.
+        path: the image, `.svg` or `.png`.
     """
     import matplotlib.pyplot as plt
     from matplotlib.ticker import LogLocator, NullLocator

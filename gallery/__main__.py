@@ -1,4 +1,4 @@
-"""`python -m gallery [NAME …]`: renders the pictures of `docs/gallery`."""
+"""`python -m gallery [NAME …]`: renders the images of `docs/gallery`."""
 
 import argparse
 import sys
@@ -13,7 +13,7 @@ from pavetwin.errors import PaveTwinError, nearest_name
 
 
 def main() -> int:
-    """Render all pictures, or those that are named."""
+    """Render all images, or those that are named."""
     parser = argparse.ArgumentParser(prog="python -m gallery", description=__doc__)
     parser.add_argument("names", nargs="*", help=f"of {', '.join(PICTURES)}; all unless given")
     parser.add_argument(

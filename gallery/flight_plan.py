@@ -1,4 +1,4 @@
-"""The pictures of plans: one that was exported, read back, over the simulated track; and the page of a handover.
+"""The images of plans: one that was exported, read back, over the simulated track; and the page of a handover.
 
 python -m gallery.flight_plan missions/monday
 """

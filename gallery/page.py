@@ -1,4 +1,4 @@
-"""`python -m gallery.page [WORLD]`: pictures of the page for the documentation, and an animation of its use."""
+"""`python -m gallery.page [WORLD]`: images of the page for the documentation, and an animation of its use."""
 
 import argparse
 from collections.abc import Callable, Sequence
@@ -68,7 +68,7 @@ def _comparison(shown: Tab, place: str, segments: Sequence[str]) -> None:
 
 
 def _animation(shown: Tab, place: str, segments: Sequence[str]) -> None:
-    """Select, fly, scrub, compare; without the town in 3-D, which changes too much from one picture to the next."""
+    """Select, fly, scrub, compare; without the town in 3-D, which changes too much from one image to the next."""
     _open(shown, f"{place}&count=2")
     shown.page.click("#solid")
     shown.page.wait_for_timeout(1500)
@@ -113,7 +113,7 @@ def _animation(shown: Tab, place: str, segments: Sequence[str]) -> None:
 
 
 def _palette(pictures: Sequence[Image.Image]) -> Image.Image:
-    """Of all pictures; a colour counts by the root of its pixels, so that curves and marks keep theirs."""
+    """Of all images; a colour counts by the root of its pixels, so that curves and marks keep theirs."""
     pixels = np.concatenate([np.asarray(picture).reshape(-1, 3) for picture in pictures])
     colours, counts = np.unique(pixels, axis=0, return_counts=True)
     weighted = np.repeat(colours, np.ceil(np.sqrt(counts)).astype(int), axis=0)

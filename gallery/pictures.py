@@ -1,4 +1,4 @@
-"""The pictures, one function each; every function gives a picture for a web page of some 1300 pixels' width."""
+"""The images, one function each; every function gives a image for a web page of some 1300 pixels' width."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -27,7 +27,7 @@ SEVERITIES: Final = ("low", "medium", "high")
 ALTITUDES_M: Final = (6.0, 10.0, 15.0)
 
 CLOSE_UP_M: Final = {"single_crack": 2.4, "crocodile_crack": 3.8, "pothole": 2.0}
-"""Height of the ground that a picture of a defect shows [m]."""
+"""Height of the ground that a image of a defect shows [m]."""
 
 HIGH_M: Final = 120.0
 _HIGH_FOV: Final = math.radians(46.0)

@@ -1,4 +1,4 @@
-"""Places and times of the pictures, searched in the recording, so that no number is chosen manually."""
+"""Places and times of the images, searched in the recording, so that no number is chosen manually."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -16,9 +16,9 @@ TIMES = 60
 MOST_DEFECTS = 12
 CONSIDERED = 400
 SIGHT_M = (160.0, 50.0)
-"""Ahead and to each side, of a picture along a street."""
+"""Ahead and to each side, of a image along a street."""
 MOST_PEDESTRIANS = 3
-"""More add nothing to a picture: crowds wait at corners, and hide no pavement."""
+"""More add nothing to a image: crowds wait at corners, and hide no pavement."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class CameraPlacement:
     yaw_rad: float
     time_s: float
     agent: int | None = None
-    """The agent that carries the camera, if the picture is taken from a vehicle."""
+    """The agent that carries the camera, if the image is taken from a vehicle."""
 
 
 def shown_best(renderer: GalleryRenderer, kind: str, severity: str) -> Defect:

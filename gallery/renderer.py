@@ -1,4 +1,4 @@
-"""Shared by all pictures: the demo's town, its traffic, its scene, and one renderer."""
+"""Shared by all images: the demo's town, its traffic, its scene, and one renderer."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -57,7 +57,7 @@ class GalleryRenderer:
     options: BuildOptions = field(default_factory=lambda: BuildOptions(seed=TOWN_SEED))
     """What the town is built from, and how."""
     maps: Path | None = None
-    """Folder of OpenStreetMap extracts for pictures of several towns."""
+    """Folder of OpenStreetMap extracts for images of several towns."""
 
     @classmethod
     def with_markings(cls, folder: Path, markings: str | None) -> "GalleryRenderer":
@@ -119,7 +119,7 @@ class GalleryRenderer:
         exposure: Exposure | None = None,
         compensation_ev: float = 0.0,
     ) -> Picture:
-        """A picture (height, width, 3).
+        """A image (height, width, 3).
 
         Args:
             view: the camera.
@@ -148,7 +148,7 @@ class GalleryRenderer:
 
     def grey_card(self, light: Light, compensation_ev: float = 0.0) -> Exposure:
         """The exposure for level ground of `GREY` in the open, and some stops more: what is paler or darker stays so
-        in the picture."""
+        in the image."""
         shade = light.sky_irradiance.T @ harmonics(np.array([0.0, 0.0, 1.0]))
         lit = float((light.sun_klux * light.to_sun[2] + shade) @ LUMINANCE)
         return programme(self.camera, METERED / (GREY * lit / np.pi) * 2.0**compensation_ev)

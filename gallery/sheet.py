@@ -1,4 +1,4 @@
-"""Pictures side by side, with captions in the maps' typeface."""
+"""Images side by side, with captions in the maps' typeface."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,7 +18,7 @@ WIDTH_PX: Final = 1300
 
 
 def captioned(picture: Picture, text: str, *, height_px: int) -> Picture:
-    """A picture, brought to a height, with a line of text below it."""
+    """A image, brought to a height, with a line of text below it."""
     image = Image.fromarray(picture)
     if image.height != height_px:
         size = round(image.width * height_px / image.height), height_px
@@ -30,7 +30,7 @@ def captioned(picture: Picture, text: str, *, height_px: int) -> Picture:
 
 
 def grid(pictures: Sequence[Picture], *, columns: int) -> Picture:
-    """Pictures in rows."""
+    """Images in rows."""
     images = [Image.fromarray(picture) for picture in pictures]
     rows = [images[start : start + columns] for start in range(0, len(images), columns)]
     width = max(sum(image.width for image in row) + GAP_PX * (len(row) - 1) for row in rows)

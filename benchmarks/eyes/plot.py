@@ -1,4 +1,4 @@
-"""Pictures of the fitted sensor beside the detector, and of the study's answers by sensor."""
+"""Images of the fitted sensor beside the detector, and of the study's answers by sensor."""
 
 from pathlib import Path
 from typing import Final

@@ -27,7 +27,7 @@ def compare(missions: Path, fitted: str, picture: Path | None) -> str:
     Args:
         missions: folders of missions of the detector that the sensor was fitted to, by town.
         fitted: one that ships, by name, or a file; not fitted to these missions.
-        picture: where the figure goes.
+        image: where the figure goes.
 
     Raises:
         PaveTwinError: a mission cannot be read, or has too few looks.

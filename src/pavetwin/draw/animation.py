@@ -75,7 +75,7 @@ class Film:
         self._seen = None
 
     def frame(self, time_s: float) -> Image.Image:
-        """The picture at a time of the mission. Times must not fall, or else `rewind`."""
+        """The image at a time of the mission. Times must not fall, or else `rewind`."""
         scene, image = self.scene(time_s), Image.new("RGB", self.size_px, style.PAPER)
         image.paste(self.view.draw(scene, self.centre(time_s)), (0, 0))
         self._captions(image, time_s)

@@ -128,12 +128,12 @@ def _header(
 def cut_around(
     picture: Image.Image, box: FloatBox, *, margin: float, least_px: float, size_px: int | None = None
 ) -> tuple[Image.Image, FloatBox]:
-    """The square part of a picture around a box, black beyond the picture; and the box in pixels of the part.
+    """The square part of a image around a box, black beyond the image; and the box in pixels of the part.
 
     Args:
         margin: side of the part over the longer side of the box.
-        least_px: that side in the picture, at least.
-        size_px: side of the result; as in the picture, but at least `CELL_PX`, unless given.
+        least_px: that side in the image, at least.
+        size_px: side of the result; as in the image, but at least `CELL_PX`, unless given.
     """
     left, top, right, bottom = box
     side = ceil(max(least_px, margin * max(right - left, bottom - top)))

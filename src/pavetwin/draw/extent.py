@@ -1,4 +1,4 @@
-"""How far maps of a world reach, and whom they must name; without what draws them."""
+"""Extent of maps of a world, and their attribution; imports no drawing library."""
 
 from typing import Final
 
@@ -12,7 +12,7 @@ MARGIN_M: Final = 12.0
 
 
 def world_bounds(world: World) -> Bounds:
-    """What a map of the whole world shows: its streets and buildings and a margin, in metres."""
+    """Extent of a map of the whole world: its streets and buildings and a margin, in metres."""
     items = [segment.polygon for segment in world.segments] + [building.polygon for building in world.buildings]
     west, south, east, north = (float(value) for value in shapely.total_bounds(items))
     return west - MARGIN_M, south - MARGIN_M, east + MARGIN_M, north + MARGIN_M

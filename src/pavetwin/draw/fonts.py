@@ -85,7 +85,7 @@ class Fonts:
         return FontFace(found, best.family_name, frozenset(best.get_charmap()))
 
     def _register(self, family: str) -> None:
-        """Tell Matplotlib of a family: what it knows of the machine may be older than the fonts."""
+        """Register a family with Matplotlib, whose list may be older than the fonts."""
         known = {entry.fname for entry in fontManager.ttflist}
         for path, font in self._opened():
             if path not in known and font.family_name == family and font.style_name in _STYLES:
@@ -188,7 +188,7 @@ def choose_fonts(figure: Figure) -> None:
 
 
 def shown_names(world: World) -> dict[str, str]:
-    """By the id of each segment, its street's name in letters that a picture can show; the id where there is none."""
+    """By the id of each segment, its street's name in letters that a image can show; the id where there is none."""
     lacking = fonts().lacking("".join({segment.street for segment in world.segments}))
     shown = {}
     for segment in world.segments:
@@ -198,14 +198,14 @@ def shown_names(world: World) -> dict[str, str]:
 
 
 def shown_label(world: World, segment: Segment, *, by_pillow: bool = False) -> str:
-    """As `Segment.label`, in letters that a picture drawn by Matplotlib or Pillow can show."""
+    """`Segment.label` in letters that Matplotlib and Pillow can draw."""
     labels = (segment.label, f"{world.latin_name_of(segment)}, {segment.id}")
     can_show = pillow_can_write if by_pillow else readable
     return next((label for label in labels if can_show(label)), segment.id)
 
 
 def remark(world: World) -> str | None:
-    """What to tell the user where no font of the machine has the letters of some streets' names."""
+    """Message for the user where no font of the machine has the letters of some streets' names."""
     names = sorted({segment.street for segment in world.segments if segment.has_street_name})
     lacking = fonts().lacking("".join(names))
     if not lacking:

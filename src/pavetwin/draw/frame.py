@@ -67,7 +67,7 @@ class SeenSurface:
 
     timeline: Timeline
     concerns: Callable[[float, float], bool] = lambda _east, _north: True
-    """Whether a capture at this place can come into the picture; the others are left out."""
+    """Whether a capture at this place can come into the image; the others are left out."""
     _done: int = field(default=0, init=False)
     _seen: shapely.Geometry = field(default_factory=shapely.Polygon, init=False)
 
@@ -98,7 +98,7 @@ class SeenSurface:
 
 
 FLASH_S = 0.8
-"""How long, in the animation's own time, a confirmation flashes."""
+"""Duration of the flash of a confirmation, in the animation's own time."""
 
 ARM_M, ROTOR_M = 0.95, 0.55
 """The UAV's symbol; larger than the airframe, so that it can be seen."""

@@ -22,7 +22,7 @@ PixelColour = tuple[int, ...]
 """Red, green, blue and, where given, opacity; 0 … 255."""
 
 SMOOTHING = 2
-"""Pictures are drawn this many times larger and averaged down."""
+"""Images are drawn this many times larger and averaged down."""
 
 
 class Pen:

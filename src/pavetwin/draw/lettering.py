@@ -24,7 +24,7 @@ from pavetwin.draw.shapes import fill, points_per_m
 from pavetwin.world.model import Segment, World
 
 SMALLEST_PT, LARGEST_PT = 4.4, 8.0
-"""Of a street's name."""
+"""Height of a street's name."""
 
 _ID_PT = 4.4
 _FROM_END_PT = 2.0
@@ -213,7 +213,7 @@ def _write(
 
 
 def _pieces(name: str) -> list[str]:
-    """What of a name is placed as a whole, from left to right: letters, or words where letters join."""
+    """Units of a name that are placed as a whole, from left to right: letters, or words where letters join."""
     if not joins(name):
         return list(name)
     pieces = re.split("( )", name)

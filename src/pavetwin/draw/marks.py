@@ -1,4 +1,4 @@
-"""What pictures show of a mission's result: outcomes of defects, captured windows, notable segments.
+"""Parts of a mission's result that images show: outcomes of defects, captured windows, notable segments.
 
 Everything is in the world frame: metres, radians, seconds. Nothing here draws.
 """
@@ -24,7 +24,7 @@ LEAD_S = 4.0
 
 
 class DefectOutcome(StrEnum):
-    """What became of a defect of an inspected segment, as legends say it."""
+    """Outcome of a defect of an inspected segment, as legends state it."""
 
     CONFIRMED = "found"
     RECOVERED = "found on return"
@@ -35,7 +35,7 @@ class DefectOutcome(StrEnum):
 
 
 def outcomes(result: MissionResult) -> dict[int, DefectOutcome]:
-    """Of every defect of the inspected segments, and of those confirmed elsewhere in passing."""
+    """Outcome of every defect of the inspected segments, and of those confirmed elsewhere in passing."""
     visited = {row.segment for row in result.rows}
     missed = {each.defect.id: each.reason for each in result.inspected_defects if not each.is_found}
     found = {}
@@ -52,7 +52,7 @@ def outcomes(result: MissionResult) -> dict[int, DefectOutcome]:
 def rectangles(
     x_m: ArrayLike, y_m: ArrayLike, yaw_rad: ArrayLike, across_m: ArrayLike, along_m: ArrayLike
 ) -> Float64Array:
-    """(..., 4, 2) corners of rectangles on the ground, `along_m` in the direction of the yaw and `across_m` beside it.
+    """(..., 4, 2) corners of rectangles on the ground, `along_m` in the direction of the yaw and `across_m` across it.
 
     The arguments are (...), or one number for all.
     """

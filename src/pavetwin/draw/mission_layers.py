@@ -218,7 +218,7 @@ def draw_reactions(
     """The policy's reactions: discs for waits, arrows for displacements, rings for revisits.
 
     Args:
-        frames: what is drawn larger beside this map, with the seconds of its waits, in metres of the world.
+        frames: segments drawn larger next to this map, with the seconds of its waits, in metres of the world.
     """
     stays = sorted(waits(result.track), key=lambda stay: -stay.seconds)
     if stays:
@@ -259,7 +259,7 @@ def draw_stations(axes: Axes, result: MissionResult, turn: MapTransform) -> None
 def _label_waits(
     axes: Axes, told: Sequence[HoverStop], stays: Sequence[HoverStop], turn: MapTransform, weights: Weights
 ) -> None:
-    """Seconds beside the longest of the waits that are told, where they fit: no label overlaps another one or the
+    """Seconds next to the longest waits, where they fit: no label overlaps another one or the
     centre of any wait."""
     if not told:
         return

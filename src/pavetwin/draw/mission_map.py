@@ -27,12 +27,12 @@ WIDTH_IN = 10.0
 MARGIN_IN = 0.25
 HEAD_IN = 0.62
 SIDE_IN = 2.35
-"""The column of numbers and legend beside the town."""
+"""The column of numbers and legend next to the town."""
 
 GUTTER_IN = 0.2
 TALLEST_TOWN_IN = 6.6
 NUMBERS_IN = 3.0
-"""Height of numbers and legend where they stand beside each other."""
+"""Height of numbers and legend where they stand side by side."""
 LEGEND_ROW_IN = 0.182
 
 _AROUND_FRAME_PT = 12.0
@@ -46,7 +46,7 @@ _QUIET = {MapLayer.PARKS, MapLayer.BUILDINGS, MapLayer.SIDEWALKS, MapLayer.CARRI
 
 
 def save_mission_map(result: MissionResult, path: Path) -> None:
-    """Write the picture of one mission (PNG, SVG or PDF by the suffix).
+    """Write the image of one mission (PNG, SVG or PDF by the suffix).
 
     Raises:
         PaveTwinError: the suffix is another, or the file cannot be written.
@@ -57,7 +57,7 @@ def save_mission_map(result: MissionResult, path: Path) -> None:
 
 
 def mission_figure(result: MissionResult) -> Figure:
-    """The town, numbers and legend beside it, and close views below or, beside a narrow town, under the numbers."""
+    """The town, numbers and legend next to it, and close views below or, next to a narrow town, under the numbers."""
     inner = WIDTH_IN - 2 * MARGIN_IN
     bounds = flown_bounds(result)
     ratio = (bounds[2] - bounds[0]) / (bounds[3] - bounds[1])
@@ -92,7 +92,7 @@ def mission_figure(result: MissionResult) -> Figure:
 
 
 def _heightened(strips: Sequence[SegmentLayout], available_in: float) -> list[SegmentLayout]:
-    """Strips that show more beside their streets, as far as the height allows."""
+    """Strips that show more on both sides of their streets, as far as the height allows."""
     spare_in = available_in - sum(strip.with_caption_in for strip in strips)
     return [strip.heightened(min(TALLEST_IN, strip.height_in + spare_in / len(strips))) for strip in strips]
 
@@ -144,7 +144,7 @@ def _comparison_figure(results: Sequence[MissionResult], segment: str) -> Figure
 
 
 def flown_bounds(result: MissionResult) -> Bounds:
-    """What a map of the mission shows: the route, the inspected segments and some ground around them, in metres."""
+    """Extent of a map of the mission: the route, the inspected segments and some ground around them, in metres."""
     world = result.environment.world
     route = np.column_stack([result.track["x_m"], result.track["y_m"]])
     shown: list[shapely.Geometry] = [world.segment(row.segment).polygon for row in result.rows]

@@ -33,7 +33,7 @@ AGENT_COLOURS: Final = {
 """By group; muted, so that the colours of visibility stand out."""
 
 SMALLEST_VEHICLE_M = 1.2
-"""What is shorter and does not walk is another aircraft."""
+"""Agents that are shorter and do not walk are other aircraft."""
 
 
 def agent_group(length_m: float, height_m: float, pedestrian: bool) -> str:
@@ -65,7 +65,7 @@ def rgb(colour: ColorType) -> Rgb:
 
 @cache
 def font(size_px: int, *, bold: bool = False) -> ImageFont.FreeTypeFont:
-    """The typeface of all pictures, at a size in pixels."""
+    """The typeface of all images, at a size in pixels."""
     return ImageFont.truetype(usual_file(bold=bold), size_px)
 
 

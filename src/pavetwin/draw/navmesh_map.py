@@ -45,7 +45,7 @@ class NavMeshReport:
 
 
 def bake(world: World, altitude_m: float, agent_radius_m: float) -> NavMeshReport:
-    """Bake the mesh (identical to the one that missions cache beside the world) and find what can be reached.
+    """Bake the mesh (identical to the one that missions cache with the world) and find what can be reached.
 
     Raises:
         PaveTwinError: there is no free airspace at this altitude.
@@ -68,7 +68,7 @@ def bake(world: World, altitude_m: float, agent_radius_m: float) -> NavMeshRepor
 
 
 def save_navmesh_map(baked: NavMeshReport, path: Path) -> None:
-    """Write the map of a NavMesh as a picture.
+    """Write the map of a NavMesh as a image.
 
     Raises:
         PaveTwinError: it cannot be written.

@@ -1,4 +1,4 @@
-"""A fitted sensor beside what was found: a reliability diagram, and how often repeated looks find one defect."""
+"""A fitted sensor against observed detections: a reliability diagram, and how often repeated looks find a defect."""
 
 from collections.abc import Sequence
 from pathlib import Path

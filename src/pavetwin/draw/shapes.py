@@ -1,6 +1,6 @@
 """Shapes of the world as Matplotlib collections, one per layer, which draws a town quickly.
 
-Lengths are metres of the world frame unless a name says points (`_pt`).
+Lengths are metres of the world frame unless a name ends in `_pt` (points).
 """
 
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ def mix(colour: ColorType, other: ColorType, share: float) -> tuple[float, float
 
 
 def points_per_m(axes: Axes) -> float:
-    """How many points of paper a metre of the map takes."""
+    """Points of paper per metre of the map."""
     figure = axes.get_figure(root=True)
     assert figure is not None
     west, east = axes.get_xlim()

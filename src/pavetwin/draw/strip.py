@@ -53,7 +53,7 @@ class SegmentLayout:
 
     @staticmethod
     def of(result: MissionResult, segment: str, width_in: float, tallest_in: float = TALLEST_IN) -> "SegmentLayout":
-        """The largest scale at which the whole segment and the windows beside it fit."""
+        """The largest scale at which the whole segment and the windows around it fit."""
         place = result.environment.world.segment(segment)
         turn = MapTransform.along(place)
         left, bottom, right, top = turn.shape(place.polygon).bounds
@@ -106,7 +106,7 @@ def _at_most(row: SegmentMetrics) -> str:
 
 
 def caption(row: SegmentMetrics) -> str:
-    """What happened on a segment, in one line."""
+    """Summary of a segment in one line."""
     parts = {
         f"{row.confirmed} of {row.defects} defects found": True,
         f"{row.recovered} of them on return": row.recovered,

@@ -1,7 +1,7 @@
 """Common style of every map and plot: colours, type, scale bar, north arrow, attribution, reproducible files.
 
 Colours can be distinguished with the common forms of colour blindness; marks that must be distinguished also differ in
-shape, for grey print. `pavetwin.draw.fonts` says what text is written with.
+shape, for grey print. `pavetwin.draw.fonts` selects the fonts.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -49,7 +49,7 @@ _MORE_COLOURS = (
 """Okabe and Ito's colours first, then those most distinct in the common forms of colour blindness."""
 _MORE_MARKERS = ("v", "P", "X", "h", "*", "<", ">", "p", "d", "8")
 _DASHES: Final = ((0, ()), (0, (4, 1.4)), (0, (1.2, 1.2)))
-"""Of lines of the built-in policies and the first four others, of the next three, and of the rest."""
+"""Dashes of the built-in policies and the first four others, of the next three, and of the rest."""
 
 DEFECT_COLOURS: Mapping[str, str] = {"single_crack": "#3B6FB6", "crocodile_crack": "#D1495B", "pothole": "#262626"}
 DEFECT_MARKERS: Mapping[str, str] = {"single_crack": "_", "crocodile_crack": "s", "pothole": "o"}
@@ -353,9 +353,9 @@ def _pixels(figure: Figure) -> UInt8Array:
 
 
 def with_palette(rgba: UInt8Array) -> Image.Image:
-    """An opaque picture (height, width, 4) in 256 colours, chosen so that none of its own is far from one of them.
+    """An opaque image (height, width, 4) in 256 colours, chosen so that none of its own is far from one of them.
 
-    Pillow chooses among the picture's colours, each as often as the power 0.7 of its pixels: areas of one colour weigh
+    Pillow chooses among the image's colours, each as often as the power 0.7 of its pixels: areas of one colour weigh
     most, and a map has far fewer such samples than pixels. No dithering.
     """
     # As 0xRRGGBB, without arrays of each channel, for the same reason.

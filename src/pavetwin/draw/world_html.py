@@ -169,7 +169,7 @@ def _furniture(world: World, flip: _Flip) -> Iterable[str]:
 
 
 def _lettering(world: World, flip: _Flip) -> Iterable[str]:
-    """Street names along their streets, and ids beside them."""
+    """Street names along their streets, and ids next to them."""
     yield "<g class='streets'>"
     number = 0
     for name, pieces in lettering.streets(world.segments, {s.id: s.street for s in world.segments}).items():

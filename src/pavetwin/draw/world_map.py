@@ -68,7 +68,7 @@ _LETTER_H: Final = MarkerPath(
 
 
 class MapLayer(StrEnum):
-    """What a map consists of, from the ground up; base and names come last."""
+    """Layers of a map, from the ground up; base and names come last."""
 
     PARKS = "parks"
     BUILDINGS = "buildings"
@@ -233,7 +233,7 @@ def base_symbol(axes: Axes, world: World, zorder: float = ABOVE_WORLD - 1) -> No
 
 
 def save_world_map(world: World, path: Path, *, ids: bool = False) -> list[str]:
-    """Write the map of a world as a picture. Returns the ids that did not fit.
+    """Write the map of a world as a image. Returns the ids that did not fit.
 
     Raises:
         PaveTwinError: it cannot be written.
@@ -255,7 +255,7 @@ def subtitle(world: World) -> str:
 
 
 def legend(world: World) -> list[LegendEntry]:
-    """What the marks on the map of this world mean; only those that are on it."""
+    """Legend of the marks on the map of this world; only those that are on it."""
     found = {item.kind for item in world.furniture}
     classes = {defect.kind for defect in world.defects}
     entries = (

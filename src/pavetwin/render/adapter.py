@@ -21,7 +21,7 @@ _PATCHING: Final = threading.Lock()
 
 
 class ParsedFFI:
-    """As `cffi.FFI`, for one header and a library that is opened by its path."""
+    """A `cffi.FFI` for one header and a library that is opened by its path."""
 
     def __init__(self) -> None:
         self._parsed: Any = None
@@ -73,7 +73,7 @@ NEEDED: Final = (
 )
 
 _BACKENDS: Final = ("Vulkan", "Metal", "DX12")
-"""OpenGL is left out: it loads window-system libraries on servers, and lacks features that the shaders need."""
+"""OpenGL is left out: it loads window-system libraries on servers, and misses features that the shaders need."""
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Amodal pixel counts: each labelled object is drawn without occluders, side by side in one atlas.
 
-An object is drawn with the same triangles at the same sub-pixel positions as in the picture, moved by whole pixels to
+An object is drawn with the same triangles at the same sub-pixel positions as in the image, moved by whole pixels to
 its cell of the atlas, and its pixels are counted.
 """
 
@@ -33,7 +33,7 @@ class AmodalObject:
     label: int
     mesh: GpuMesh
     record: StructuredArray
-    """(1,) its instance record, as in the picture."""
+    """(1,) its instance record, as in the image."""
     corners: Float64Array
     """(8, 3) of a box around it, world frame."""
     mask: Any = None
@@ -50,7 +50,7 @@ class AmodalObject:
 
 @dataclass(frozen=True)
 class _AtlasCell:
-    """Bounding box of an object in the picture (x, y), and its corner in the atlas (left, top) [px]."""
+    """Bounding box of an object in the image (x, y), and its corner in the atlas (left, top) [px]."""
 
     obj: AmodalObject
     x: int
@@ -75,7 +75,7 @@ class AmodalAtlas:
 
         Args:
             objects: to count; those of one label are added up, so they must not overlap.
-            view: of the picture.
+            view: of the image.
             frame: bind group of the frame.
             margin_px: how far the rolling shutter may move an object from its projected box.
         """
@@ -129,7 +129,7 @@ class AmodalAtlas:
 
 
 class AmodalCount:
-    """The count of one frame's objects: started, it is drawn while the picture is developed."""
+    """The count of one frame's objects: started, it is drawn while the image is developed."""
 
     def __init__(
         self, atlas: AmodalAtlas, labels: Sequence[int], pages: list[list[_AtlasCell]], view: View, frame: Any
@@ -143,7 +143,7 @@ class AmodalCount:
             self._atlas.submit(self._first)
 
     def result(self) -> dict[int, int]:
-        """Label → amodal pixels, 0 for objects outside the picture."""
+        """Label → amodal pixels, 0 for objects outside the image."""
         found = dict.fromkeys(self._labels, 0)
         for number, page in enumerate(self._pages):
             if number:
@@ -153,7 +153,7 @@ class AmodalCount:
 
 
 def _atlas_cell(obj: AmodalObject, view: View, margin_px: float) -> _AtlasCell | None:
-    """The part of the picture that an object may cover; None if it is outside."""
+    """The part of the image that an object may cover; None if it is outside."""
     width, height = view.size_px
     points = view.to_camera(obj.corners)
     if (points[:, 2] < _CLOSE_M).any():
@@ -197,7 +197,7 @@ def _pages(cells: list[_AtlasCell], size: tuple[int, int]) -> list[list[_AtlasCe
 
 
 def _shift(cell: _AtlasCell, picture: tuple[int, int], atlas: tuple[int, int]) -> tuple[float, float, float, float]:
-    """Scale and offset of clip positions that move an object by whole pixels from the picture into its cell."""
+    """Scale and offset of clip positions that move an object by whole pixels from the image into its cell."""
     (width, height), (across, down) = picture, atlas
     return (
         width / across,

@@ -15,7 +15,7 @@ LENS_TRANSMISSION: Final = 0.9
 """Transmission of a coated lens (ISO 12232 uses 0.65 including falloff and angle, which are modelled separately)."""
 
 METERED: Final = 0.185
-"""The mean of a picture as a share of what saturates the sensor. ISO 12232's 18 % grey lies at 0.127; drones expose
+"""The mean of a image as a share of what saturates the sensor. ISO 12232's 18 % grey lies at 0.127; drones expose
 roads half a stop brighter: with 0.135 frames had a median lightness L* of 51, 272 photographs of RDD2022's China drone
 subset have 61."""
 
@@ -23,12 +23,12 @@ LONGEST_S: Final = 1 / 400
 """Longest shutter time in flight: beyond it the ISO is raised instead."""
 
 _HIGHLIGHT: Final = 0.85
-"""The 99.5th percentile of a picture is kept below this share of saturation."""
+"""The 99.5th percentile of a image is kept below this share of saturation."""
 
 
 @dataclass(frozen=True)
 class Exposure:
-    """Exposure settings of one picture."""
+    """Exposure settings of one image."""
 
     shutter_s: float
     f_number: float
@@ -51,11 +51,11 @@ class Exposure:
 
 
 def meter(radiance: Float16Array) -> float:
-    """The share of saturation for each kcd/m² that suits a picture (height, width, 4): its mean where a camera wants
+    """The share of saturation for each kcd/m² that suits a image (height, width, 4): its mean where a camera wants
     it, its highlights kept unless they are few."""
     seen = radiance[::8, ::8, :3].astype(np.float64) @ LUMINANCE
     seen = seen[np.isfinite(seen)]
-    # Lamps and specular reflections of the sun say nothing about the scene's brightness.
+    # Lamps and specular reflections of the sun do not measure the scene's brightness.
     mean = float(np.minimum(seen, 4 * np.median(seen) + 1e-9).mean())
     bright = float(np.quantile(seen, 0.995))
     return min(METERED / max(mean, 1e-6), 2.5 * METERED / max(mean, 1e-6), _HIGHLIGHT / max(bright, 1e-6))
@@ -83,7 +83,7 @@ def programme(camera: Camera, share_per_light: float, *, longest_s: float = LONG
 
 @dataclass(frozen=True)
 class RenderedFrame:
-    """One picture with its ground truth. All arrays have the view's height and width; row 0 is the upper edge."""
+    """One image with its ground truth. All arrays have the view's height and width; row 0 is the upper edge."""
 
     view: View
     rgb: UInt8Array

@@ -73,7 +73,7 @@ SHADOW_TEXELS: Final = 4.0
 """Details of shadows smaller than this are left out."""
 
 NEAR_PX2: Final = 12.0
-"""Models whose mean triangle covers more than this are lit at every pixel, but for their small triangles; others are
+"""Models whose mean triangle covers more than this are lit at every pixel, except for their small triangles; others are
 lit at their vertices."""
 
 SMALL_PX2: Final = 24.0
@@ -120,7 +120,7 @@ class GpuScene:
         agents: tuple[InstanceBatch, InstanceBatch],
         records: InstanceBuffer,
     ) -> DrawList:
-        """What is in view, and what casts shadows into it. `agents`: those drawn, and those that only cast shadows."""
+        """Objects in view, and those that cast shadows into it. `agents`: those drawn, and those with shadows alone."""
         bounds = planes(view)
         tiles = [self.tiles.tile(key) for key in wanted_keys(self._scene, view, light)]
         batch = InstanceBatch.joined([*agents, *(tile.batch for tile in tiles)])
@@ -152,7 +152,7 @@ class GpuScene:
         distant = np.flatnonzero(inside & ~close)
         for kind, count, first in records.add_batch(batch.only(distant), level[distant]):
             far.append((self.mesh(*kind), count, first))
-        # A few texels of the filtered shadow map correspond to one pixel of the picture.
+        # A few texels of the filtered shadow map correspond to one pixel of the image.
         coarse = np.maximum(pixel, SHADOW_TEXELS * shadow.texel_m)
         # The shadow of the camera's own vehicle is right before the lens, where four texels would show as a step.
         coarse[shown:moving] = pixel[shown:moving]
@@ -163,7 +163,7 @@ class GpuScene:
         ]
         for tile, record in placed:
             casters += [(mesh, 1, record) for mesh in (tile.facades, tile.kerbs) if mesh is not None]
-        # Contact shadows reach into the picture from beside it.
+        # Contact shadows reach into the image from outside it.
         rimmed = (relative @ bounds.T > -2 * batch.radius[:, None] - 1).all(axis=1) & (ahead < SHADE_FAR_M) & casts
         shades = records.add_shades(batch.only(np.flatnonzero(rimmed)), self.parts)
         strips = records.add_strips(self._strips(tiles, view, light, bounds))

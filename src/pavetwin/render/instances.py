@@ -31,7 +31,7 @@ _FOOT_M: Final = 1.0
 _WIDE_M: Final = 1.2
 _SHADE_REACH_M: Final = 1.8
 _SLIM_REACH_M: Final = 0.5
-"""How far beside cars, and beside people and posts, contact shadows are drawn; the cost grows with the area [m]."""
+"""Reach of contact shadows around cars, and around people and posts; the cost grows with the area [m]."""
 
 RECORD: Final = np.dtype(
     [
@@ -72,7 +72,7 @@ class PartTable:
         self.single_sided = frozenset(self.far)
         """Parts of which only front faces are seen; these are made with all their triangles facing outwards."""
         self.casts = np.array([THIN not in models[model].extras for model, _ in names], dtype=np.bool_)
-        """Which parts are in shadow maps and have contact shadows."""
+        """Parts that are in shadow maps and have contact shadows."""
         boxes = [(mesh.positions.min(axis=0), mesh.positions.max(axis=0)) for mesh in self.meshes]
         self.least_px2 = np.array([foliage_px2(mesh) for mesh in self.meshes], dtype=np.float64)
         self.area_m2 = np.array([mean_area_m2(mesh) for mesh in self.meshes], dtype=np.float64)

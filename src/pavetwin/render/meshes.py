@@ -77,7 +77,7 @@ class GpuMesh:
     attributes: Any
     indices: Any
     count: int
-    """Of indices."""
+    """Number of indices."""
     low: Float64Array
     high: Float64Array
     """(3,) corners of its box, in its own frame."""
@@ -117,7 +117,7 @@ def split_by_area(gpu: Gpu, whole: GpuMesh, mesh: Mesh, area_m2: float) -> tuple
 
 
 def upload_ground(gpu: Gpu, pieces: tuple[GroundPiece, ...]) -> GpuMesh | None:
-    """All ground of one tile as one mesh, the kind of each vertex beside its normal."""
+    """All ground of one tile as one mesh, the kind of each vertex next to its normal."""
     mesh = _joined(pieces)
     if mesh is None:
         return None

@@ -1,4 +1,4 @@
-"""Which tiles a frame needs: those in view, and those that cast shadows into it."""
+"""Tiles that a frame needs: those in view, and those that cast shadows into it."""
 
 import math
 from typing import TYPE_CHECKING, Final
@@ -28,10 +28,10 @@ _WIDE_M: Final = 40.0
 """A view with a larger ground radius looks along a street; its shadow casters are in view."""
 
 _CASTERS_UP_TO_M: Final = 20.0
-"""Greatest height of shadow casters beside the picture [m]."""
+"""Greatest height of shadow casters outside the image [m]."""
 
 _CASTERS_REACH_M: Final = 48.0
-"""Their greatest distance beside it [m]."""
+"""Their greatest distance from the image's edge [m]."""
 
 _STEP_M: Final = 12.0
 
@@ -58,7 +58,7 @@ def wanted_keys(scene: "Drawable", view: View, light: Light) -> tuple[TileKey, .
 
 
 def tile_seen(origin: tuple[float, float], view: View, bounds: Float64Array) -> bool:
-    """Whether a tile and its objects, up to 30 m high and 10 m beyond its edge, may be in the picture.
+    """Whether a tile and its objects, up to 30 m high and 10 m beyond its edge, may be in the image.
 
     `origin`: its south-west corner, metres; `bounds`: the view's `projection.planes`.
     """
@@ -66,7 +66,7 @@ def tile_seen(origin: tuple[float, float], view: View, bounds: Float64Array) -> 
 
 
 def ground_seen(box: tuple[float, float, float, float], view: View, bounds: Float64Array) -> bool:
-    """Whether ground may be in the picture, also when a rolling shutter shifts it a little.
+    """Whether ground may be in the image, also when a rolling shutter shifts it a little.
 
     `box`: west, south, east, north, metres; `bounds`: the view's `projection.planes`.
     """
@@ -74,7 +74,7 @@ def ground_seen(box: tuple[float, float, float, float], view: View, bounds: Floa
 
 
 def pavement_seen(origin: tuple[float, float], view: View, bounds: Float64Array) -> bool:
-    """Whether the ground of a tile may be in the picture; the arguments are those of `tile_seen`."""
+    """Whether the ground of a tile may be in the image; the arguments are those of `tile_seen`."""
     return ground_seen((*origin, origin[0] + TILE_M, origin[1] + TILE_M), view, bounds)
 
 
@@ -89,7 +89,7 @@ def _seen(
 
 
 def make_missing(scene: "Scene", view: View, light: Light) -> None:
-    """Put into the scene's cache what a frame needs and the cache lacks. What the renderer asks for last comes first,
+    """Add to the scene's cache what a frame needs and the cache misses. What the renderer asks for last comes first,
     as it may be at work at the same time."""
     bounds = planes(view)
     for key in reversed(wanted_keys(scene, view, light)):

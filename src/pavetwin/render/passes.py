@@ -1,4 +1,4 @@
-"""The passes of one frame, recorded and read back: shadow map, then the picture with its ground truth."""
+"""The passes of one frame, recorded and read back: shadow map, then the image with its ground truth."""
 
 from dataclasses import dataclass
 from typing import Any, Final
@@ -27,7 +27,7 @@ class PatchDraw:
 
     patch: GpuPatch
     mesh: GpuMesh
-    """Which of the patch's."""
+    """Number of the patch's mesh."""
     around: GpuPavement
     origin: tuple[float, float]
     """The tile's, metres."""
@@ -37,7 +37,7 @@ class PatchDraw:
 
 @dataclass(frozen=True)
 class DrawList:
-    """What one frame draws. Numbers are indices of records in the instance buffer."""
+    """Draw list of one frame. Numbers are indices of records in the instance buffer."""
 
     tiles: list[tuple[GpuTile, int]]
     """Each with its record."""
@@ -57,9 +57,9 @@ class DrawList:
     levels: Int64Array
     """Level of detail of each agent; −1 if it is not drawn."""
     sky: bool
-    """Whether the picture reaches beyond the ground that is drawn."""
+    """Whether the image reaches beyond the ground that is drawn."""
     looks_down: bool
-    """As `nearby.looks_down`."""
+    """See `nearby.looks_down`."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Materials:
 
 
 class RenderTargets:
-    """The render targets of one picture size, and a buffer to read them through."""
+    """The render targets of one image size, and a buffer to read them through."""
 
     def __init__(self, gpu: Gpu, size_px: tuple[int, int]) -> None:
         self.size_px = size_px
@@ -87,7 +87,7 @@ class RenderTargets:
 
     @property
     def resources(self) -> tuple[Any, ...]:
-        """What it holds on the device."""
+        """Bytes on the device."""
         return self.light, self.labels, self.distances, self.depth, self._staging
 
     def copy(self, encoder: Any, *, truth: bool) -> None:
@@ -125,7 +125,7 @@ def _padded(row: int) -> int:
 
 
 def shadow_map(gpu: Gpu, side_px: int) -> Any:
-    """The texture that the shadow pass draws and the picture reads."""
+    """The texture that the shadow pass draws and the image reads."""
     return gpu.target((side_px, side_px), DEPTH_FORMAT, usage=_SAMPLED)
 
 
@@ -152,7 +152,7 @@ class FramePasses:
         render_pass.end()
 
     def light(self, targets: RenderTargets, frame: Any) -> None:
-        """The picture as luminance, labels and distances. `frame`: bind group of the frame with its light."""
+        """The image as luminance, labels and distances. `frame`: bind group of the frame with its light."""
         colours = [
             cleared_colour(targets.light, (0, 0, 0, 1)),
             cleared_colour(targets.labels, (0, 0, 0, 0)),

@@ -20,7 +20,7 @@ SHADOW_STEP_PX: Final = 256
 """Sides are multiples of this, so that few maps serve all views."""
 
 SHADOW_TEXEL_PX: Final = 1.25
-"""Texel of the shadow map that is fine enough, in pixels of the picture where the ground is nearest: 2 cm from 10 m,
+"""Texel of the shadow map that is fine enough, in pixels of the image where the ground is nearest: 2 cm from 10 m,
 half of what the sun's disc blurs of a leaf 5 m up."""
 
 _TEXELS_AN_OCTAVE: Final = 8
@@ -32,14 +32,14 @@ SHADOW_REACH_M: Final = 60.0
 """Level views have shadows up to this distance [m]."""
 
 _HARMONICS: Final = np.array([0.282095, *[0.488603] * 3, 1.092548, 1.092548, 0.315392, 1.092548, 0.546274])
-"""Of the real spherical harmonics, beside their polynomials in the normal."""
+"""Factors of the real spherical harmonics, next to their polynomials in the normal."""
 
 _SHADOW_DEPTH_M: Final = 400.0
 _RECEIVER_M: Final = 4.0
 """Shadows fall on the ground and on objects up to this height [m]."""
 
 _HIGHER: Final = np.array([[index & 4, index & 2, index & 1] for index in range(8)]) > 0
-"""Of the corners of a box."""
+"""Signs of the corners of a box."""
 
 FRAME_INFO: Final = np.dtype(
     [
@@ -71,7 +71,7 @@ def to_clip(view: View) -> Float64Array:
 
 
 def off_axis(view: View) -> tuple[float, float]:
-    """Where the axis goes through the picture, x and y of clip space: 0, 0 unless the view is a crop."""
+    """Where the axis goes through the image, x and y of clip space: 0, 0 unless the view is a crop."""
     x, y = (2 * view.principal_px / view.size_px - 1).tolist()
     return x, -y
 

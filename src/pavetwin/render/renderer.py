@@ -103,7 +103,7 @@ class Renderer:
         defect_free: bool = False,
         velocities: Mapping[int, npt.ArrayLike] | None = None,
     ) -> RenderedFrame:
-        """One picture with its ground truth.
+        """One image with its ground truth.
 
         Args:
             view: where the camera is and how fast it moves.
@@ -116,7 +116,7 @@ class Renderer:
             style: parameters of the camera's image processing.
             labels: whether to return the label of every pixel, and the amodal pixels of each object.
             depth: whether to return the depth of every pixel.
-            defect_free: whether to return the same picture without defects.
+            defect_free: whether to return the same image without defects.
             velocities: label of an instance → (3,) m/s, world frame; of those that move.
         """
         moving = velocities or {}
@@ -279,7 +279,7 @@ class Renderer:
         return seen, count
 
     def _amodal_objects(self, camera: Float64Array, agents: InstanceBatch, draws: DrawList) -> list[AmodalObject]:
-        """The labelled objects that may be in the picture, with the meshes that they are drawn with."""
+        """The labelled objects that may be in the image, with the meshes that they are drawn with."""
         objects, parts = [], self._gpu_scene.parts
         seen = np.flatnonzero((agents.label > 0) & (draws.levels >= 0))
         shown = agents.only(seen)

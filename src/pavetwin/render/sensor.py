@@ -1,4 +1,4 @@
-"""From light to the stored picture: electrons, noise, white balance, tone curve. The pixels are computed in Rust."""
+"""From light to the stored image: electrons, noise, white balance, tone curve. The pixels are computed in Rust."""
 
 import math
 from collections.abc import Mapping
@@ -26,13 +26,13 @@ READ_NOISE: Final = 2.5
 _READ_PITCH_UM: Final = 2.4
 
 NATIVE: Final = 1.4
-"""A pixel of a picture that covers fewer of the sensor's than this, along a side, counts as one of the sensor's."""
+"""A pixel of a image that covers fewer of the sensor's than this, along a side, counts as one of the sensor's."""
 
 _PAVEMENT_WARMTH: Final = 0.08
 """Logarithm of red over blue of aged asphalt and concrete under white light."""
 
 SHARP_PX: Final = 0.3
-"""Pictures in which nothing moves farther than this during the exposure get no motion blur."""
+"""Images in which nothing moves farther than this during the exposure get no motion blur."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +50,8 @@ class ImageProcessing:
     vignetting: float = 0.14
     """Share of the cos⁴ falloff that the camera's correction leaves."""
     from_mosaic: bool = True
-    """Whether pictures at the sensor's own pixels are made as the camera's `development` says, instead of with the
-    `blur_px` and `sharpening` above, which hold for pictures that are brought to fewer pixels."""
+    """Whether images at the sensor's own pixels are made by the camera's `development`, instead of with the
+    `blur_px` and `sharpening` above, which hold for images that are brought to fewer pixels."""
 
 
 def picture(
@@ -68,7 +68,7 @@ def picture(
     velocities: Mapping[int, npt.ArrayLike] | None = None,
     white: tuple[float, float, float] | None = None,
 ) -> UInt8Array:
-    """What a camera stores, (height, width, 3) sRGB.
+    """The image as a camera stores it, (height, width, 3) sRGB.
 
     Args:
         radiance: (height, width, 4) linear RGB, kcd/m².
@@ -113,16 +113,16 @@ def picture(
 def farthest_motion_px(
     view: View, exposure: Exposure, velocities: Mapping[int, npt.ArrayLike], nearest_m: float
 ) -> float:
-    """At least how far anything moves in the picture over the exposure [px]."""
+    """At least how far anything moves in the image over the exposure [px]."""
     fastest = max((float(np.linalg.norm(np.asarray(each))) for each in velocities.values()), default=0.0)
     speed = fastest + float(np.linalg.norm(view.velocity_mps))
     return speed * exposure.shutter_s * view.focal_px / nearest_m
 
 
 def white_balance(light: Light, radiance: Float16Array, adaptation: float) -> tuple[float, float, float]:
-    """Gains of red, green and blue, none below 1, that turn grey objects in a picture towards neutral.
+    """Gains of red, green and blue, none below 1, that turn grey objects in a image towards neutral.
 
-    The illuminant lies between that of level ground in the sun and in the shade, nearer to the one that the picture's
+    The illuminant lies between that of level ground in the sun and in the shade, nearer to the one that the image's
     light-weighted mean ratio of red to blue speaks for: a grey world, limited to real illuminants.
     """
     shade = light.sky_irradiance.T @ harmonics(np.array([0.0, 0.0, 1.0]))

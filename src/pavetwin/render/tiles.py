@@ -1,6 +1,6 @@
 """Cache of tiles on the device: uploaded when first needed, the least recently used freed first.
 
-Objects on a tile may cast shadows into the picture from beside it. The maps and defects of its ground, which cost most,
+Objects on a tile may cast shadows into the image from outside it. The maps and defects of its ground, which cost most,
 are made only when they are in view.
 """
 
@@ -28,7 +28,7 @@ Held = TypeVar("Held")
 
 
 class Drawable(Protocol):
-    """What a renderer needs of a scene; `scene.Scene` implements it."""
+    """Interface of a scene for renderers; `scene.Scene` implements it."""
 
     @property
     def models(self) -> Mapping[str, Model]: ...

@@ -138,7 +138,7 @@ TOUCHING_M: Final = 0.02
 """Vertices of a model below this height are where its tyres touch the ground."""
 
 NARROW_M: Final = 0.3
-"""What has its tyres within this width stands on its side stand, see the model's `lean_deg`, whatever slopes below."""
+"""Models whose tyres lie within this width stand on their side stand (`lean_deg`), whatever slopes below."""
 
 Key = tuple[int, int, float, float, float]
 
@@ -163,7 +163,7 @@ class Wheels:
         )
 
     def scaled(self, scale: Float64Array) -> Self:
-        """Of the model at a scale (3,) of its length, width and height."""
+        """The model at a scale (3,) of length, width and height."""
         return replace(
             self,
             front_m=self.front_m * float(scale[0]),

@@ -36,7 +36,7 @@ def foliage_px2(mesh: Mesh) -> float:
 
 
 def mean_area_m2(mesh: Mesh) -> float:
-    """Of a triangle."""
+    """Area of a triangle."""
     return float(triangle_areas_m2(mesh).mean()) if len(mesh.indices) else 0.0
 
 

@@ -128,7 +128,7 @@ def _leaf(rng: np.random.Generator, foot: Float64Array, angle_rad: float, length
 
 
 def _cell(leaves: Sequence[_Leaf]) -> UInt8Array:
-    """The picture of some leaves, one over the other, each shading those below it."""
+    """The image of some leaves, one over the other, each shading those below it."""
     side = _CELL_PX * _FINE
     colour, alpha = np.zeros((side, side, 3)), np.zeros((side, side))
     for leaf in leaves:

@@ -140,7 +140,7 @@ SPACING_M: Final = (9.0, 26.0)
 """Distance along a sidewalk between two candidate places."""
 
 FROM_ROAD_M: Final = 0.6
-"""Least distance from the carriageway: the clearance that posts keep beside roads."""
+"""Least distance from the carriageway: the clearance that posts keep from roads."""
 
 APART_M: Final = 1.4
 """Least distance between middles, also from the world's furniture."""
@@ -175,13 +175,13 @@ KINDS: Final = (
 
 @dataclass(frozen=True, eq=False)
 class StreetObject:
-    """One object beside a street."""
+    """One object along a street."""
 
     model: str
     x_m: float
     y_m: float
     yaw_rad: float
-    """Of its x axis, which faces the road."""
+    """Direction of its x axis, which faces the road."""
     tints: np.ndarray[tuple[int, int], np.dtype[np.float32]]
 
 
@@ -253,7 +253,7 @@ class StreetObjects:
 
     @cached_property
     def _places(self) -> STRtree:
-        """Where one parks beside the carriageway."""
+        """Parking bays along the carriageway."""
         beside = [place for place in self._world.parking if place.position is not ParkingPosition.LANE]
         return STRtree([place.polygon for place in beside])
 

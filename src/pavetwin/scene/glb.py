@@ -115,7 +115,7 @@ class GlbWriter:
         return _appended(self._lists["accessors"], accessor | ({"normalized": True} if normalized else {}))
 
     def texture(self, picture: bytes, mime: str, *, clamped: bool = False) -> int:
-        """A new texture from a picture as it is in its file; it repeats unless it is clamped at its edges."""
+        """A new texture from a image as it is in its file; it repeats unless it is clamped at its edges."""
         image = _appended(self._lists["images"], {"bufferView": self._view(picture, None), "mimeType": mime})
         return _appended(self._lists["textures"], {"source": image, "sampler": int(clamped)})
 

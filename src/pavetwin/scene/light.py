@@ -67,13 +67,13 @@ def centre_lonlat(world: World) -> tuple[float, float]:
 
 
 def sun_elevation_deg(conditions: Conditions, world: World) -> float:
-    """Of the sun over the middle of a world when a mission begins; negative below the horizon."""
+    """Elevation of the sun over the middle of a world when a mission begins; negative below the horizon."""
     longitude, latitude = centre_lonlat(world)
     return sun_position(conditions.utc(longitude), latitude_deg=latitude, longitude_deg=longitude)[0]
 
 
 LUMINANCE: Final = np.array([0.2126, 0.7152, 0.0722])
-"""Of linear sRGB (IEC 61966-2-1)."""
+"""Luminance weights of linear sRGB (IEC 61966-2-1)."""
 
 SUN_RADIUS_RAD: Final = math.radians(0.533 / 2)
 """The sun's mean angular radius."""

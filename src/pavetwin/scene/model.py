@@ -62,7 +62,7 @@ PLAIN_FINISH: Final = Finish()
 
 
 class GroundKind(IntEnum):
-    """What a piece of ground is made of; the index of its detail textures."""
+    """Material of a piece of ground; the index of its detail textures."""
 
     ASPHALT = 0
     CONCRETE = 1
@@ -184,7 +184,7 @@ class FacadePiece:
     mesh: Mesh
     """In the tile's frame; `colours` and `surface` without slots; `uv` in metres."""
     layer: int
-    """Of the façade textures; −1 for plain vertex colours."""
+    """Layer of the façade textures; −1 for plain vertex colours."""
 
 
 @dataclass(frozen=True)
@@ -205,7 +205,7 @@ class DefectPatch:
     lost: UInt8Array
     """(rows, columns): share of the road's surface that is gone, with the paint and sealant on it, 0 … 255."""
     kind: GroundKind = GroundKind.ASPHALT
-    """Of the pavement that it lies in."""
+    """Finish of the pavement that it lies in."""
     finish: Finish = PLAIN_FINISH
 
 

@@ -42,7 +42,7 @@ TOLERANCE_M: Final = 0.005
 MOST_VERTICES: Final = 1_500
 
 COARSE_M: Final = 0.012
-"""The same of the coarse mesh, whose triangles cover more of the picture than what the device shades for each."""
+"""The same of the coarse mesh, whose triangles cover more of the image than what the device shades for each."""
 
 COARSE_VERTICES: Final = 300
 
@@ -62,7 +62,7 @@ def holes_of(defects: tuple[Defect, ...]) -> list[Polygon]:
     coarse = shapely.simplify(outlines, SMOOTHED_M)
     closed = shapely.buffer(shapely.buffer(coarse, BESIDE_M + BAY_M, quad_segs=4), -BAY_M, quad_segs=4)
     widened = shapely.simplify(closed, RING_M)
-    # Where a bay just closes, a speck of no area may be left beside the hole.
+    # Where a bay just closes, a speck of no area may be left next to the hole.
     return [Polygon(max(shapely.get_parts(shape), key=shapely.area).exterior) for shape in widened]
 
 

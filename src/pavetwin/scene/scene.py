@@ -78,7 +78,7 @@ _STORE: Final = ValueStore(
 
 
 class SceneCache:
-    """What is kept of one scene."""
+    """The cached values of one scene."""
 
     def __init__(self, world: World, *, seed: int, look: str) -> None:
         """Args:
@@ -102,7 +102,7 @@ class SceneCache:
 
     @property
     def keeps(self) -> bool:
-        """Whether what is made of this scene is kept: not where the cache cannot be written."""
+        """Whether values of this scene are cached; False where the cache cannot be written."""
         if self._folder is None:
             return False
         with suppress(OSError):
@@ -199,7 +199,7 @@ class Scene:
             _ = self._plan.markings, self._plan.paint
 
     def make_missing(self, key: TileKey, defects: Iterable[int], *, ground: bool) -> None:
-        """Put into the cache what it lacks of a tile.
+        """Add the missing values of a tile to the cache.
 
         Args:
             defects: whose patches are wanted, by their places in the world's list.
@@ -450,7 +450,7 @@ class Scene:
 
 
 def _name(key: TileKey, what: str) -> str:
-    """Of a value of a tile in the scene's cache."""
+    """Name of a value of a tile in the scene's cache."""
     return f"{key[0]}_{key[1]}/{what}"
 
 

@@ -12,7 +12,7 @@ from pavetwin.scene.model import Mesh, Model
 
 SIDES: Final = 12
 TAPER: Final = 0.62
-"""Of a tapered mast: its radius at the top over that at the foot."""
+"""Radius of a tapered mast at the top over that at the foot."""
 
 SHAFT: Final = "shaft"
 """Parts `straight` and `tapered`: upright, radius 1 and height 1, open below. Part `level`: from the origin along x."""

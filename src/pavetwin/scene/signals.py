@@ -1,7 +1,7 @@
 """Signal heads: where they hang, and which of their lamps is lit at a time.
 
 A mast stands at the end of the edge whose traffic it stops, with a head low on the mast and one at the arm's end;
-people have a head at each end of a crossing. The world's connections say which letter of SUMO's state a head shows.
+people have a head at each end of a crossing. The world's connections state which letter of SUMO's state a head shows.
 """
 
 import bisect
@@ -40,7 +40,7 @@ LOW_HEAD_M: Final = 2.95
 """Middle of the head on a mast: its underside is at 2.4 m (RiLSA 2015: at least 2.1 m)."""
 
 BEHIND_KERB_M: Final = 0.5
-"""From the carriageway to a pole (RASt 06: half a metre beside it is kept free)."""
+"""From the carriageway to a pole (RASt 06: half a metre next to it is kept free)."""
 
 REACH_M: Final = 6.0
 """A crossing that ends farther from any kerb has no pole there: it ends between the lanes."""
@@ -70,7 +70,7 @@ class Head:
     """(4, 4); the model's x axis points at those who are to see it."""
     controller: str
     link: int | None
-    """The letter of the controller's state that it shows; None where no connection says which."""
+    """The letter of the controller's state that it shows; None where no connection states it."""
 
     @property
     def x_m(self) -> float:
@@ -179,7 +179,7 @@ def _through(connections: Sequence[Connection]) -> int | None:
 
 
 def _at_crossing(crossing: Crossing, signal: SignalLink, road: BaseGeometry) -> Iterator[Head]:
-    """A head beyond each end of a crossing, beside it, turned to who comes across."""
+    """A head beyond each end of a crossing, next to it, turned to people who cross."""
     for corner, facing in walker_poles(crossing, road):
         yield Head(WALKERS, upright(*corner, facing, z_m=WALKER_HEAD_M), signal.controller, signal.link)
 

@@ -20,7 +20,7 @@ from pavetwin.files import writing
 from pavetwin.world.cache import texture_folder
 
 _FILES: Final = 3
-"""As many of one name are kept, the last made, of other variants and earlier code."""
+"""Files kept of one name, the last made, for other variants and earlier code."""
 
 
 def kept(name: str, make: Callable[[], Mapping[str, AnyArray]], variant: int | str = 0) -> Mapping[str, AnyArray]:

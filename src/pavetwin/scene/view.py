@@ -85,7 +85,7 @@ class View:
         return np.asarray(self.position[:2] + rays[..., :2] * reach[..., None])
 
     def ground_resolution_m(self, pixels: npt.ArrayLike) -> Float64Array:
-        """What pixels (..., 2) cover of level ground: the root of the area (...), metres; NaN where they show none.
+        """Side of the level ground under pixels (..., 2): the root of the area (...), metres; NaN where they show none.
 
         With the ray's component c downwards, its component along the axis being 1, that is h / (f c^1.5).
         """

@@ -31,7 +31,7 @@ BLANK_STEP_M: Final = 1.4
 FASCIA_M: Final = 0.14
 OVERHANG_M: Final = 0.30
 CORNER_M: Final = 0.25
-"""A footprint that lacks more than this share of its bounding rectangle is not a rectangle."""
+"""A footprint that misses more than this share of its bounding rectangle is not a rectangle."""
 
 PARAPET_M: Final = (0.35, 0.95)
 """Parapet heights of small and of large flat roofs; the latter hide the equipment."""
@@ -55,14 +55,14 @@ class RoofPlan:
     footprint: Polygon
     """Anticlockwise."""
     eaves_m: float
-    """Where the walls end."""
+    """Height at which the walls end."""
     ridge_m: float
     chimney_m: float
     """How far a chimney stands above the ridge; 0 for none."""
     rectangle: Float64Array | None
     """(4, 2) corners for a gable, its ridge along the first side; None for a hip."""
     joined: Joined = NOT_JOINED
-    """Of a gable: which sides touch another building, and have no eaves."""
+    """Sides of a gable that touch another building, and have no eaves."""
 
 
 def plan_roof(

@@ -58,7 +58,7 @@ class FacadeStyle:
     wall: FacadeTexture
     colour: Colour
     trim: Colour
-    """Of sills, cornices and string courses."""
+    """Colour of sills, cornices and string courses."""
     plinth: Colour
     storey_m: float
     bay_m: float
@@ -84,7 +84,7 @@ class Situation:
     joined: bool
     """Whether another building touches it."""
     long_m: float
-    """Of its longest side."""
+    """Direction of its longest side."""
 
 
 TOWER = 2.2

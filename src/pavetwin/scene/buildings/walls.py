@@ -25,7 +25,7 @@ PROUD_M = 0.03
 """How far openings lie before their wall where it has no reveals."""
 
 BLANK_SHADE = 0.85
-"""Of a wall that stands for one with openings: a fifth of it is panes, which reflect a quarter of what walls do."""
+"""Factor on a wall that stands for one with openings: a fifth of it is panes, which reflect a quarter as much."""
 
 SHADE_BELOW_EAVES, SHADE_AT_FOOT = 0.86, 0.80
 """Ambient occlusion in corners: factors on the colours there."""

@@ -1,6 +1,6 @@
 """Ground and patches baked into textures: base colour and normals from the ground formula.
 
-Pictures have their upper edge in the north (of a patch: at its largest y), as glTF counts rows.
+Images have their upper edge in the north (of a patch: at its largest y), as glTF counts rows.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class BakedTexture:
     colour: UInt8Array
     """sRGB"""
     normal: UInt8Array
-    """Tangent space: 128 for 0 and 255 for 1; red to the right, green up the picture."""
+    """Tangent space: 128 for 0 and 255 for 1; red to the right, green up the image."""
 
 
 def jpeg(pixels: UInt8Array, quality: int, subsampling: str = "4:4:4") -> bytes:
@@ -63,7 +63,7 @@ def _strip(tile: Tile, maps: MapPyramids, which: Int32Array, first: int) -> tupl
         kind, finish = materials[each]
         seen = surface(kind, uv[mine], local[mine], tile.origin, maps, texel_m, finish)
         colour[mine], normal[mine] = seen.albedo, seen.normal
-    normal[:, :2] = np.einsum("nc,nkc->nk", normal[:, :2], ways)  # from along the grain to the picture's axes
+    normal[:, :2] = np.einsum("nc,nkc->nk", normal[:, :2], ways)  # from along the grain to the image's axes
     return _coded(colour.reshape(rows, side, 3), normal.reshape(rows, side, 3))
 
 
@@ -73,7 +73,7 @@ def bake_patch(patch: DefectPatch, origin: tuple[float, float], maps: MapPyramid
     Args:
         origin: of the tile that `maps` belongs to.
         maps: the tile's weathering and markings.
-        texel_m: of the picture; finer maps are averaged down to about that.
+        texel_m: of the image; finer maps are averaged down to about that.
     """
     low, high = _extent(patch)
     cell_m = float(high[0] - low[0]) / patch.relief.shape[1]

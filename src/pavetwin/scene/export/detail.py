@@ -23,23 +23,23 @@ class LevelOfDetail:
 
     name: str
     texel_m: float
-    """Of the ground's pictures, where they do not become too many."""
+    """Of the ground's images, where they do not become too many."""
     texels: float
-    """Most texels of the ground's pictures, over all tiles."""
+    """Most texels of the ground's images, over all tiles."""
     has_normals: bool
     """Whether ground and defects have normal maps, which need tangents."""
     has_fine_defects: bool
     """Whether defects have their fine mesh; otherwise the coarse one."""
     quality: int
-    """Of JPEG."""
+    """JPEG quality."""
     subsampling: str
-    """Of JPEG's colours."""
+    """JPEG chroma subsampling."""
     bytes_a_texel: float
     bytes_a_defect: int
-    """Of a defect's mesh. This and the following are measured over a generated town."""
+    """Bytes of a defect's mesh. This and the following are measured over a generated town."""
 
     def texel_of(self, tiles: int) -> float:
-        """Side of a texel for a number of tiles [m]: coarser where pictures would hold too many."""
+        """Side of a texel for a number of tiles [m]: coarser where images would hold too many."""
         least = math.sqrt(tiles * TILE_M**2 / self.texels)
         return max(self.texel_m, math.ceil(least / 0.005 - 1e-9) * 0.005)
 

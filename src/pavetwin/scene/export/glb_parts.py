@@ -30,7 +30,7 @@ RUN: Final = 6
 
 @dataclass(frozen=True)
 class Picture:
-    """A surface's pictures as JPEG files."""
+    """A surface's images as JPEG files."""
 
     colour: bytes
     normal: bytes | None
@@ -58,7 +58,7 @@ class TilePiece:
 
 @dataclass(frozen=True)
 class Job:
-    """What every process must know."""
+    """Settings that every process needs."""
 
     texel_m: float
     level: LevelOfDetail
@@ -226,7 +226,7 @@ class SceneWriter:
         return self._layers[layer]
 
     def _seen_from_above(self, name: str, mesh: Mesh, uv: FloatArray, picture: Picture) -> int:
-        """A mesh with a picture of it from above."""
+        """A mesh with a image of it from above."""
         values: dict[str, Any] = {}
         if picture.normal is not None:
             normal = self.writer.texture(picture.normal, "image/jpeg", clamped=True)

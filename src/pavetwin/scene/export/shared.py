@@ -127,9 +127,9 @@ def attributes_of(
 
     Args:
         mesh: in our axes.
-        uv: (n, 2) as glTF has it: (0, 0) is a picture's upper left corner.
+        uv: (n, 2) as glTF has it: (0, 0) is a image's upper left corner.
         colours: (n, 3) linear.
-        has_tangents: for a normal map seen from above, which has x to the right and y up the picture.
+        has_tangents: for a normal map seen from above, which has x to the right and y up the image.
     """
     attributes = {
         "POSITION": writer.array(to_file_axes(mesh.positions)),
@@ -153,7 +153,7 @@ def indices_of(writer: GlbWriter, indices: UInt32Array) -> int:
 
 
 def _tangents(normals: Float32Array) -> Float32Array:
-    """(n, 4) in the file's axes: the part of x, else of y, in the surface; the picture's up is to its left."""
+    """(n, 4) in the file's axes: the part of x, else of y, in the surface; the image's up is to its left."""
     x, y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
     steep = np.abs(normals[:, :1]) > 0.99
     along = np.where(steep, y, x)

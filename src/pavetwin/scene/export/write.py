@@ -22,7 +22,7 @@ from pavetwin.traffic.recording import Recording
 from pavetwin.world.ground import Bounds
 
 LEAST_TILES: Final = 12
-"""Of a process: making the world's plan and textures takes as long."""
+"""Start-up time of a process: making the world's plan and textures takes as long."""
 
 AROUND_M: Final = 40.0
 """Land farther than this from any street is left out."""
@@ -113,7 +113,7 @@ def export_scene(
         target: a path that ends in .glb.
         bounds: west, south, east, north in metres of the world frame; everything when not given. Tiles are whole.
         detail: low, medium or high, see `LEVELS`.
-        texel_m: side of a texel of the ground's pictures; the level's when not given.
+        texel_m: side of a texel of the ground's images; the level's when not given.
         moment: traffic to be shown.
         parked: vehicles in the world's parking places to be shown.
         jobs: number of processes; it does not change the file.

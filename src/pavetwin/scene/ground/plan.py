@@ -35,7 +35,7 @@ LAST_PART: Final = "paint"
 """The name of the part of a plan that is made from the others."""
 
 WIDENED_M: Final = 3.0
-"""How far from a street or junction the carriageway is still counted to it."""
+"""Carriageway within this distance of a street or junction counts to it."""
 
 Value = TypeVar("Value")
 
@@ -60,7 +60,7 @@ class GroundPlan(SurfaceLayout):
 
     @cached_property
     def standard(self) -> MarkingStandard:
-        """How roads are marked: as the look says, else by the world's place."""
+        """Marking standard: that of the style, else that of the world's place."""
         return standard_of(self.world) if self.look.markings is None else marking_standard(self.look.markings)
 
     @cached_property
@@ -88,7 +88,7 @@ class GroundPlan(SurfaceLayout):
 
     @cached_property
     def gutters(self) -> SpatialIndex:
-        """As in the layout."""
+        """As in `GroundLayout`."""
         return SpatialIndex(self.kept("gutters", self._gutters))
 
     @cached_property
@@ -139,7 +139,7 @@ class GroundPlan(SurfaceLayout):
 
     @cached_property
     def wear(self) -> Wear:
-        """How its lanes and segments wear, by their numbers."""
+        """Wear of its lanes and segments, by their numbers."""
         return Wear.of(self, self.lanes, self.segments)
 
     @cached_property

@@ -17,7 +17,7 @@ from pavetwin.scene.glb import GlbWriter
 from pavetwin.scene.model import TILE_M, Mesh
 
 FORMAT: Final = 1
-"""Of the manifest and the files; it changes with what a client must know to read them."""
+"""Version of the manifest and the files; it changes with what a client needs to read them."""
 
 
 @dataclass(frozen=True)
@@ -27,9 +27,9 @@ class WebLevel:
     number: int
     """0 is the finest."""
     side: int
-    """Of its squares, in tiles of the scene."""
+    """Side of its squares, in tiles of the scene."""
     texel_m: float | None
-    """Of the picture of its ground; None for a colour at each vertex."""
+    """Pixels of the image of its ground; None for a colour at each vertex."""
     houses: HouseDetail
     error_m: float
     """Greatest distance between the surfaces of its ground and houses and those of the finest level, without defects.
@@ -55,10 +55,10 @@ DEFECTS_A_PART: Final = 3
 """Reliefs of defects in one file: each takes a tenth of a second or more."""
 
 DEFECT_TEXEL_M: Final = 0.012
-"""Of the pictures of defects."""
+"""Pixels of the images of defects."""
 
 DEFECTS_TO_M: Final = 40.0
-"""Nearer than this a client shows the relief of defects in place of the picture of the ground."""
+"""Nearer than this a client shows the relief of defects in place of the image of the ground."""
 
 MODEL_TRIANGLES: Final = (2600, 460, 90)
 CROWN_TRIANGLES: Final = (1800, 450, 220)
@@ -103,10 +103,10 @@ class PackedFile:
             centre_m: in the mesh's frame, from which its steps are counted.
             place_m: of that centre in the world frame.
             colours: (n, 3) linear.
-            uv: (n, 2) 0 … 1 over its picture, (0, 0) the picture's upper left corner.
+            uv: (n, 2) 0 … 1 over its image, (0, 0) the image's upper left corner.
             facade_uv: (n, 2) metres over the textures of façades.
             layers: (n,) of those textures, 1 for the first, 0 for none; or any other number for each vertex.
-            picture: a JPEG file.
+            image: a JPEG file.
         """
         if not len(mesh.indices):
             return

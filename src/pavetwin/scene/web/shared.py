@@ -1,4 +1,4 @@
-"""What all tiles of a town share: models at three levels, the textures of façades and leaves, and the light."""
+"""Files that all tiles of a town share: models at three levels, textures of façades and leaves, and the light."""
 
 from collections.abc import Iterable
 from io import BytesIO
@@ -22,7 +22,7 @@ from pavetwin.scene.web.packing import CROWN_TRIANGLES, MODEL_TRIANGLES, PackedF
 
 _MOST_LEVELS: Final = 8
 _MOST_STEPS: Final = 32
-"""Of cells, four to each doubling, up to 3 m."""
+"""Sides of cells, four to each doubling, up to 3 m."""
 _FACADE_PX: Final = 256
 _SKY_STEPS: Final = (0, 3, 8, 18, 35, 60, 90)
 """Elevations at which the sky's colour is given [degrees]."""
@@ -39,7 +39,7 @@ def _models_file(scene: Scene) -> bytes:
     """All models as one gzipped file: a node MODEL:PART:LEVEL each.
 
     A vehicle that has a version for parking is drawn by that, which has half the triangles. Vertices have `_LAYER`, the
-    slot of the instance's colours, 0 for none; crowns have coordinates over the picture of leaves.
+    slot of the instance's colours, 0 for none; crowns have coordinates over the image of leaves.
     """
     file = PackedFile()
     for name, model in scene.models.items():

@@ -31,7 +31,7 @@ from pavetwin.scene.web.packing import DEFECT_TEXEL_M, DEFECTS_A_PART, PackedFil
 from pavetwin.world.model import Defect
 
 DEFECT_SHADE: Final = 0.62
-"""Mean reflectance of a defect over that of the road, where a picture of the ground stands for its relief."""
+"""Mean reflectance of a defect over that of the road, where a image of the ground stands for its relief."""
 
 _FINER: Final = 4
 """Samples along a texel for the outlines of defects."""
@@ -75,7 +75,7 @@ def fills(scene: Scene, key: TileKey) -> Mesh | None:
 
 
 def over_picture(mesh: Mesh) -> Float32Array:
-    """(n, 2): where the vertices of a tile's ground lie in its picture."""
+    """(n, 2): where the vertices of a tile's ground lie in its image."""
     x, y = mesh.positions[:, 0] / TILE_M, 1 - mesh.positions[:, 1] / TILE_M
     return np.stack([x, y], axis=1)
 
@@ -137,7 +137,7 @@ MAPS_KEPT: Final = 4
 """A tile's levels and defects share its maps."""
 
 _GAP_PX: Final = 4
-"""Between the pictures of two defects."""
+"""Between the images of two defects."""
 
 
 class TileFiles:
@@ -181,7 +181,7 @@ class TileFiles:
         return file.packed({"tile": list(key), "part": part, "defects": labels})
 
     def _pictured(self, level: WebLevel, key: TileKey, texel_m: float) -> bytes:
-        """A tile whose ground has a picture."""
+        """A tile whose ground has a image."""
         scene, file = self._scene, PackedFile()
         origin = key[0] * TILE_M, key[1] * TILE_M
         centre = TILE_M / 2, TILE_M / 2, 0.0
@@ -288,7 +288,7 @@ def _in_tile(patch: DefectPatch, origin: tuple[float, float]) -> Mesh:
 
 
 def _stacked(pictures: Sequence[UInt8Array]) -> tuple[UInt8Array, list[tuple[float, float, float, float]]]:
-    """Pictures below each other in one, and of each its left, top, width and height in shares of it."""
+    """Images below each other in one, and of each its left, top, width and height in shares of it."""
     wide = max(picture.shape[1] for picture in pictures)
     tall = sum(picture.shape[0] for picture in pictures) + _GAP_PX * (len(pictures) - 1)
     most = max(wide, tall)

@@ -36,7 +36,7 @@ MODELS, FACADES, LEAVES = "models.glb.gz", "facades.jpg", "leaves.png"
 _TILE: Final = re.compile(r"(\d)/(-?\d{1,6})_(-?\d{1,6})\.glb\.gz")
 _RELIEF: Final = re.compile(r"defects/(-?\d{1,6})_(-?\d{1,6})_(\d{1,4})\.glb\.gz")
 _KEPT: Final = 3
-"""As many looks and versions of a world are kept, the last used."""
+"""Styles and versions of a world that are kept, the last used."""
 
 
 class WebTown:
@@ -58,7 +58,7 @@ class WebTown:
 
     @cached_property
     def digest(self) -> str:
-        """Of all that the files depend on."""
+        """Hash of all that the files depend on."""
         world = self.scene.world
         look = repr(street_look(self.scene.look))
         parts = (FORMAT, world.content_hash, world.defects_hash, self.scene.seed, look, code_hash())
@@ -110,7 +110,7 @@ class WebTown:
         return made
 
     def manifest(self, conditions: Conditions | None = None) -> dict[str, Any]:
-        """What a client reads first; `bytes` is None where a file has not been made.
+        """The manifest, which a client reads first; `bytes` is None where a file has not been made.
 
         Raises:
             PaveTwinError: the sun is below the horizon under these conditions.
@@ -160,7 +160,7 @@ class WebTown:
 
     @cached_property
     def folder(self) -> Path:
-        """Where files are kept, named by what they depend on; those of other looks and versions are few."""
+        """Folder of the files, named by what they depend on; few of other styles and versions are kept."""
         if self._folder is not None:
             return self._folder
         path = cached(self.scene.world, f"web/{self.digest}")

@@ -1,1 +1,1 @@
-"""What lies on carriageways and is no defect: covers and grates, repairs, sealed cracks, stains."""
+"""Objects on carriageways that are not defects: covers and grates, repairs, sealed cracks, stains."""

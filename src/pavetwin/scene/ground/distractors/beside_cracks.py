@@ -1,4 +1,4 @@
-"""What cracks start at or run along, as a world's defects say (`Defect.beside`): covers, patches, trenches, joints."""
+"""Objects that cracks start at or run along (`Defect.beside`): covers, patches, trenches, joints."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -112,10 +112,10 @@ LEAVES: Final = ("leaves", "leaves_few")
 LITTER: Final = ("litter", "litter_paper", "litter_bag", "litter_tyre", "litter_small")
 
 LOOSE: Final = frozenset({*LEAVES, "leaf_drift", *LITTER, "joint_comb", "joint_strip"})
-"""What may lie on other fixtures, or beside its own kind."""
+"""Fixtures that may lie on others, or next to their own kind."""
 
 DRIFTS: Final = 0.6
-"""Share of trees with leaves along the kerb beside them. Ours."""
+"""Share of trees with leaves along the kerb next to them. Ours."""
 
 DRIFT_REACH_M: Final = 6.0
 DRIFT_HALF_M: Final = 1.5
@@ -216,7 +216,7 @@ def _beside(segment: Segment, model: str, station: float, left: float, turn: flo
 
 
 def _grate(layout: SurfaceLayout, rough: Fixture) -> Fixture | None:
-    """A grate beside the nearest kerb; None where there is no straight kerb near."""
+    """A grate at the nearest kerb; None where there is no straight kerb near."""
     piece = int(layout.edges.tree.nearest(shapely.Point(rough.x, rough.y)))
     line = layout.edges.pieces[piece]
     station = line.project(shapely.Point(rough.x, rough.y))

@@ -41,7 +41,7 @@ SLIVER_M2: Final = 0.01
 
 @dataclass(frozen=True)
 class _Fill:
-    """What a repair is made of."""
+    """Material of a repair."""
 
     surface: PavedSurface
     own_tone: float
@@ -133,7 +133,7 @@ class Patching:
             self._cut(shape, self._fill("cold_patches").surface)
 
     def _fill(self, table: str) -> _Fill:
-        """What a repair is made of, of an age of its own."""
+        """Material of a repair, with an age of its own."""
         street = self.at.street.name
         name = pick(self.repairs.tables[table], float(self.rng.random()))
         age, spread, tone = self.rng.random(3).tolist()

@@ -23,7 +23,7 @@ EDGE_KEY: Final = 18
 """Key of this module's children of the scene's random stream."""
 
 GROWS_FROM_AGE: Final = 0.35
-"""Of a street's surface; on newer ones nothing has taken root."""
+"""Least age of a street's surface; on newer ones nothing has taken root."""
 
 AT_KERBS_PER_100_M: Final = 45.0
 """Mean number of tufts along both kerbs of 100 m of a street that is due for renewal. Ours, as all numbers here."""
@@ -201,7 +201,7 @@ def _course(defect: Defect) -> Float64Array:
     x = np.linspace(low_x + 0.02, high_x - 0.02, max(2, int((high_x - low_x) / STEP_M) + 1))
     cuts = shapely.linestrings([[(at, low_y - 1), (at, high_y + 1)] for at in x])
     parts, cut = shapely.get_parts(shapely.intersection(cuts, own), return_index=True)
-    # Beside a branch the crack itself is the wider part.
+    # Next to a branch the crack itself is the wider part.
     order = np.lexsort((-shapely.length(parts), cut))
     chosen = order[np.searchsorted(cut[order], np.unique(cut))]
     return np.asarray(shapely.get_coordinates(shapely.centroid(parts[chosen])) @ to_world + middle)

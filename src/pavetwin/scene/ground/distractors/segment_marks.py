@@ -23,7 +23,7 @@ CLEAR_OF_DEFECTS_M: Final = 0.03
 
 SLENDER_M: Final = 0.13
 """Patches that are nowhere farther from their border are those of single cracks: up to 8 cm wide with their broken
-edges, and 4 cm beside. Of two real towns' 1157 single cracks 97 in 100 are, and 1 in 100 potholes."""
+edges, and 4 cm around them. Of two real towns' 1157 single cracks 97 in 100 are, and 1 in 100 potholes."""
 
 RUNS_ON_M: Final = 0.35
 """A seal runs on over a single crack that it crosses within this length: a road's joints do not end at every crack."""
@@ -86,11 +86,11 @@ class Repairs:
     seal_gaps: list[float] = field(default_factory=list)
     """Share of each that has come off."""
     stretches: dict[str, list[tuple[float, float, PavedSurface]]] = field(default_factory=dict)
-    """Of a segment: from and to along its centre line, and what it was paved with since."""
+    """From and to along a segment's centre line, and its later paving."""
     lanes: dict[str, list[tuple[Surface, PavedSurface]]] = field(default_factory=dict)
-    """Of a segment: strips that were paved apart from the rest, later ones over earlier ones."""
+    """Strips of a segment that were paved apart from the rest, later ones over earlier ones."""
     cuts: dict[str, list[tuple[Polygon, PavedSurface]]] = field(default_factory=dict)
-    """Of a segment: repairs of another material, later ones over earlier ones."""
+    """Repairs of a segment in another material, later ones over earlier ones."""
     spots: list[tuple[float, float, float, float]] = field(default_factory=list)
     """Oil and damp: x, y, radius, strength."""
     skids: list[tuple[Float64Array, float]] = field(default_factory=list)

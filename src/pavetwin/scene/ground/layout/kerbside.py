@@ -88,7 +88,7 @@ def gutters_of(road: BaseGeometry, segments: Sequence[Segment], kerbed: BaseGeom
     if not own:
         return []
     others = shapely.union_all([segment.polygon for segment in segments if not has_gutter(segment.street)])
-    # A corner's kerb is beside the end of a street without a gutter: only its continuation along the street counts.
+    # A corner's kerb lies next to the end of a street without a gutter: only its continuation along the street counts.
     beside = shapely.buffer(others, -0.2)
     built = shapely.intersection(shapely.union_all(shapely.buffer(np.array(own, dtype=object), _NEAR_M)), kerbed)
     strip = shapely.difference(road, road.buffer(-GUTTER_M, quad_segs=3))

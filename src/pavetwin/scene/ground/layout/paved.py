@@ -54,7 +54,7 @@ class PavedSurface:
     kind: GroundKind
     finish: Finish
     shade: float = 1.0
-    """Factor on the reflectance that its finish says: drawn in maps, as where lanes were paved apart."""
+    """Factor on the reflectance of its finish, drawn in maps, such as where lanes were paved apart."""
 
     @classmethod
     def of(cls, pavement: Pavement, reflectance: float, tint: float, grain: float) -> "PavedSurface":
@@ -65,7 +65,7 @@ class PavedSurface:
 
     @property
     def material(self) -> tuple[GroundKind, Finish]:
-        """What meshes are divided by."""
+        """Key by which meshes are divided."""
         return self.kind, self.finish
 
     @property

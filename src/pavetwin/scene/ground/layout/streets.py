@@ -21,7 +21,7 @@ class StreetPlan:
     street: Street
     segments: tuple[Segment, ...]
     ways: tuple[tuple[Lane, ...], ...]
-    """The driving lanes of each direction, the one beside the kerb first."""
+    """The driving lanes of each direction, the one at the kerb first."""
 
     @property
     def key(self) -> str:
@@ -73,7 +73,7 @@ class Approach:
     street: StreetPlan
     junction: Junction
     lanes: int
-    """Of its direction."""
+    """Cosine of its direction."""
 
 
 @dataclass(frozen=True)

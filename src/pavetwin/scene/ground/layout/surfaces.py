@@ -70,13 +70,13 @@ class SurfaceLayout:
     road: BaseGeometry
     """The world's carriageway and its bays: all that lies within the kerbs."""
     bays: SpatialIndex
-    """Parking bays beside the carriageway."""
+    """Parking bays along the carriageway."""
     streets: tuple[StreetPlan, ...]
     look: StreetLook
 
     @cached_property
     def road_pieces(self) -> SpatialIndex:
-        """What lies within the kerbs, cut along the tiles' lines, so that a tile looks at its own part only."""
+        """Area within the kerbs, cut along the tiles' lines, so that a tile reads its own part only."""
         low_x, low_y, high_x, high_y = shapely.bounds(self.road)
         if np.isnan(low_x):
             return SpatialIndex([])
@@ -97,7 +97,7 @@ class SurfaceLayout:
         return Edges(self.road)
 
     def road_near(self, box: Polygon) -> BaseGeometry:
-        """What lies within the kerbs inside a box."""
+        """Area within the kerbs inside a box."""
         return shapely.intersection(shapely.union_all(self.road_pieces.at(box)), box)
 
     @cached_property
@@ -122,7 +122,7 @@ class SurfaceLayout:
 
     @cached_property
     def walk_surfaces(self) -> tuple[tuple[GroundKind, Finish], ...]:
-        """What each sidewalk is made of, in the order of `sidewalk_lines`: along a street it is the same."""
+        """Material of each sidewalk, in the order of `sidewalk_lines`; the same along a street."""
         streets = {edge: street.street.name for street in self.streets for edge in street.street.edges}
         names = [streets.get(lane.edge, lane.edge) for lane in self._sidewalk_lanes]
         made = {
@@ -191,7 +191,7 @@ class SurfaceLayout:
 
     @cached_property
     def _ranks(self) -> dict[tuple[str, str], tuple[float, bool]]:
-        """Of each junction's arm how important it is, and whether a way leads straight on from it."""
+        """Importance of each arm of a junction, and whether a way leads straight on from it."""
         ranks: dict[tuple[str, str], tuple[float, bool]] = {}
         for path in self.paths:
             approach = path.approach
@@ -214,7 +214,7 @@ class SurfaceLayout:
         return ageing(self.pavement(street), (age, tone, paint), self.look.paint_wear)
 
     def pavement(self, street: StreetPlan) -> Pavement:
-        """What a street is paved with: of slabs of concrete first those that the world has slabs for, as far as the
+        """Pavement of a street: concrete slabs first for streets that the world has slabs for, as far as the
         look's share of them goes, and none with networks of cracks, which are a distress of asphalt."""
         chance = self.chance(f"pavement {street.name}")
         rank = SLAB_SHARE * chance if has_slabs(street.name) else SLAB_SHARE + (1 - SLAB_SHARE) * chance
@@ -273,7 +273,7 @@ class Wear:
         lanes: Sequence[tuple[Lane, StreetPlan]],
         segments: Sequence[tuple[Segment, StreetPlan]],
     ) -> "Wear":
-        """Of the lanes and segments of a layout, each with its street, in the order of their numbers."""
+        """Wear of the lanes and segments of a layout, each with its street, in the order of their numbers."""
         pavements = {street.key: layout.pavement(street) for _, street in (*lanes, *segments)}
         polish = {street.key: layout.chance(f"polish {street.key}") for _, street in lanes}
         parts = [layout.name_hash(f"part {street.name}") % 4096 for _, street in segments]

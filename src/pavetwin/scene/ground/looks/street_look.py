@@ -26,7 +26,7 @@ Per100M = Annotated[float, Field(ge=0, le=50), NUMBER]
 
 
 class RepairMaterials(Settings):
-    """What repairs are made of: pavements by name, or by a file beside the look, with their relative frequencies."""
+    """Pavements of repairs by name, or by a file next to the style, with their relative frequencies."""
 
     patches: Weights = Field(default_factory=lambda: {OWN: 1.0})
     """Pavements of cut-out rectangles; `own` is the street's own pavement, newer and darker or older and paler."""
@@ -48,12 +48,12 @@ class RepairMaterials(Settings):
 
 
 class FormerKind(StrEnum):
-    """What became of the markings of an earlier layout."""
+    """State of the markings of a former layout."""
 
     WORN = "worn"
-    """Left to wear off: a ghost beside today's."""
+    """Left to wear off: a ghost next to the current ones."""
     OVERPAINTED = "overpainted"
-    """Painted again some centimetres beside."""
+    """Repainted some centimetres off."""
     REMOVED = "removed"
     """Ground or blasted off: a scar in the pavement."""
     MASKED = "masked"
@@ -82,7 +82,7 @@ class FormerMarkings(Settings):
 
 
 class Overhead(Settings):
-    """What hangs over streets and throws thin shadows on them."""
+    """Objects over streets that throw thin shadows on them."""
 
     wired: Share = 0.0
     """Share of the streets with poles that have wires between them."""
@@ -136,7 +136,7 @@ RED_TONE: Final = 0.8
 
 
 class SidewalkLook(Settings):
-    """What sidewalks are paved with, street by street."""
+    """Paving of sidewalks, street by street."""
 
     pavings: Annotated[Mapping[SidewalkPaving, Weight], Field(min_length=1), SOME] = {SidewalkPaving.SLABS: 1}
     """Concrete slabs (400 mm), poured concrete, blocks in herringbone bond, grooved tiles (250 mm), granite setts."""
@@ -146,7 +146,7 @@ class SidewalkLook(Settings):
     """Reflectance relative to the mean of the paving."""
 
     def surface(self, *, paving: float, colour: float, tone: float) -> tuple[GroundKind, Finish]:
-        """What a street's sidewalks are made of, for three random numbers 0 … 1."""
+        """Paving of a street's sidewalks, for three random numbers 0 … 1."""
         found = pick(self.pavings, paving)
         red = found in COLOURED and colour < self.red
         factors = (*(RED if red else (1.0, 1.0)), 1.0, self.tone.at(tone) * (RED_TONE if red else 1.0))
@@ -170,7 +170,7 @@ class Stretches(Settings):
 
 
 class Dirt(Settings):
-    """What lies on carriageways, × what the twin assumes of a street (`distractors`)."""
+    """Dirt on carriageways, as factors on the defaults (`distractors`)."""
 
     sand: Factor = 1.0
     """Sand along kerbs."""
@@ -244,7 +244,7 @@ def look_names() -> list[str]:
 
 @cache
 def street_look(name: str) -> StreetLook:
-    """The look of a name, or of a YAML file of the user's own, which may name files beside it.
+    """The look of a name, or of a YAML file of the user's own, which may name files next to it.
 
     Raises:
         PaveTwinError: there is no such look or file, the file is none, or it names a pavement, mark or marking
@@ -279,7 +279,7 @@ def check_parts(look: StreetLook, name: str) -> None:
     """Refuse a look that names what is not there.
 
     Args:
-        name: its own, or its file; files that it names lie beside it.
+        name: its own, or its file; files that it names lie next to it.
 
     Raises:
         PlacedValueError: a pavement, mark or marking standard that it names is none.
@@ -302,7 +302,7 @@ def check_parts(look: StreetLook, name: str) -> None:
 
 
 def look_sha256(name: str) -> str:
-    """SHA-256 of all that a look says, the pavements, marks and marking standard that it names included."""
+    """SHA-256 of a style with the pavements, marks and marking standard that it names."""
     look = street_look(name)
     tables = (look.main, look.other, look.stretches.pavements, *look.repairs.tables.values())
     named: dict[str, Any] = {
@@ -326,5 +326,5 @@ def _told(name: str) -> str | dict[str, Any]:
 
 
 def _beside(look: str, name: str) -> str:
-    """The name of a part of a look; where it is a file, the one beside the look's."""
+    """The name of a part of a style; a file name is relative to the style's folder."""
     return str(Path(look).parent / name) if name.endswith((".yaml", ".yml")) else name

@@ -45,7 +45,7 @@ def shades(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> Float3
 
 
 def _in_patch(plan: GroundPlan, number: int) -> list[tuple[BaseGeometry, float]]:
-    """What is seen of each pavement in a defect's hole, lower ones first, and the factors that make the patch's finish
+    """Visible share of each pavement in a defect's hole, lower ones first, and the factors that make the patch's finish
     as bright as they are; nothing where there is one pavement only."""
     index, surfaces = plan.paved
     rest: BaseGeometry = plan.holes.shapes[number]
@@ -165,7 +165,7 @@ def weathering(plan: GroundPlan, key: tuple[int, int]) -> tuple[UInt8Array, Floa
 
 
 def _beside_and_more(beside: Float32Array, road: Float32Array, px: int) -> tuple[Float32Array, Float32Array]:
-    """Of a field beside the kerb and on the carriageway, each given on both sides of it: the first, and how much more
+    """Values of a field next to the kerb and on the carriageway, each given on both sides: the first, and the excess of
     the second is, resampled."""
     return widened(beside, px), widened(road - beside, px)
 
@@ -189,7 +189,7 @@ def _road_tone(ground: _CoarseFields) -> Float32Array:
 
 
 def _stain(ground: _CoarseFields) -> tuple[Float32Array, Float32Array]:
-    """Beside the kerb and on the carriageway: oil along lanes, rubber across junctions, damp at kerbs, spots."""
+    """Stains at the kerb and on the carriageway: oil along lanes, rubber across junctions, damp at kerbs, spots."""
     tables, lanes, edge, dirt = ground.tables, ground.lanes, ground.edge, ground.plan.look.dirt
     middle = np.where(lanes.index >= 0, np.exp(-0.5 * (lanes.across / 0.33) ** 2), 0.0)
     (band,) = tables.road((tables.band,), lanes.along, lanes.across, lanes.index * np.int32(131))
@@ -209,7 +209,7 @@ def _stain(ground: _CoarseFields) -> tuple[Float32Array, Float32Array]:
 
 
 def _dust(ground: _CoarseFields) -> tuple[Float32Array, Float32Array]:
-    """Dust along the kerb, beside it and on the carriageway."""
+    """Dust at the kerb and on the carriageway."""
     tables, edge = ground.tables, ground.edge
     noise = ground.plane(tables.blotch, 4)
     distance = np.where(np.isfinite(edge.distance), edge.distance, np.float32(99.0))

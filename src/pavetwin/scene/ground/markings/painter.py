@@ -17,7 +17,7 @@ from pavetwin.scene.ground.materials.compose import PAINTS
 from pavetwin.world.model import World
 
 FALLBACK: Final = "germany"
-"""Where no standard's country lies."""
+"""Standard of places in no standard's country."""
 
 
 def paint(colour: PaintName) -> float:

@@ -100,7 +100,7 @@ NARROWED: Final = 0.96
 """Factor on the width of what is left of a line: its edges wear off first. Ours."""
 
 SCAR_M: Final = 0.03
-"""Removal and masking reach this far beside a line. Ours."""
+"""Removal and masking reach this far to each side of a line. Ours."""
 
 AHEAD: Final = 6.0
 """A layout that was given up is moved along its lines by up to this factor on the distance to their side; one that was
@@ -114,7 +114,7 @@ KERB_M: Final = 0.15
 
 
 def former_kind(plan: SurfaceLayout, name: str) -> FormerKind | None:
-    """What became of the earlier markings of a street or a crossing; None where there were none."""
+    """State of the former markings of a street or a crossing; None where there were none."""
     rules = plan.look.former_markings
     return (
         pick(rules.kinds, plan.chance(f"former kind {name}")) if plan.chance(f"former {name}") < rules.share else None
@@ -122,7 +122,7 @@ def former_kind(plan: SurfaceLayout, name: str) -> FormerKind | None:
 
 
 def left_of(plan: SurfaceLayout, name: str, kind: FormerKind, earlier: Paint) -> Paint:
-    """What an earlier layout left.
+    """Traces of a former layout.
 
     Args:
         name: of the street or crossing.
@@ -168,11 +168,11 @@ GROOVE_TONE: Final = 0.72
 """Factor on the reflectance of a milled groove: dirt in it, and its own shade. Ours."""
 
 EDGE_LINE_M: Final = 0.45
-"""From an edge line's middle to the kerb: beside a gutter of 30 cm and its grates."""
+"""From an edge line's middle to the kerb: clear of a gutter of 30 cm and its grates."""
 
 MAIN_PARKING_SHARE: Final = 0.8
 SIDE_PARKING_SHARE: Final = 0.25
-"""Of main and of other streets whose places on the carriageway are marked; the first of all streets with bays. Ours."""
+"""Shares of main and of other streets whose places on the carriageway are marked; the first of all with bays. Ours."""
 
 CROSSINGS_OVERLAP_M2: Final = 0.1
 """Crossings that cover each other by more lie in the middle of a junction that the map cut in pieces."""
@@ -220,7 +220,7 @@ class _Marker:
         return self.plan.chance(f"{self.layout}marking {what}")
 
     def _before_today(self, name: str, draw: Callable[[], None]) -> None:
-        """What an earlier layout of a street or a crossing left, if it had one."""
+        """Traces of a former layout of a street or a crossing, if it had one."""
         kind = former_kind(self.plan, name)
         if kind is None:
             return
@@ -254,7 +254,7 @@ class _Marker:
                 self.painter.line(self._clear(edge), rules.line_m, ageing.paint_wear, colour=rules.edge_colour)
 
     def _kerb_lines(self, street: StreetPlan, ageing: Ageing) -> None:
-        """Lines along kerbs where stopping is forbidden, beside the gutter; none along parking lanes."""
+        """Lines along kerbs where stopping is forbidden, clear of the gutter; none along parking lanes."""
         colour = self.rules.kerb_colour
         if colour is None or street.main or self._draw(f"kerb {street.name}") >= self.rules.kerb_share:
             return
@@ -322,7 +322,7 @@ class _Marker:
         return float(station)
 
     def _end(self, approach: Approach, turns: frozenset[Direction], station: float) -> None:
-        """What is painted where a lane meets a junction."""
+        """Markings where a lane meets a junction."""
         lane, street = approach.lane, approach.street
         wear = self.plan.ageing(street).paint_wear
         signalled = approach.junction.kind == "traffic_light"
@@ -481,7 +481,7 @@ class _Marker:
             self.painter.line(line, self.rules.line_m, ageing.paint_wear)
 
     def _bicycle_lanes(self) -> None:
-        """A broad line between a bicycle lane and the lane beside it."""
+        """A broad line between a bicycle lane and its neighbour."""
         for lane in self.plan.world.lanes_of(LaneKind.BICYCLE):
             border = self._inner_border(lane)
             self.painter.line(self._clear(border), self.rules.broad_m, 0.3)

@@ -1,1 +1,1 @@
-"""What surfaces are made of: detail textures, and the formula that shades them."""
+"""Materials of surfaces: detail textures, and the formula that shades them."""

@@ -23,7 +23,7 @@ ground [m], D(kind, uv) the detail (linear reflectance ρ, hold of paint a, norm
    polish) · (1 + 0.35 · (h − MEAN_HEIGHT)), s · k); n ← n · (1 − 0.4 · s · k); r ← mix(r, 0.6, s · k).
 7. On patches of defects ρ ← ρ · (their reflectance) and their normal is added before normalising: (n + n_defect, 1).
    Where a share l of the surface is lost (open cracks, holes, broken edges), so are the sealant and the paint that lay
-   on it: b ← b · (1 − l) in 5, and s ← s · (1 − l) in 6 but for plants, which grow in cracks.
+   on it: b ← b · (1 − l) in 5, and s ← s · (1 − l) in 6 except for plants, which grow in cracks.
 
 Reflectances: paint and bitumen after the ranges of road lighting practice (CIE 144:2001; worn white road paint has a
 luminance factor of 0.4 to 0.7, EN 1436 class B2 to B5), dust after dry mineral soil (0.25 to 0.35 in the visible).
@@ -79,12 +79,12 @@ GRAINS_MELTED_M: Final = 0.010
 """Paint wears off stones of 3 to 10 mm: pixels below the first size resolve them, pixels above the second do not."""
 
 MEAN_HEIGHT: Final = 0.56
-"""Of asphalt's grain."""
+"""Period of asphalt's grain."""
 
 
 @dataclass(frozen=True)
 class Surface:
-    """What shading needs at every point, all float32."""
+    """Shading inputs at every point, all float32."""
 
     albedo: Float32Array
     """(..., 3) linear reflectance."""

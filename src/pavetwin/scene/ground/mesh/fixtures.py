@@ -56,7 +56,7 @@ LITTER_KINDS: Final = (
 stick. Ours."""
 
 LITTER_PIECES: Final = (((0, 1, 2, 3, 4), 0.4), ((0, 3, 3), 0.25), ((6,), 0.05), ((5, 7), 0.3), ((2, 4, 7, 3), 0.45))
-"""Which pieces each model has, and how far they are scattered [m]."""
+"""Pieces of each model, and how far they are scattered [m]."""
 
 LEAF_COUNTS: Final = (46, 14)
 DRIFT_LEAVES: Final = 90

@@ -29,7 +29,7 @@ from pavetwin.scene.ground.plan import GroundPlan
 from pavetwin.scene.model import PLAIN_FINISH, TILE_M, Finish, GroundKind, GroundPiece, Mesh
 
 SHOULDER_M: Final = 0.8
-"""Bare strip beside a carriageway without a kerb."""
+"""Bare strip along a carriageway without a kerb."""
 
 APRON_M: Final = 1.0
 """Paved strip around a house in a garden."""
@@ -201,7 +201,7 @@ class _Cut:
 
 
 def _pavements(plan: GroundPlan, wide: Polygon) -> dict[tuple[GroundKind, Finish], BaseGeometry]:
-    """What is visible of each material around a tile."""
+    """Visible area of each material around a tile."""
     index, surfaces = plan.paved
     near = index.near(wide)
     found: dict[tuple[GroundKind, Finish], BaseGeometry] = {}
@@ -328,7 +328,7 @@ def _mesh(
     face: Int64Array,
     height: Float64Array,
 ) -> Mesh:
-    """Of triangles' corners (n, 3, 2), the face of each triangle, and the heights (3 n,) of the corners."""
+    """Corners (n, 3, 2) of triangles, the face of each triangle, and the heights (3 n,) of the corners."""
     flat = corners.reshape(-1, 2)
     uv = _coordinates(plan, kind, faces, corners, face).reshape(-1, 2)
     local = flat - np.array(key) * TILE_M
