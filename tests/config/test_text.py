@@ -1,4 +1,4 @@
-"""Settings files as text: the same by libyaml and by PyYAML, and mistakes told with their line."""
+"""Settings files as text: the same by libyaml and by PyYAML, and mistakes with their line."""
 
 from importlib.resources import files
 from pathlib import Path
@@ -13,7 +13,7 @@ from pavetwin.errors import PaveTwinError
 SHIPPED = sorted(Path(str(files("pavetwin"))).rglob("*.yaml"))
 
 
-def test_every_shipped_file_says_the_same_without_libyaml(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_shipped_file_reads_the_same_without_libyaml(monkeypatch: pytest.MonkeyPatch) -> None:
     quick = [parse_yaml(path.read_text(encoding="utf-8"), path.name) for path in SHIPPED]
     monkeypatch.setattr(text, "_QuickLoader", text._Loader)
     assert len(quick) > 20
@@ -37,7 +37,7 @@ def test_a_list_that_holds_itself_ends() -> None:
     assert found[1] == 1
 
 
-def test_a_mistake_is_told_in_the_words_of_pyyaml() -> None:
+def test_a_mistake_has_the_message_of_pyyaml() -> None:
     with pytest.raises(yaml.MarkedYAMLError) as raised:
         parse_yaml("a: [1, 2\nb: 3\n", "it")
     assert raised.value.context == "while parsing a flow sequence"

@@ -142,7 +142,7 @@ def test_what_it_sees_is_what_the_kernel_sees_below_its_rear_camera(environment:
         )
 
 
-def test_it_finds_the_defects_in_its_images_and_tells_why_others_are_missed(environment: MissionEnvironment) -> None:
+def test_it_finds_the_defects_in_its_images_and_names_why_others_are_missed(environment: MissionEnvironment) -> None:
     drive = driven(drive_over(environment, street="s0011"), [(12.0, AHEAD)])
     assert drive.confirmed, "the ideal sensor reports what is visible"
     least = SETTINGS.sensing.min_visible_fraction

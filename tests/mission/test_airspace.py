@@ -140,7 +140,7 @@ def test_an_aircraft_that_stands_anywhere_on_the_route_is_flown_round() -> None:
 
 
 def test_an_aircraft_that_never_lets_it_pass_does_not_cost_the_battery() -> None:
-    """A swarm closes the street: the UAV waits, goes home in time, and says that it cannot get there."""
+    """A swarm closes the street: the UAV waits, goes home in time, and reports that it cannot get there."""
     wall = [aircraft((0, 30, y), (600, 30, y)) for y in np.arange(-9.0, 9.5, 0.8)]
     scene = tiny.empty_street((30.0, 1.0))
     settings = scene.settings("pattern.kind=out_and_back", "energy.model=linear", "energy.endurance_s=200")

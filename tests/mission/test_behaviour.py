@@ -1,4 +1,4 @@
-"""What each policy does in tiny named scenes where one knows what it should do."""
+"""Behaviour of each policy in tiny named scenes with a known answer."""
 
 from collections.abc import Callable
 from math import dist
@@ -35,7 +35,7 @@ def places(track: "TrackColumns") -> np.ndarray[tuple[int, int], np.dtype[np.flo
 
 
 def told_by(scene: Scene, policy: str, settings: MissionSettings, told: Callable[[Mission, Snapshot], None]) -> Mission:
-    """A mission flown event by event; `told` hears of every snapshot that the policy is asked about."""
+    """A mission flown event by event; `told` receives every snapshot that the policy is asked about."""
     mission = Mission(scene.environment(settings), scene.traffic(), settings, [0], policy=policy)
     decides = load_policy(policy, settings.policy)
     for event in mission:

@@ -117,7 +117,7 @@ def test_a_low_battery_ends_the_flight_at_home(environment: MissionEnvironment) 
     assert not any(change.stick.lands for change in flight.changes)
 
 
-def test_who_lands_cannot_go_on(environment: MissionEnvironment) -> None:
+def test_a_flight_ends_after_landing(environment: MissionEnvironment) -> None:
     flight, sensor = flight_over(environment)
     for stick in (*[AHEAD] * 60, replace(AHEAD, lands=True), *[AHEAD] * 5):
         flight.step(stick, sensor)

@@ -1,4 +1,4 @@
-"""What happens in a mission is told as it happens; a mission flown in parts is the mission flown in one."""
+"""Events of a mission are reported as they happen; a mission flown in parts equals one flown at once."""
 
 import numpy as np
 import pytest
@@ -75,7 +75,7 @@ def test_a_loop_that_was_left_goes_on() -> None:
     assert tuple(pilot.told) == result("lively_street", "hover").events
 
 
-def test_events_that_nobody_answers_confirm_nothing() -> None:
+def test_events_without_an_answer_confirm_nothing() -> None:
     mission = Pilot(SCENES["lively_street"](), "hover").mission
     happened = mission.advance_until(float("inf"))
     assert mission.is_over
@@ -108,7 +108,7 @@ def test_events_are_in_order_and_agree_with_the_tables() -> None:
         assert shares[-1] == 1.0
 
 
-def test_battery_swaps_are_told() -> None:
+def test_battery_swaps_are_events() -> None:
     scene = Scene(straight(length_m=300.0), altitude_m=10.0)
     ours = scene.fly("baseline", "energy.capacity_wh=4.2")
     low = [event for event in ours.events if isinstance(event, BatteryRanLow)]
@@ -118,7 +118,7 @@ def test_battery_swaps_are_told() -> None:
         assert after.time_s - before.time_s > ours.settings.energy.swap_s
 
 
-def test_fly_tells_its_observer_and_the_progress() -> None:
+def test_fly_reports_events_and_progress() -> None:
     scene = SCENES["lively_street"]()
     settings = scene.settings()
     told: list[MissionEvent] = []

@@ -131,7 +131,7 @@ def test_without_that_only_wanted_defects_stop_the_flight() -> None:
     assert len(flight.captures()["t_s"]) > sum(isinstance(event, Captured) for event in some)
 
 
-def test_a_capture_tells_the_velocity_over_the_ground() -> None:
+def test_a_capture_has_the_velocity_over_the_ground() -> None:
     scene = Scene(straight((30, 0)), (parked(45, 2.5, CAR),))
     settings = scene.settings("visibility.interval_s=0.05")
     flight = new_flight(scene.environment(settings), scene.traffic().trace(), settings, every_capture=True)

@@ -1,4 +1,4 @@
-"""Why a defect was missed, in scenes where the reason is known; and the files that say so."""
+"""Reasons of missed defects in scenes with a known reason, and in the files."""
 
 from pathlib import Path
 
@@ -60,7 +60,7 @@ def test_where_little_of_the_window_is_hidden_no_policy_is_asked() -> None:
     assert only(ours).responses == (PolicyResponse.NOT_ASKED,)
 
 
-def test_people_and_what_stands_still_are_told_apart() -> None:
+def test_pedestrians_and_static_objects_are_distinct_reasons() -> None:
     people = tuple(parked(30 + 0.3 * column, 0.3 * row, PERSON) for column in (-1, 0, 1) for row in (-1, 0, 1))
     assert only(Scene(straight((30, 0)), people).fly("baseline")).reason is MissReason.HIDDEN_BY_PEDESTRIANS
     awning = block("awning", 26, 1.5, 34, 3.5, 3.0)

@@ -1,4 +1,4 @@
-"""What was flown keeps the airframe's limits and stays inside the mesh, at every step of the clock."""
+"""Every step of a flight keeps the airframe's limits and stays inside the mesh."""
 
 from math import radians
 from pathlib import Path
@@ -154,7 +154,7 @@ def _inside(mesh: "NavMesh", result: MissionResult) -> bool:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_micro_stays_inside_the_mesh_among_houses_and_trucks(seed: int) -> None:
-    """Displacements are asked for in all directions, beside walls and corners."""
+    """The policy displaces in all directions, next to walls and corners."""
     rng = np.random.default_rng(seed)
     houses = [
         block(f"h{k}", x, y, x + 6, y + 8, 30.0) for k, (x, y) in enumerate(rng.uniform((4, 2.5), (50, 5), (3, 2)))

@@ -1,4 +1,4 @@
-"""The numbers of a mission against the same numbers worked out another way, from tracks, captures and geometry."""
+"""Metrics of missions, and the interval of the share of defects found."""
 
 from itertools import pairwise
 from math import isclose
@@ -7,17 +7,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 import shapely
+from scipy.stats import binomtest
 from shapely import Polygon
 
 from pavetwin.mission.environment import window_m
+from pavetwin.mission.metrics import FoundShare, found_share
 from pavetwin.mission.result import MissionResult
 from pavetwin.mission.track import MODES
 from pavetwin.policies import policy_names
 from pavetwin.twin import Confirmation, InspectionMemory, Mode, Note, SegmentStatus
+from scenes.few_defects import CASES, streets
 from scenes.tiny import SCENES, Scene, bent, parked, result, straight
 
 if TYPE_CHECKING:
     from pavetwin._core import CaptureColumns, TrackColumns
+
 
 POLICIES = policy_names()
 
@@ -158,7 +162,7 @@ def test_waits_and_occlusions_are_those_of_the_track(tour: MissionResult) -> Non
         assert row.occlusions <= falls if row.occlusions else falls == 0
 
 
-def test_each_row_tells_its_own_segment(tour: MissionResult) -> None:
+def test_each_row_describes_its_own_segment(tour: MissionResult) -> None:
     for row, segment in zip(tour.rows, tour.environment.world.segments, strict=True):
         assert row.segment == segment.id
         assert row.length_m == pytest.approx(segment.centre_line.length)
@@ -228,3 +232,52 @@ def test_every_scene_is_flown_by_every_policy_without_a_break(scene: str) -> Non
         assert np.isfinite(ours.track["x_m"]).all()
         steps = np.hypot(np.diff(ours.track["x_m"]), np.diff(ours.track["y_m"]))
         assert (steps <= 10.0 * np.diff(ours.track["t_s"]) + 1e-6).all()  # no jump
+
+
+def width(found: list[int], defects: list[int]) -> float:
+    known = share(found, defects)
+    return known.high - known.low
+
+
+def share(found: list[int], defects: list[int]) -> FoundShare:
+    known = found_share(found, defects)
+    assert known is not None
+    return known
+
+
+def test_fewer_defects_fewer_streets_and_streets_that_differ_widen_the_interval() -> None:
+    assert width([8] * 10, [10] * 10) < width([4] * 10, [5] * 10) < width([4] * 5, [5] * 5) < width([4], [5])
+    assert width([8] * 10, [10] * 10) < width([10, 6] * 5, [10] * 10) < width([10] * 8 + [0] * 2, [10] * 10)
+
+
+def test_streets_without_defects_do_not_count() -> None:
+    assert found_share([0, 0], [0, 0]) is None
+    assert share([3, 0, 5], [4, 0, 6]) == share([3, 5], [4, 6])
+    assert (share([3, 5], [4, 6]).share, share([3, 5], [4, 6]).defects) == (0.8, 10)
+
+
+def test_what_was_always_or_never_found_is_not_certain() -> None:
+    always, never = share([3, 3, 3], [3, 3, 3]), share([0, 0, 0], [3, 3, 3])
+    assert always.high == 1.0
+    assert 0.4 < always.low < 0.75
+    assert (never.low, never.high) == pytest.approx((0.0, 1 - always.low))
+
+
+def test_an_interval_is_no_shorter_than_of_independent_defects() -> None:
+    """One defect a street is nothing but independent draws: Clopper and Pearson's interval, a little wider."""
+    found = [1] * 34 + [0] * 6
+    ours, exact = share(found, [1] * 40), binomtest(34, 40).proportion_ci()
+    assert ours.low == pytest.approx(exact.low, abs=0.01)
+    assert ours.low <= exact.low < exact.high <= ours.high
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("defects", [3, 10, 30])
+@pytest.mark.parametrize("count", [1, 4, 10, 20])
+def test_intervals_of_one_mission_hold_the_truth(count: int, defects: int) -> None:
+    """Nominally 95 of 100, for 3, 10 and 30 defects a street."""
+    for truth, alike in CASES:
+        rng = np.random.default_rng([count, defects, round(100 * truth), round(100 * alike)])
+        drawn = [streets(rng, count, defects, truth, alike) for _ in range(500)]
+        known = [found_share(found.tolist(), there.tolist()) for found, there in drawn if there.any()]
+        assert np.mean([each.low <= truth <= each.high for each in known]) >= 0.93, (truth, alike)

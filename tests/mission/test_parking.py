@@ -1,4 +1,4 @@
-"""Missions beside parked vehicles: what they hide is hidden for good, and nobody waits for it."""
+"""Missions next to parked vehicles: what they hide stays hidden, and no policy waits for it."""
 
 from dataclasses import replace
 from math import pi
@@ -57,14 +57,14 @@ def test_no_policy_reacts_to_a_car_parked_over_a_defect(policy: str) -> None:
 
 
 def test_the_same_car_standing_in_traffic_is_waited_for() -> None:
-    """What the scenes above differ by is that the car is parked."""
+    """The scenes above differ only in the parked car."""
     standing = replace(narrow_street(), movers=(parked(30, 0.0),))
     ours = standing.fly("hover", EMPTY, "policy.max_wait_s=10")
     assert ours.rows[0].wait_s >= 10.0
     assert inspected_defects(ours)[0].reason is MissReason.HIDDEN_BY_VEHICLES
 
 
-def test_beside_a_parked_car_hover_waits_for_the_moving_one_alone() -> None:
+def test_next_to_a_parked_car_hover_waits_only_for_the_moving_one() -> None:
     crossing = replace(narrow_street(), movers=(parked(36, -0.2, until_s=25.0),))
     ours = crossing.fly("hover", FULL)
     alone = replace(crossing, world=straight(width_m=4.0)).fly("hover")
@@ -73,7 +73,7 @@ def test_beside_a_parked_car_hover_waits_for_the_moving_one_alone() -> None:
     assert ours.duration_s < 60.0
 
 
-def test_the_surface_beside_parked_cars_is_all_that_can_be_seen() -> None:
+def test_the_surface_next_to_parked_cars_is_all_that_can_be_seen() -> None:
     ours, empty = full_street().fly("hover", FULL), full_street().fly("hover", EMPTY)
     (row,), (free,) = ours.rows, empty.rows
     assert 0.15 < row.permanently_hidden < 0.5
@@ -86,7 +86,7 @@ def test_the_surface_beside_parked_cars_is_all_that_can_be_seen() -> None:
 
 
 def test_under_the_cars_nothing_is_seen_and_between_them_something() -> None:
-    """Every cell that is hidden for good is under a car or close beside it, on the far side of a pass."""
+    """Every permanently hidden cell is under a car or close to it, on the far side of a pass."""
     scene = full_street()
     settings_ = scene.settings(FULL)
     environment = scene.environment(settings_)
@@ -217,7 +217,7 @@ def test_a_policy_sees_what_is_parked_and_how_much_it_hides() -> None:
     assert snapshot.occlusion.permanently_hidden == look["permanently_hidden"]
 
 
-def test_a_timeline_tells_what_is_parked() -> None:
+def test_a_timeline_shows_parked_vehicles() -> None:
     ours = full_street().fly("baseline", FULL)
     timeline = Timeline(ours)
     assert timeline.at(5.0).parked == ours.environment.parked_agents
@@ -293,7 +293,7 @@ def test_the_boxes_in_the_kernel_are_those_that_are_drawn() -> None:
     assert boxes.z1.tolist() == stands.height_m.tolist()
 
 
-def test_nobody_takes_off_from_a_parking_place() -> None:
+def test_a_base_on_a_parked_vehicle_is_refused() -> None:
     scene = Scene(replace(straight(), base=Point(30, 0)))
     bare = scene.environment().world.base
     world = with_places(scene.world, kerb_place(bare.x, bare.y))

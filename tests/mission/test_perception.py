@@ -1,5 +1,6 @@
-"""The door between a mission and its sensor: what is an event, what a frame carries, and how detections are counted."""
+"""Missions and sensors: captures as events, the content of frames, and the count of detections."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -10,6 +11,7 @@ from shapely import Point
 from pavetwin.config import Conditions
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission import MissionInputs
+from pavetwin.mission.events import MissionEvent
 from pavetwin.mission.fly import fly, fly_over
 from pavetwin.mission.result import MissionResult
 from pavetwin.mission.saving import detections_table
@@ -179,6 +181,37 @@ def test_a_sensor_that_fails_in_flight_is_named_with_its_line() -> None:
         fly_with(Scene(straight((30, 0))), Brittle)
 
 
+@pytest.mark.usefixtures("registered")
+@pytest.mark.parametrize("policy", ["hover", "skip"])
+@pytest.mark.parametrize("attempts", ["every_capture", "first_capture"])
+@pytest.mark.parametrize(("every", "again"), [(False, False), (True, False), (True, True)])
+def test_a_sensor_after_landing_gives_the_result_of_one_in_flight(
+    every: bool, again: bool, attempts: str, policy: str
+) -> None:
+    class Aboard(Sensor):
+        every_capture, sees_confirmed = every, again
+
+        def detect(self, frame: Frame) -> Sequence[Detection]:
+            seen = [each for each in frame.sightings if (each.defect.id + each.attempt) % 3]
+            ghost = Detection("pothole", 0.4, footprint=frame.footprint.centroid.buffer(0.1))
+            return [*map(Detection.of, seen), *([ghost] if frame.number % 17 == 3 else [])]
+
+    class Landed(Aboard):
+        after_landing = True
+
+    scene = SCENES["queue_that_leaves"]()
+    settings = scene.settings(f"sensing.attempts={attempts}")
+    observed: list[MissionEvent] = []
+    environment, traffic = scene.environment(settings), scene.traffic()
+    ours = fly_over(environment, traffic, settings, [0], policy, sensor=Aboard(settings.sensing, 0))
+    other = fly_over(
+        environment, traffic, settings, [0], policy, sensor=Landed(settings.sensing, 0), observer=observed.append
+    )
+    for name in ("rows", "memory", "events", "sighted", "detections", "inspected_defects"):
+        assert getattr(ours, name) == getattr(other, name), name
+    assert Counter(map(repr, observed)) == Counter(map(repr, ours.events))
+
+
 class Naming(Sensor):
     """Reports every sighting under a name of its own."""
 
@@ -252,7 +285,7 @@ def test_where_a_false_alarm_is_stands_in_the_table_of_detections() -> None:
 
 
 def test_a_policy_handed_in_as_a_value_is_not_named_as_a_registered_one() -> None:
-    """So that nobody repeats another mission in its place."""
+    """Otherwise another mission would be repeated in its place."""
     scene = SCENES["empty_street"]()
     settings = scene.settings()
     hover = load_policy("hover", settings.policy)

@@ -27,7 +27,7 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> MissionResult:
 
 
 def in_world(result: MissionResult, longitude: object, latitude: object) -> tuple[np.ndarray, np.ndarray]:
-    """By the EPSG code and the offset that `world.yaml` says, without the code that made the positions."""
+    """World coordinates by the EPSG code and the offset in `world.yaml`, without the code that made the positions."""
     place = result.environment.world.georeference
     back = Transformer.from_crs("EPSG:4326", f"EPSG:{place.epsg}", always_xy=True)
     east, north = back.transform(np.asarray(longitude), np.asarray(latitude))

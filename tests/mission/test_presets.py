@@ -1,18 +1,30 @@
-"""What the presets `paper` and `default` change about a mission."""
+"""The presets default and paper: windows, passes, attempts, intervals and sensors, and the rows of the published setup.
+
+`published.csv` holds columns of `mission.parquet` for the preset `paper` over a world without parking lanes."""
 
 from math import radians, tan
+from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 import shapely
+from polars.testing import assert_frame_equal
 
 from pavetwin._core import Captured, Occluded
 from pavetwin.config import load_settings
-from pavetwin.mission.environment import window_m
-from pavetwin.mission.mission import Mission
+from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.mission.environment import prepare, window_m
+from pavetwin.mission.fly import fly
+from pavetwin.mission.inputs import MissionInputs, load_inputs
+from pavetwin.mission.mission import Mission, Traffic
+from pavetwin.mission.planning import plan_mission
+from pavetwin.mission.saving import segment_table
 from pavetwin.navigation.patterns import from_nearest_end, half_widths, passes
 from pavetwin.policies import load_policy
 from pavetwin.sensing import load_sensor
+from pavetwin.world.store import load_world, save_world
+from scenes import built
 from scenes.tiny import SCENES, TRUCK, Scene, empty_street, parked, result, straight
 
 STREET = straight().segments[0]
@@ -34,7 +46,7 @@ def test_the_default_window_is_half_the_rows_and_the_whole_width(altitude_m: flo
 
 @pytest.mark.parametrize(
     ("altitude_m", "along_m", "across_m"), [(6, 1.896, 3.6), (10, 3.160, 6.0), (15, 4.740, 9.0)]
-)  # worked out by hand: 1.1547 h · 260/950
+)  # computed by hand: 1.1547 h · 260/950
 def test_the_window_that_a_mission_uses(altitude_m: float, along_m: float, across_m: float) -> None:
     """A defect is swept just when the flown window passes over its centre."""
     inside, outside = across_m / 2 - 0.05, across_m / 2 + 0.05
@@ -100,7 +112,7 @@ def test_passes_begin_at_the_nearest_end(start: tuple[float, float]) -> None:
     ends = [line[k] for line in passes(STREET, 6.0, settings.pattern) for k in (0, -1)]
     nearest = min(np.hypot(*(end - start)) for end in ends)
     assert np.hypot(*(plan[0][0] - start)) == pytest.approx(nearest)
-    assert np.hypot(*(plan[1][0] - plan[0][-1])) == pytest.approx(3.5)  # the next begins beside this one's end
+    assert np.hypot(*(plan[1][0] - plan[0][-1])) == pytest.approx(3.5)  # the next begins next to this one's end
     assert sorted(line[0][1] for line in plan) == pytest.approx([-1.75, 1.75])
 
 
@@ -137,7 +149,7 @@ def test_the_default_tries_at_every_capture() -> None:
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_in_the_paper_each_revisit_may_try_once_more(side: float) -> None:
-    """The truck hides the street beside the defect, so skip comes back; the defect itself is in full view.
+    """The truck hides the street next to the defect, so skip comes back; the defect itself is in full view.
 
     With the truck on the right, the revisit comes between the passes: the second does not try once more.
     """
@@ -233,3 +245,38 @@ def test_changing_the_policy_changes_no_draw_of_the_sensor() -> None:
     assert len(set(outcomes["baseline"].values())) == 2
     common = times["baseline"].keys() & times["hover"].keys()
     assert any(times["baseline"][key] != times["hover"][key] for key in common)
+
+
+STORED = Path(__file__).parent / "published.csv"
+SEED = 2
+
+
+def flown(folder: Path) -> pl.DataFrame:
+    """The rows of the study's altitudes and policies in one recording, in the columns of the stored ones."""
+    save_world(
+        add_defects(built("cross", parking_rule="none"), DefectOptions(population="paper", per_segment=8)), folder
+    )
+    world, rows = load_world(folder), []
+    traffic: Traffic | None = None
+    for altitude_m in (6.0, 10.0, 15.0):
+        settings = load_settings("paper", altitude_m=altitude_m)
+        ready = prepare(world, settings, world.defects, parking_seed=SEED)
+        spec = plan_mission(world, settings, density="low", segments=2, seed=SEED, environment=ready)
+        inputs = MissionInputs(ready, traffic) if traffic else load_inputs(spec, world=world, environment=ready)
+        traffic = inputs.traffic
+        with inputs.replay:
+            rows += [
+                segment_table(fly(spec.with_policy(policy, settings), inputs=inputs)).with_columns(
+                    altitude_m=pl.lit(altitude_m)
+                )
+                for policy in ("baseline", "hover", "micro", "skip")
+            ]
+    return pl.concat(rows).select(pl.read_csv(STORED, n_rows=0).columns)
+
+
+def test_the_rows_of_the_published_setup_stay(tmp_path: Path) -> None:
+    rows = flown(tmp_path / "cross")
+    stored = pl.read_csv(STORED, schema=rows.schema)
+    assert rows["occlusions"].sum() > 0
+    assert rows["revisits"].sum() > 0
+    assert_frame_equal(rows, stored, rel_tol=0.0, abs_tol=1e-9)

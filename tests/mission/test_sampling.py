@@ -32,7 +32,7 @@ def test_only_defects_of_inspected_segments_are_sampled(monkeypatch: pytest.Monk
         assert asked == expected
 
 
-def test_a_failure_in_sampling_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failure_in_sampling_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = tiny.empty_street((30.0, 0.0))
     prepared = scene.environment()
 

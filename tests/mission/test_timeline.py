@@ -137,7 +137,7 @@ def test_events_of_a_stretch_of_time() -> None:
 
 
 @pytest.mark.parametrize(("scene", "policy"), FLOWN)
-def test_a_mission_in_flight_tells_what_the_flown_one_tells(scene: str, policy: str) -> None:
+def test_a_timeline_in_flight_equals_that_of_the_result(scene: str, policy: str) -> None:
     _, whole = timeline_of(scene, policy)
     pilot = Pilot(SCENES[scene](), policy)
     for until_s in (0.0, 3.3, 11.15, 31.7):

@@ -224,7 +224,7 @@ def test_a_street_that_is_built_over_is_one_plain_error() -> None:
 
 
 def test_a_gap_too_narrow_for_the_uav_is_one_plain_error() -> None:
-    """What the buildings leave is narrower than the UAV."""
+    """The gap between the buildings is narrower than the UAV."""
     walls = [block("a", -20, -20, 80, -0.3, 30.0), block("b", -20, 0.3, 80, 20, 30.0)]
     narrow = straight(buildings=walls)
     with pytest.raises(PaveTwinError, match=r"agent radius of 0\.5 m") as caught:
@@ -236,7 +236,7 @@ def test_a_gap_too_narrow_for_the_uav_is_one_plain_error() -> None:
 
 
 def two_islands() -> World:
-    """The base lies beside one street; no way leads to the other."""
+    """The base lies next to one street; no way leads to the other."""
     return world([street("here", (0, 0), (60, 0)), street("there", (0, 100), (60, 100))], base=(-2, 0))
 
 

@@ -206,7 +206,7 @@ def test_each_of_several_policies_gets_the_options_that_it_has(tmp_path: Path) -
         check_names(load_settings("default", ["policy.options.patience=3"]), ["hover", own], 0)
 
 
-def test_the_check_tells_every_rule_that_is_broken_once() -> None:
+def test_the_check_reports_every_broken_rule_once() -> None:
     class Worst(Policy):
         def decide(self, snapshot: Snapshot) -> Wait:
             return Wait(1e6 + snapshot.time_s)
@@ -216,7 +216,7 @@ def test_the_check_tells_every_rule_that_is_broken_once() -> None:
     assert check_policy(Worst) == told
 
 
-def test_the_check_tells_settings_that_a_policy_reads_and_does_not_name() -> None:
+def test_the_check_reports_settings_read_without_being_named() -> None:
     class Hasty(Hover):
         reads = frozenset({"wait_s"})
 

@@ -184,7 +184,7 @@ def test_a_failure_after_landing_is_one_line() -> None:
         fly_over(STORY.environment(settings), STORY.traffic(), settings, [0], sensor=eyes, image_source=broken)
 
 
-def test_a_mission_is_told_when_its_model_has_changed(tmp_path: Path) -> None:
+def test_a_changed_model_file_is_refused(tmp_path: Path) -> None:
     model = tmp_path / "model.onnx"
     shutil.copyfile(drawn_detector.FILE, model)
     scene = Scene(straight((30, 0)), altitude_m=10.0)

@@ -161,7 +161,7 @@ MATRICE_100 = AircraftProfile(
 
 
 @pytest.mark.parametrize(("payload_kg", "minutes"), [(0.5, 20), (1.0, 16)])
-def test_a_payload_shortens_the_flight_as_its_maker_says(payload_kg: float, minutes: float) -> None:
+def test_a_payload_shortens_the_flight_by_the_makers_figures(payload_kg: float, minutes: float) -> None:
     """DJI's table for the Matrice 100 with a TB48D: 28 min, 20 with 500 g, 16 with 1 kg ("Hardware Introduction")."""
     bare, laden = (rotor_power(MATRICE_100, each).total_w[0] for each in (0.0, payload_kg))
     assert laden / bare == pytest.approx(28 / minutes, rel=0.1)
@@ -207,7 +207,7 @@ def test_a_payload_costs_at_every_airspeed(payload_kg: float) -> None:
 # A user's own.
 
 
-def test_a_users_own_aircraft_is_found_by_its_file_and_its_camera_beside_it(tmp_path: Path) -> None:
+def test_a_users_own_aircraft_is_found_by_its_file_and_its_camera_next_to_it(tmp_path: Path) -> None:
     (tmp_path / "cam.yaml").write_text(
         "{wide: {title: W, image_px: [900, 600], vertical_fov_deg: 50}}", encoding="utf-8"
     )

@@ -52,7 +52,7 @@ def test_wind_above_the_rated_limit_is_refused_in_one_line(wind_mps: float, gust
         (13.0, "included; no aircraft known here is rated for more than 12 m/s. Unless"),
     ],
 )
-def test_a_refused_wind_says_what_would_be_flown(wind_mps: float, words: str) -> None:
+def test_a_refused_wind_names_aircraft_that_fly_in_it(wind_mps: float, words: str) -> None:
     settings = load_settings(aircraft="phantom4", conditions={"wind_mps": wind_mps})
     with pytest.raises(PaveTwinError) as caught:
         check_names(settings, ["hover"], 0)
@@ -67,7 +67,7 @@ def test_wind_up_to_the_limit_is_flown_and_the_paper_knows_no_limit() -> None:
 # Tilt.
 
 
-def test_the_airframe_tilts_as_its_maker_says_at_top_speed() -> None:
+def test_the_airframe_has_its_makers_tilt_at_top_speed() -> None:
     for name, tilt in (("phantom4", 42), ("mavic3e", 35), ("matrice350", 30)):
         profile = find_aircraft(name)
         assert tilt_deg(profile, profile.top_speed_mps, -profile.payload_kg) == pytest.approx(tilt)
@@ -105,7 +105,7 @@ def test_a_steady_wind_shakes_nothing_and_gusts_do() -> None:
     assert 0 < shaken(1.2) < shaken(1.5) < shaken(2.0)
 
 
-def test_gusts_shake_as_the_model_says() -> None:
+def test_gusts_shake_by_the_model() -> None:
     """At 5 m/s with gusts to 7.5: the push is g Δtan θ / 2πf, the turn altitude × 2πf × a share of the swing."""
     tilts = [np.radians(tilt_deg(find_aircraft("mavic3e"), each)) for each in (2.5, 5.0, 7.5)]
     pushed = 9.81 * (np.tan(tilts[2]) - np.tan(tilts[1])) / (2 * pi * GUST_HZ)
@@ -115,7 +115,7 @@ def test_gusts_shake_as_the_model_says() -> None:
 
 
 def seen_rms_mps(settings: MissionSettings, times_s: Float64Array) -> float:
-    """Of the motion on the ground that gusts add at some moments of hovering."""
+    """RMS of the motion on the ground that gusts add at some moments of hovering."""
     speeds = [hypot(*shake_mps(find_aircraft("mavic3e"), settings, (0.0, 0.0), time_s)) for time_s in times_s.tolist()]
     return float(np.sqrt(np.mean(np.square(speeds))))
 

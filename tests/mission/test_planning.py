@@ -1,4 +1,6 @@
-"""What one battery cannot fly at all is said before the UAV takes off."""
+"""Planning of missions: choice and reach of segments, the estimate before take-off, and the traffic recorded for it."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,12 +8,42 @@ from shapely import box
 
 from pavetwin.config import load_settings
 from pavetwin.errors import PaveTwinError
+from pavetwin.mission import inputs
+from pavetwin.mission.environment import MissionEnvironment, prepare
+from pavetwin.mission.estimate import estimate
+from pavetwin.mission.inputs import load_inputs
+from pavetwin.mission.metrics import totals
 from pavetwin.mission.mission import Mission
-from pavetwin.mission.planning import check_reach, plan_mission, ways_out
+from pavetwin.mission.planning import check_reach, choose_targets, plan_mission, ways_out
+from pavetwin.mission.replay import FIRST_DURATION_S, FIRST_PER_TARGET_S
 from pavetwin.mission.track import MODES
+from pavetwin.traffic.area import TrafficArea
 from pavetwin.twin import Mode
+from pavetwin.uav import camera_of
 from pavetwin.world.model import Junction
+from scenes import damaged, tiny
 from scenes.tiny import Scene, straight, street, world
+
+NAMES = ("Bell Lane", "Hill", "Bell Lane")
+
+
+@pytest.fixture(scope="module")
+def environment() -> MissionEnvironment:
+    """Three pieces of one street in a row, the middle one of another name."""
+    pieces = [street(name, (50 * k, 0), (50 * k + 50, 0)) for k, name in enumerate(("s0001", "s0002", "s0003"))]
+    named = [replace(piece, street=name) for piece, name in zip(pieces, NAMES, strict=True)]
+    return prepare(world(named), load_settings())
+
+
+def test_a_street_stands_for_all_its_segments(environment: MissionEnvironment) -> None:
+    assert choose_targets(environment, names=["Bell Lane"]) == [0, 2]
+    assert choose_targets(environment, names=["s0002", "bell lane"]) == [1, 0, 2]
+
+
+def test_a_segment_and_its_street_are_the_same_place(environment: MissionEnvironment) -> None:
+    with pytest.raises(PaveTwinError, match="`names` Bell Lane, s0003: given more than once"):
+        choose_targets(environment, names=["s0003", "s0002", "Bell Lane"])
+
 
 FAR = world(
     [street("near", (60, 0), (100, 0)), street("far", (600, 0), (660, 0))],
@@ -76,7 +108,7 @@ def test_whatever_takes_energy_counts(worse: tuple[str, ...]) -> None:
 
 @pytest.mark.parametrize("wind_from_deg", [0, 90, 180, 270])
 @pytest.mark.parametrize("preset", ["default", "paper"])
-def test_no_flight_takes_less_than_it_is_said_to_take_at_least(preset: str, wind_from_deg: int) -> None:
+def test_no_flight_takes_less_than_its_lower_bound(preset: str, wind_from_deg: int) -> None:
     """The energy of a real mission, up to its arrival and on its way home, is never below the bound."""
     wind = ("conditions.wind_mps=6", f"conditions.wind_from_deg={wind_from_deg}")
     scene = Scene(FAR, altitude_m=10.0)
@@ -129,3 +161,59 @@ def test_the_way_is_as_the_aircraft_flies_it_and_not_the_beeline() -> None:
 def test_streets_around_the_base_are_within_reach() -> None:
     scene = Scene(straight(), altitude_m=10.0)
     check_reach(scene.environment(), scene.settings(), [0])
+
+
+def test_over_empty_streets_the_estimate_is_what_a_mission_takes() -> None:
+    flown = tiny.result("empty_street", "baseline")
+    known, sums = estimate(flown.environment, flown.settings, [0]), totals(flown)
+    assert (known.time_s, known.energy, known.batteries) == (sums.time_s, sums.energy, sums.batteries)
+    assert known.images == len(flown.captures["t_s"])
+    assert known.surface_coverage == sums.surface_coverage
+    assert known.length_m == flown.rows[0].length_m
+    assert known.pixel_mm == 1000 * camera_of(flown.settings).ground_resolution_m(flown.settings.altitude_m)
+
+
+def test_waits_and_hidden_surface_are_left_out() -> None:
+    flown = tiny.result("queue_at_light", "hover")
+    known, sums = estimate(flown.environment, flown.settings, [0]), totals(flown)
+    assert sums.wait_s > 0
+    assert known.time_s < sums.time_s
+    assert known.surface_coverage >= (sums.surface_coverage or 0.0)
+
+
+def test_the_policys_options_and_the_sensor_do_not_matter() -> None:
+    flown = tiny.result("empty_street", "baseline")
+    other = load_settings(
+        altitude_m=flown.settings.altitude_m,
+        sensing={"sensor": "detector"},
+        policy={"options": {"max_wait_s": 5.0}},
+    )
+    plain = load_settings(altitude_m=flown.settings.altitude_m)
+    assert estimate(flown.environment, other, [0]) == estimate(flown.environment, plain, [0])
+
+
+class RecordingAsked(Exception):  # noqa: N818 - no failure
+    pass
+
+
+@pytest.mark.parametrize(
+    ("segments", "expected_s"), [(1, FIRST_PER_TARGET_S), (2, 2 * FIRST_PER_TARGET_S), (None, FIRST_DURATION_S)]
+)
+def test_as_much_traffic_is_recorded_as_the_segments_need(
+    segments: int | None, expected_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[TrafficArea | None, float]] = []
+
+    def replay_of(*_: object, area: TrafficArea | None, first_s: float, **__: object) -> None:
+        asked.append((area, first_s))
+        raise RecordingAsked
+
+    monkeypatch.setattr(inputs, "replay_of", replay_of)
+    monkeypatch.setattr(inputs, "FIRST_DURATION_S", FIRST_DURATION_S if segments else 2.5 * FIRST_PER_TARGET_S)
+    world = damaged("cross", 1).world
+    spec = plan_mission(world, density="low", segments=segments, seed=1)
+    with pytest.raises(RecordingAsked):
+        load_inputs(spec, world=world)
+    most_s = inputs.FIRST_DURATION_S
+    assert asked == [(None, min(most_s, expected_s))]
+    assert len(spec.targets) * FIRST_PER_TARGET_S > most_s or segments is not None

@@ -1,4 +1,4 @@
-"""The base: beside the carriageway, clear of what stands there, and where a user puts it."""
+"""The base: next to the carriageway, clear of standing objects, or where a user puts it."""
 
 from dataclasses import replace
 
@@ -40,7 +40,7 @@ def assert_free(of: World, place: Point) -> None:
 
 
 @pytest.mark.parametrize("scene", ["cross", "town"])
-def test_the_base_is_beside_the_carriageway_and_in_reach(scene: str) -> None:
+def test_the_base_is_next_to_the_carriageway_and_in_reach(scene: str) -> None:
     of = built(scene).world
     place = roadside(of, RADIUS_M, solids(of))
     assert_free(of, place)
@@ -50,7 +50,7 @@ def test_the_base_is_beside_the_carriageway_and_in_reach(scene: str) -> None:
 
 
 @given(st.lists(st.tuples(st.floats(-30, 30), st.sampled_from([-1, 1])), max_size=8))
-def test_what_stands_beside_the_road_is_kept_clear_of(trees: list[tuple[float, int]]) -> None:
+def test_the_base_is_clear_of_objects_next_to_the_road(trees: list[tuple[float, int]]) -> None:
     along = street("main", (-60, 0), (60, 0))
     edge_m = along.polygon.bounds[3]
     things = [
@@ -69,7 +69,7 @@ def test_between_houses_that_reach_the_kerb_the_street_itself_is_left() -> None:
     assert roadside(of, RADIUS_M, solids(of)) == of.base
 
 
-def test_the_presets_say_where_the_base_is() -> None:
+def test_the_presets_decide_on_the_base() -> None:
     of = built("cross").world
     assert prepare(of, load_settings("paper")).world.base == of.base
     moved = prepare(of, load_settings("default")).world.base
