@@ -13,9 +13,9 @@ from pavetwin.capture.settings import FILE, CaptureSettings, check_same, descrip
 from pavetwin.capture.store import write_yaml
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
-from pavetwin.experiments.units import Plan
 from pavetwin.experiments.planning import plan
 from pavetwin.experiments.store import PARTS, Store
+from pavetwin.experiments.units import Plan
 from pavetwin.mission import fly_over
 from pavetwin.mission.airspace import Aircraft
 from pavetwin.mission.fly import fly
