@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.flightplan import FlightPlan, PlannedFlight, Waypoint
-from pavetwin.flightplan.parts import parts_of
+from pavetwin.flightplan.flight_plan import parts_of
 from pavetwin.world.georeference import anchored
 
 PLACE = anchored(52.47, 13.44)

@@ -6,7 +6,7 @@ import pytest
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.flightplan import PLAN_FORMATS, FlightPlan, PlannedFlight, Waypoint, save_plan
-from pavetwin.flightplan.save import remark_on_parts
+from pavetwin.flightplan.formats.plan_files import remark_on_parts
 
 
 def plan(flights: int) -> FlightPlan:

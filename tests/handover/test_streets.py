@@ -5,7 +5,7 @@ import pytest
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.statistics import MissionLimits, Objective
-from pavetwin.handover.streets import StreetAdvice, street_advice
+from pavetwin.handover.of_study import StreetAdvice, street_advice
 from scenes.report_studies import table_of
 
 FACTORS = {"traffic": ("low",), "altitude_m": (10.0,), "policy": ("baseline", "hover")}

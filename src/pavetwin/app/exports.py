@@ -15,7 +15,7 @@ from pavetwin.app.task_report import TaskReport
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.files import writing
 from pavetwin.flightplan import PLAN_FORMATS, PlanLimits, check_limits, plan_of, save_plan
-from pavetwin.flightplan.save import remark_on_parts
+from pavetwin.flightplan.formats.plan_files import remark_on_parts
 from pavetwin.mission.folder import MissionFolder
 from pavetwin.mission.inputs import check_unchanged
 

@@ -157,7 +157,7 @@ def _images(inputs: "MissionInputs", spec: "MissionSpec") -> "ImageSource":
 
 
 def _tell(given: "Handover", target: Path, plans: list[str]) -> None:
-    from pavetwin.flightplan.save import remark_on_parts
+    from pavetwin.flightplan.formats.plan_files import remark_on_parts
     from pavetwin.handover import HANDOVER_FILES
     from pavetwin.handover.files import INVENTORY
 

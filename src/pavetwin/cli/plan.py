@@ -88,7 +88,7 @@ def export(
     Heights are above the take-off point. The pilot is responsible for the flight: check every plan before you fly it.
     """
     from pavetwin.flightplan import PlanLimits, check_limits, save_plan
-    from pavetwin.flightplan.save import check_folder, remark_on_parts
+    from pavetwin.flightplan.formats.plan_files import check_folder, remark_on_parts
     from pavetwin.mission.folder import mission_file
     from pavetwin.world.folder import DESCRIPTION
 

@@ -1,4 +1,4 @@
-"""Limits that a user states, and whether a plan keeps them."""
+"""Limits of height, buildings and no-fly zones, and the check of a plan against them."""
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
@@ -14,39 +14,38 @@ from shapely import LineString, Point, STRtree
 from pavetwin import geo_files
 from pavetwin.arrays import BoolArray
 from pavetwin.errors import PaveTwinError
-from pavetwin.flightplan.model import FlightPlan, PlannedFlight
-from pavetwin.flightplan.parts import parts_of
+from pavetwin.flightplan.flight_plan import FlightPlan, PlannedFlight, parts_of
 from pavetwin.world.georeference import WGS84, GeoReference, from_wgs84
 from pavetwin.world.model import World
 
 NEAR_M: Final = 20_000.0
-"""A file without a zone as near to the flights as this is not of their place: our assumption."""
+"""A file without a zone this close to the flights is taken to be of another place (our assumption)."""
 
 _M_PER_DEGREE: Final = 111_200.0
-"""Of latitude."""
+"""Metres per degree of latitude."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlanLimits:
-    """What a plan must keep."""
+    """Limits of a plan."""
 
     highest_m: float | None = None
-    """Above the take-off point."""
+    """Largest height above the take-off point."""
     from_buildings_m: float = 0.0
-    """Least distance to the buildings of the world, in space."""
+    """Least distance to buildings, in three dimensions."""
     no_fly: Path | None = None
-    """Polygons, in a format that GDAL reads."""
+    """File of polygons in a format that GDAL reads."""
 
 
 def check_limits(plan: FlightPlan, world: World, limits: PlanLimits, most: Collection[int | None] = ()) -> None:
-    """Whether a plan keeps its limits.
+    """Check a plan, and the parts of its flights, against limits.
 
     Args:
-        most: waypoints that the files may hold which will be written: parts of flights keep the limits too.
+        most: largest numbers of waypoints of the files to write, which cut flights into parts.
 
     Raises:
-        PaveTwinError: the plan breaks a limit, or the file of the zones cannot be read or has none near the flights;
-            the message names the place.
+        PaveTwinError: the plan breaks a limit, or the file of zones cannot be read or has none near the flights; the
+            message states the place.
     """
     zones = [] if limits.no_fly is None else _zones_near(plan, limits.no_fly, world.georeference)
     for number, flight in _flown(plan, most):
@@ -61,7 +60,7 @@ def check_limits(plan: FlightPlan, world: World, limits: PlanLimits, most: Colle
 
 
 def _flown(plan: FlightPlan, most: Collection[int | None]) -> Iterator[tuple[str, PlannedFlight]]:
-    """Flights and parts of flights, each with its number: `2`, `2, part 1`."""
+    """Flights and parts of flights with their numbers: `2`, `2, part 1`."""
     for number, flight in enumerate(plan.flights, 1):
         yield f"{number}", flight
         for limit in sorted({each for each in most if each is not None and len(flight.waypoints) > each}):
@@ -97,7 +96,7 @@ def _check_buildings(
 
 
 def _legs(flight: PlannedFlight, place: GeoReference) -> Iterator[tuple[LineString, float]]:
-    """The legs in the world frame, and the lower height of each."""
+    """Legs in the world frame, each with its lower height."""
     xy = from_wgs84(place, flight.lonlat)
     heights = [each.height_m for each in flight.waypoints]
     for begin in range(len(xy) - 1):
@@ -105,7 +104,7 @@ def _legs(flight: PlannedFlight, place: GeoReference) -> Iterator[tuple[LineStri
 
 
 def _columns(flight: PlannedFlight, place: GeoReference) -> Iterator[tuple[Point, float]]:
-    """Climb and landing in the world frame, each with its lower height, that of the ground."""
+    """Climb and landing in the world frame, each with its lower height (the ground)."""
     for xy in from_wgs84(place, flight.lonlat[[0, -1]]):
         yield Point(xy), 0.0
 
@@ -116,11 +115,11 @@ def _place(shape: shapely.Geometry, place: GeoReference) -> str:
 
 
 def _zones_near(plan: FlightPlan, path: Path, place: GeoReference) -> list[tuple[str, shapely.Geometry]]:
-    """The zones of a file that may be in the way, in the world frame.
+    """The zones of a file near the flights, in the world frame.
 
     Raises:
-        PaveTwinError: as `read_zones`, or none is within `NEAR_M` of the flights: what is checked against zones of
-            another place, or with longitude and latitude swapped, is not checked.
+        PaveTwinError: see `read_zones`; or no zone is within `NEAR_M` of the flights: the file is of another place, or
+            swaps longitude and latitude.
     """
     lonlat = np.concatenate([flight.lonlat for flight in plan.flights])
     around = _widened(*lonlat.min(axis=0), *lonlat.max(axis=0))
@@ -131,30 +130,29 @@ def _zones_near(plan: FlightPlan, path: Path, place: GeoReference) -> list[tuple
         swapped = _overlap(bounds[:, [1, 0, 3, 2]], around).any()
         why = "longitude comes before latitude, and it has them the other way round" if swapped else ""
         raise PaveTwinError(
-            f"`no_fly` {path}: no zone lies within {NEAR_M / 1000:g} km of the flights, so that nothing would be "
+            f"`no_fly` {path}: no zone lies within {NEAR_M / 1000:g} km of the flights, so nothing would be "
             f"checked; {why or 'check its coordinates, or leave it out where there are no zones'}."
         )
     return [(name, shapely.transform(zone, lambda xy: from_wgs84(place, xy))) for name, zone in near]
 
 
 def _widened(west: float, south: float, east: float, north: float) -> np.ndarray:
-    """(4,) Bounds in degrees that reach `NEAR_M` farther to each side."""
+    """(4,) bounds in degrees, widened by `NEAR_M` on each side."""
     up = NEAR_M / _M_PER_DEGREE
     aside = up / max(0.01, cos(radians(max(abs(south), abs(north)))))
     return np.array([west - aside, south - up, east + aside, north + up])
 
 
 def _overlap(bounds: np.ndarray, around: np.ndarray) -> BoolArray:
-    """(n,) Whether each of the bounds (n, 4) meets those."""
+    """(n,) True where one of the bounds (n, 4) meets `around`."""
     return np.asarray(np.all((bounds[:, :2] <= around[2:]) & (around[:2] <= bounds[:, 2:]), axis=1))
 
 
 def read_zones(path: Path) -> list[tuple[str, shapely.Geometry]]:
-    """The polygons of a file, in WGS 84, each with what messages call it.
+    """The polygons of a file in WGS 84, each with its name in messages.
 
     Raises:
-        PaveTwinError: it cannot be read, or holds no polygon, or something else beside polygons, or coordinates that
-            are no degrees.
+        PaveTwinError: the file cannot be read, has no polygon, other shapes, or coordinates that are not degrees.
     """
     pyogrio = geo_files.pyogrio()
 
@@ -195,7 +193,7 @@ def read_zones(path: Path) -> list[tuple[str, shapely.Geometry]]:
 
 def _check_degrees(lonlat: np.ndarray, what: str) -> None:
     """Raises:
-    PaveTwinError: one is no place on the earth.
+    PaveTwinError: a coordinate is not on the earth.
     """
     wrong = ~(np.isfinite(lonlat).all(axis=1) & (np.abs(lonlat) <= (180.0, 90.0)).all(axis=1))
     if wrong.any():
@@ -208,7 +206,7 @@ def _check_degrees(lonlat: np.ndarray, what: str) -> None:
 
 def check_file(path: Path) -> None:
     """Raises:
-    PaveTwinError: there is no file of zones.
+    PaveTwinError: the file of zones does not exist.
     """
     if path.is_dir():
         raise PaveTwinError(f"`no_fly` {path}: it is a folder; name a file of polygons in it.")
@@ -217,7 +215,7 @@ def check_file(path: Path) -> None:
 
 
 def _polygons(shape: shapely.Geometry) -> list[shapely.Geometry]:
-    """The polygons that a geometry consists of; empty where a part of it is none."""
+    """The polygons of a geometry; empty if any part of it is another shape."""
     kind = shapely.get_type_id(shape)
     if kind == shapely.GeometryType.POLYGON:
         return [] if shapely.is_empty(shape) else [shape]

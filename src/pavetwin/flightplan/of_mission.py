@@ -1,6 +1,6 @@
-"""The flight plan of a mission that was flown: its track without what was a reaction to the traffic of that moment."""
+"""Plans of flown missions, and of selected segments that need no mission."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import groupby, pairwise
@@ -9,14 +9,18 @@ from typing import Any, Final
 
 import polars as pl
 import shapely
+from shapely import Point
 
 from pavetwin._core import NavMesh
 from pavetwin.config import MissionSettings
 from pavetwin.errors import PaveTwinError
-from pavetwin.flightplan.model import LEAST_LEG_M, FlightPlan, PlannedFlight, Trigger, WayHome, Waypoint
-from pavetwin.mission.environment import capture_interval_s, inspect_speed_mps
+from pavetwin.flightplan.flight_plan import LEAST_LEG_M, FlightPlan, PlannedFlight, Trigger, WayHome, Waypoint
+from pavetwin.mission.environment import capture_interval_s, inspect_speed_mps, prepare
+from pavetwin.mission.estimate import EmptyStreets
+from pavetwin.mission.fly import fly_over
 from pavetwin.mission.folder import MissionFolder
-from pavetwin.mission.saving import TRACK
+from pavetwin.mission.planning import check_reach, choose_targets
+from pavetwin.mission.saving import TRACK, track_table
 from pavetwin.navigation.navmesh import navmesh
 from pavetwin.twin import Mode
 from pavetwin.world.georeference import DEFAULT_ANCHOR_DEG, GeoReference, anchored, from_wgs84
@@ -24,25 +28,25 @@ from pavetwin.world.model import World
 from pavetwin.world.solids import solids
 
 COLUMNS: Final = ("x_m", "y_m", "altitude_m", "mode", "segment")
-"""Of a track, as far as a plan needs it."""
+"""Columns of the track that a plan needs."""
 
 TOLERANCE_M: Final = 0.05
-"""Of the path to the track, where samples in between are left out."""
+"""Largest distance of the simplified path from the track."""
 
 PASSED_DEG: Final = 45.0
-"""Waypoints with a sharper turn are stopped at; others are flown past."""
+"""The aircraft stops at waypoints with a sharper turn, and passes the others."""
 
 MOST_CORNER_M: Final = 1.0
 """The largest distance from a waypoint at which the turn begins; the inspected strip is some metres wide."""
 
 _ROUTE: Final = (Mode.TRANSIT, Mode.INSPECT, Mode.REVISIT, Mode.HOME)
-"""What a plan keeps. Waiting, displacements and giving way to aircraft answer the traffic of that moment. Revisits do
-so too, but the way on begins at the last of them."""
+"""Modes that a plan keeps. Waiting, displacements and giving way to aircraft react to the traffic of the moment. So do
+revisits, but the rest of the way begins at the last of them."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Sample:
-    """A row of the track, as far as a plan needs it; world frame."""
+    """A row of the track in the world frame, with the columns of a plan."""
 
     x_m: float
     y_m: float
@@ -58,7 +62,7 @@ def plan_of(mission: MissionFolder, world: World, *, trigger: Trigger = Trigger.
     """The plan of a mission, from the track in its folder.
 
     Args:
-        world: its own.
+        world: the world of the mission.
 
     Raises:
         PaveTwinError: the world has no place on the earth, or the track is missing or damaged.
@@ -78,8 +82,8 @@ def plan_of_track(
 
     Args:
         rows: `x_m`, `y_m`, `altitude_m`, `mode` and `segment` of each sample, in order.
-        settings: that it was flown with.
-        name: of the plan.
+        settings: settings of the flight.
+        name: name of the plan.
     """
     inspect_mps = inspect_speed_mps(settings)
     speeds = {True: inspect_mps, False: settings.uav.transit_speed_mps}
@@ -100,7 +104,7 @@ def plan_of_track(
 
 
 def _way_home(world: World, settings: MissionSettings) -> WayHome:
-    """Shortest ways within the flight domain of the mission, which is read when the first is asked for."""
+    """Shortest ways within the flight domain of the mission, read at the first request."""
 
     @cache
     def mesh() -> NavMesh:
@@ -117,7 +121,7 @@ def _way_home(world: World, settings: MissionSettings) -> WayHome:
 
 def check_place(world: World) -> None:
     """Raises:
-    PaveTwinError: the world lies where networks without a place are put.
+    PaveTwinError: the world has no georeference of its own.
     """
     if world.georeference == anchored(*DEFAULT_ANCHOR_DEG):
         raise PaveTwinError(
@@ -134,7 +138,7 @@ def _rows(mission: MissionFolder) -> Sequence[Mapping[str, Any]]:
 
 
 def _flights(rows: Sequence[Mapping[str, Any]]) -> Iterator[list[_Sample]]:
-    """The samples on the route, by set of batteries: each set begins with a climb."""
+    """Samples on the route, per set of batteries: each set begins with a climb."""
     number, numbers = 0, []
     for before, row in pairwise([{"mode": None}, *rows]):
         number += row["mode"] == Mode.CLIMB and before["mode"] != Mode.CLIMB
@@ -156,7 +160,7 @@ def _sample(row: Mapping[str, Any]) -> _Sample:
 
 
 def _closing(route: Sequence[_Sample]) -> _Sample:
-    """Above the take-off point, where the flight ends."""
+    """The end of the flight, above the take-off point."""
     first, last = route[0], route[-1]
     return _Sample(first.x_m, first.y_m, last.height_m, photographs=False, segment=None)
 
@@ -182,7 +186,7 @@ def _flight(samples: Sequence[_Sample], speeds: Mapping[bool, float], place: Geo
 
 
 def _parts(samples: Sequence[_Sample]) -> Iterator[list[_Sample]]:
-    """Stretches that are flown alike, simplified, each without its end, with which the next begins."""
+    """Simplified stretches with the same settings, each without its end, which begins the next one."""
     edges = [0] + [i for i in range(1, len(samples)) if _kind(samples[i]) != _kind(samples[i - 1])] + [len(samples) - 1]
     for first, last in pairwise(dict.fromkeys(edges)):
         part = samples[first : last + 1]
@@ -197,8 +201,8 @@ def _kind(sample: _Sample) -> tuple[bool, str | None, float]:
 
 
 def _without_short_legs(samples: Sequence[_Sample]) -> list[_Sample]:
-    """The first, the last, and of what is close together what changes whether the camera is on; a shorter leg is left
-    only at the first."""
+    """Samples without legs below `LEAST_LEG_M`. The first, the last and those that switch the camera are kept; a shorter
+    leg is left only at the first."""
     kept = [samples[0]]
     for each in samples[1:]:
         changes = each.photographs != kept[-1].photographs or each is samples[-1]
@@ -211,7 +215,7 @@ def _without_short_legs(samples: Sequence[_Sample]) -> list[_Sample]:
 
 
 def _corners(samples: Sequence[_Sample]) -> list[float]:
-    """For each sample, from which distance the turn is flown: 0 where the aircraft stops."""
+    """For each sample, the distance at which the turn begins: 0 if the aircraft stops."""
     corners = [0.0]
     for before, here, after in zip(samples, samples[1:], samples[2:], strict=False):
         shorter_m = min(before.distance_m(here), here.distance_m(after))
@@ -234,6 +238,38 @@ def _remarks(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         yield f"Not in the plan, as reactions to the simulated traffic: {', '.join(words)}."
     if Mode.REVISIT in modes:
         yield (
-            "The ways to places that were visited again are kept, without stops and photographs, as other places are "
-            "hidden in other traffic; the policy baseline has none."
+            "The ways to revisited places are kept without stops and photographs, since other traffic hides other "
+            "places; the policy baseline has none."
         )
+
+
+def plan_of_selection(
+    world: World,
+    settings: MissionSettings,
+    *,
+    segments: Sequence[str] = (),
+    order: str = "near",
+    base: Point | None = None,
+    trigger: Trigger = Trigger.DISTANCE,
+    on_progress: Callable[[float], None] | None = None,
+) -> FlightPlan:
+    """Plan the inspection of segments.
+
+    Args:
+        segments: ids or street names; all reachable ones by default.
+        order: see `choose_targets`.
+        base: take-off point; that of the settings by default.
+        on_progress: called with the share done.
+
+    Raises:
+        PaveTwinError: the world has no place on the earth, a segment does not exist or cannot be reached, or the
+            settings do not fit.
+    """
+    check_place(world)
+    bare = settings.model_copy(update={"parking": settings.parking.model_copy(update={"enabled": False})})
+    environment = prepare(world, bare, defects=(), base=base)
+    targets = choose_targets(environment, names=segments, order=order)
+    check_reach(environment, bare, targets)
+    flown = fly_over(environment, EmptyStreets(), bare, targets, "baseline", on_progress=on_progress)
+    rows = track_table(flown).select(COLUMNS).cast({"mode": pl.String}).to_dicts()
+    return plan_of_track(rows, settings, world, name=world.name, trigger=trigger)

@@ -2,8 +2,7 @@
 
 from pavetwin.handover.contents import Handover, handover_of
 from pavetwin.handover.files import HANDOVER_FILES, check_target, write_handover
-from pavetwin.handover.of_study import advice_of, fly_recommended
-from pavetwin.handover.streets import CHOSEN, StreetAdvice
+from pavetwin.handover.of_study import CHOSEN, StreetAdvice, advice_of, fly_recommended
 
 __all__ = [
     "CHOSEN",

@@ -11,7 +11,7 @@ import polars.selectors as cs
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.units import SHOWN, content_of
 from pavetwin.flightplan import FlightPlan, Trigger, plan_of
-from pavetwin.handover.streets import StreetAdvice
+from pavetwin.handover.of_study import StreetAdvice
 from pavetwin.inventory.condition import with_detected
 from pavetwin.inventory.of_mission import flown
 from pavetwin.inventory.reading import Reading

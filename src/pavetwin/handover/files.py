@@ -1,11 +1,17 @@
 """The files of a handover, all or none."""
 
 import shutil
+import zipfile
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+import polars as pl
+
+from pavetwin import geo_files
 from pavetwin.draw import style
 from pavetwin.draw.condition_maps import RATING_COLOURS
 from pavetwin.draw.extent import credit
@@ -16,12 +22,51 @@ from pavetwin.handover.contents import Handover
 from pavetwin.handover.map import map_figure
 from pavetwin.handover.page import Page, page_of
 from pavetwin.handover.sheet import sheet_figure
-from pavetwin.handover.spreadsheet import write_workbook
 from pavetwin.inventory.files import write_inventory
 from pavetwin.inventory.listing import entries_of
 from pavetwin.mission.condition import write_units
 from pavetwin.reports.page import render
 from pavetwin.world.layers import LayerStyle, Symbol, columns_of, write_layer, write_styles
+
+_FIRST_DATE = (1980, 1, 1, 0, 0, 0)
+"""Of the workbook's parts: the earliest that the format knows, so that the same tables give the same bytes."""
+
+
+def write_workbook(sheets: Mapping[str, pl.DataFrame], path: Path) -> None:
+    """Write tables as sheets of a new file, in their order. Text stays text; a missing value is an empty cell.
+
+    Raises:
+        OSError: the disk is full or the folder cannot be written.
+    """
+    pyogrio = geo_files.pyogrio()
+    path.unlink(missing_ok=True)
+    try:
+        for name, table in sheets.items():
+            values, empty = columns_of(table)
+            pyogrio.raw.write(
+                path,
+                geometry=None,
+                field_data=list(values.values()),
+                fields=np.array(list(values), dtype=object),
+                field_mask=[empty.get(column) for column in values],
+                layer=name,
+                driver="XLSX",
+                geometry_type=None,
+                crs=None,
+                append=path.exists(),
+            )
+    except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, RuntimeError) as error:
+        raise OSError(f"{path.name} could not be written ({error})") from error
+    _fix_dates(path)
+
+
+def _fix_dates(path: Path) -> None:
+    packed = BytesIO()
+    with zipfile.ZipFile(path) as source, zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as target:
+        for part in source.infolist():
+            target.writestr(zipfile.ZipInfo(part.filename, _FIRST_DATE), source.read(part), zipfile.ZIP_DEFLATED)
+    path.write_bytes(packed.getvalue())
+
 
 PAGE: Final = "handover.html"
 SHEET: Final = "handover.pdf"

@@ -8,8 +8,8 @@ import json
 from collections.abc import Iterator
 from typing import Any, Final
 
-from pavetwin.flightplan.formats.base import PlanFormat, plan_format
-from pavetwin.flightplan.model import STRAIGHT_DOWN_DEG, FlightPlan, PlannedFlight, Trigger, Waypoint
+from pavetwin.flightplan.flight_plan import STRAIGHT_DOWN_DEG, FlightPlan, PlannedFlight, Trigger, Waypoint
+from pavetwin.flightplan.formats.plan_files import PlanFormat, plan_format
 
 PX4: Final = 12
 """MAV_AUTOPILOT_PX4."""
@@ -21,16 +21,16 @@ CHANGE_SPEED, AIM_GIMBAL, TRIGGER_DISTANCE = 178, 205, 206
 START_CAPTURE, STOP_CAPTURE = 2000, 2001
 
 MISSION_FRAME, RELATIVE_FRAME = 2, 3
-"""MAV_FRAME_MISSION, of commands without a place, and MAV_FRAME_GLOBAL_RELATIVE_ALT: above the take-off point."""
+"""MAV_FRAME_MISSION for commands without a place, and MAV_FRAME_GLOBAL_RELATIVE_ALT (above the take-off point)."""
 
 AIM_BY_ANGLES: Final = 2
 """MAV_MOUNT_MODE_MAVLINK_TARGETING."""
 
 PASSED_M: Final = 0.5
-"""Acceptance radius of waypoints at which the aircraft stops."""
+"""Acceptance radius of waypoints with a stop."""
 
 STOP_S: Final = 1.0
-"""Hold time of those waypoints: with none, the autopilot turns as soon as it is within the radius."""
+"""Hold time at those waypoints: without it the autopilot turns once it is within the radius."""
 
 ABOVE_TAKE_OFF: Final = 1
 """QGroundControl's altitude mode."""

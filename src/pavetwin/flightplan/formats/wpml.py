@@ -12,8 +12,8 @@ from typing import Final
 from xml.etree import ElementTree
 
 from pavetwin.errors import PaveTwinError, no_such
-from pavetwin.flightplan.formats.base import PlanFormat, number_text, plan_format
-from pavetwin.flightplan.model import STRAIGHT_DOWN_DEG, FlightPlan, PlannedFlight, Trigger, Waypoint
+from pavetwin.flightplan.flight_plan import STRAIGHT_DOWN_DEG, FlightPlan, PlannedFlight, Trigger, Waypoint
+from pavetwin.flightplan.formats.plan_files import PlanFormat, number_text, plan_format
 
 KML: Final = "http://www.opengis.net/kml/2.2"
 WPML: Final = "http://www.dji.com/wpmz/1.0.2"
@@ -46,7 +46,7 @@ DRONES: Final = {
 (`visable` is DJI's spelling)."""
 
 LOWEST_TAKE_OFF_M: Final = 1.2
-"""DJI's range of `takeOffSecurityHeight` begins here."""
+"""Least `takeOffSecurityHeight` of DJI's plans."""
 
 SPEEDS_MPS: Final = (1.0, 15.0)
 """DJI's range of `waypointSpeed`, `autoFlightSpeed` and `globalTransitionalSpeed`."""
@@ -74,7 +74,7 @@ def drone_named(name: str | None) -> Drone:
     """An aircraft for DJI's plans.
 
     Raises:
-        PaveTwinError: its numbers are not known here.
+        PaveTwinError: the drone is unknown.
     """
     if name not in DRONES:
         raise PaveTwinError(no_such("drone of DJI's plans", name or "none", DRONES, key="`drone`"))
@@ -168,7 +168,8 @@ def _waylines(plan: FlightPlan, flight: PlannedFlight, drone: Drone) -> Sequence
 
 
 def _configuration(flight: PlannedFlight, drone: Drone) -> Sequence[Node]:
-    """Lands where the path ends, above the take-off point: `goHome` would fly there straight, at another height."""
+    """Mission settings. The aircraft lands where the path ends, above the take-off point: `goHome` would fly there
+    straight, at another height."""
     return [
         ("flyToWaylineMode", "safely"),
         ("finishAction", "autoLand"),
@@ -207,8 +208,8 @@ def _coordinates(waypoint: Waypoint) -> str:
 
 
 def _actions(plan: FlightPlan, flight: PlannedFlight, number: int, drone: Drone) -> Iterator[Node]:
-    """Groups that begin at a waypoint: the camera turned down at the first, photographs where a photographed stretch
-    begins, up to where it ends."""
+    """Action groups that begin at a waypoint: the camera turned down at the first, photographs over a photographed
+    stretch."""
     waypoints = flight.waypoints
     if number == 0:
         turn: list[Node] = [

@@ -1,21 +1,58 @@
-"""Writing a plan: a file for each flight and format."""
+"""Plan formats, their registry, and writing a plan: one file per flight and format."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Sequence
 from pathlib import Path
 from re import escape, fullmatch
+from typing import ClassVar
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import unwritable, writing
-from pavetwin.flightplan.formats import PLAN_FORMATS, PlanFormat
-from pavetwin.flightplan.model import FlightPlan
-from pavetwin.flightplan.parts import parts_of
+from pavetwin.flightplan.flight_plan import FlightPlan, PlannedFlight, Waypoint, parts_of
+from pavetwin.registry import Registry
+
+
+class PlanFormat(ABC):
+    """A file format of plans: one file per flight, or several for a flight with too many waypoints for one."""
+
+    suffix: ClassVar[str]
+    """End of the file name, with its dot."""
+    most_waypoints: ClassVar[int | None] = None
+    """Largest number of waypoints per file; a longer flight is written in parts."""
+
+    def __init__(self, drone: str | None = None) -> None:
+        """Args:
+        drone: name of the aircraft, for formats that state it.
+        """
+        self.drone = drone
+
+    @abstractmethod
+    def write(self, plan: FlightPlan, flight: PlannedFlight) -> bytes:
+        """Content of the file of one flight with at most `most_waypoints` waypoints."""
+
+
+PLAN_FORMATS: Registry[type[PlanFormat]] = Registry(
+    "format of flight plans", key="format", group="pavetwin.plan_formats", home="pavetwin.flightplan.formats"
+)
+plan_format = PLAN_FORMATS.register
+"""Register a format under a name for `pavetwin plan export --format`."""
+
+
+def number_text(value: float) -> str:
+    """A number without exponent and trailing zeros."""
+    return f"{value:.8f}".rstrip("0").rstrip(".")
+
+
+def is_last(flight: PlannedFlight, waypoint: Waypoint) -> bool:
+    """True for the last waypoint of a flight."""
+    return waypoint is flight.waypoints[-1]
 
 
 def save_plan(plan: FlightPlan, folder: Path, formats: Sequence[PlanFormat]) -> list[Path]:
     """Write `flight-1.plan`, `flight-2.plan` and so on; parts of a flight are `flight-1-part-1` and so on.
 
-    Nothing is written where a format cannot hold the plan. Files of an earlier export into the folder, in any format,
-    are removed: nobody should fly flight 3 of a plan that has two.
+    Nothing is written if a format cannot hold the plan. Files of an earlier export into the folder, in any format, are
+    removed, so that no flight 3 is left next to a plan of two.
 
     Returns:
         The files.
@@ -39,7 +76,7 @@ def save_plan(plan: FlightPlan, folder: Path, formats: Sequence[PlanFormat]) -> 
 
 
 def remark_on_parts(files: Sequence[Path]) -> str | None:
-    """What a pilot must know where flights are in parts, as a sentence; None where none is."""
+    """A sentence for the pilot about flights in parts; None if there are none."""
     count = sum("-part-" in path.name for path in files)
     if not count:
         return None
@@ -51,14 +88,14 @@ def remark_on_parts(files: Sequence[Path]) -> str | None:
 
 def check_folder(folder: Path) -> None:
     """Raises:
-    PaveTwinError: a file is in the place of the folder.
+    PaveTwinError: the path is a file.
     """
     if folder.exists() and not folder.is_dir():
         raise PaveTwinError(f"`output` {folder}: it is a file; name a folder.")
 
 
 def _remove_earlier(folder: Path, names: Collection[str]) -> None:
-    """Remove the files of plans that are not named, and no other files."""
+    """Remove all files of plans but the named ones."""
     suffixes = "|".join(escape(PLAN_FORMATS.get(name).suffix) for name in PLAN_FORMATS.names())
     for path in folder.glob("flight-*"):
         if path.name not in names and fullmatch(rf"flight-\d+(-part-\d+)?({suffixes})", path.name):
