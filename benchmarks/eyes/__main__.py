@@ -1,19 +1,14 @@
-"""`python -m benchmarks.eyes STUDY [--plot FILE]` or `… --missions FOLDER [--captures DATASET …]`: answers by sensor.
+"""`python -m benchmarks.eyes`: assumed recall, fitted sensor and detector compared (docs/explanation/results.md).
 
-    python -m benchmarks.eyes out/eyes/study --plot docs/images/eyes.svg
+    python -m benchmarks.eyes out/eyes/study --plot docs/images/eyes.png
 
-prints the tables of docs/explanation/results.md, of a study by `recipes/eyes.yaml`;
+prints the tables of a study by `benchmarks/eyes/study.yaml`;
 
     python -m benchmarks.eyes --fly out/eyes/missions town:201 berlin.osm
     python -m benchmarks.eyes --missions out/eyes/missions --captures datasets/town-test --plot agreement.png
-    python -m benchmarks.eyes --inventories out/eyes/missions --only grid-202 town-201
-    python -m benchmarks.eyes --entries out/eyes/missions out/eyes/usual
-    python -m benchmarks.eyes --repeated out/eyes/repeated --plot docs/images/repeated.png
 
-flies the sensor `detector` over a street of each town in each density, and compares what it found with the fitted
-sensor, of each town with one that was fitted to the others and to datasets of `pavetwin capture`; and compares the
-inventories of these missions with what is there, and judges their entries by a regression over the other towns. The
-last compares how often repeated looks find one defect with the sensor that ships, which must not be fitted to them.
+flies the sensor `detector` over a street of each town in each density, and compares the results of each town with a
+sensor fitted to the other towns and to datasets of `pavetwin capture`.
 """
 
 import argparse
@@ -22,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.eyes import agreement, entries, grid, inventories, plot, repeated, tables
+from benchmarks.eyes import agreement, grid, plot, tables
 from pavetwin.capture.looks import looks_of
 from pavetwin.cli.console import fail, out, progress
 from pavetwin.errors import PaveTwinError
@@ -33,23 +28,17 @@ from pavetwin.perception.shipped import DEFAULT, model_path
 def main(arguments: Sequence[str] | None = None) -> int:
     """The exit code."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.eyes", description=__doc__.splitlines()[0])
-    parser.add_argument("study", nargs="?", type=Path, help="folder of a study by recipes/eyes.yaml")
+    parser.add_argument("study", nargs="?", type=Path, help="folder of a study by benchmarks/eyes/study.yaml")
     parser.add_argument("--fly", nargs="+", metavar="FOLDER TOWN", help="fly over these towns: KIND:SEED, or a map")
     parser.add_argument("--policies", nargs="+", default=["baseline", "hover", "micro", "skip"], help="to fly")
     parser.add_argument("--densities", nargs="+", default=[*grid.DENSITIES], choices=grid.DENSITIES, help="to fly in")
     parser.add_argument("--altitudes", nargs="+", type=float, default=grid.STUDY["altitudes_m"], help="to fly at")
-    parser.add_argument(
-        "--model", default=DEFAULT, help="the detector, of --repeated its fitted sensor: one that ships, or a file"
-    )
+    parser.add_argument("--model", default=DEFAULT, help="a detector that ships, or a file")
     parser.add_argument("--damage", default="paper", choices=["paper", "survey"], help="to place")
     parser.add_argument("--light", nargs="+", default=[], metavar="NAME=VALUE", help="as time=14:00 clouds=0.7")
-    parser.add_argument("--missions", type=Path, help="what --fly flew")
-    parser.add_argument("--captures", nargs="*", type=Path, default=[], help="datasets to fit to as well")
-    parser.add_argument("--inventories", type=Path, help="what --fly flew: compare its inventories with what is there")
-    parser.add_argument("--entries", nargs="*", type=Path, default=[], help="what --fly flew: judge its entries")
-    parser.add_argument("--repeated", type=Path, help="what --fly flew over the same streets from several heights")
-    parser.add_argument("--only", nargs="*", default=[], metavar="TOWN", help="of these towns")
-    parser.add_argument("--plot", type=Path, help="also draw the picture")
+    parser.add_argument("--missions", type=Path, help="folder of missions flown by --fly")
+    parser.add_argument("--captures", nargs="*", type=Path, default=[], help="further datasets to fit to")
+    parser.add_argument("--plot", type=Path, help="file of the figure")
     asked = parser.parse_args(arguments)
     try:
         if asked.fly:
@@ -64,20 +53,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
             _fly(Path(asked.fly[0]), asked.fly[1:], asked.densities, varied, under)
         if asked.missions is not None:
             _compare(asked.missions, asked.captures, asked.model, asked.plot)
-        if asked.inventories is not None:
-            folders = [
-                folder
-                for town, folder in agreement.read_grid(asked.inventories)
-                if town in asked.only or not asked.only
-            ]
-            out.print(inventories.markdown(*inventories.inventories(folders)), markup=False)
-        if asked.entries:
-            missions = entries.judged([folder for each in asked.entries for _, folder in agreement.read_grid(each)])
-            for each in asked.entries:
-                here = [mission for mission in missions if each in mission.folder.parents]
-                out.print(f"{each}:\n{entries.markdown(here)}", markup=False)
-        if asked.repeated is not None:
-            out.print(repeated.compare(asked.repeated, asked.model, asked.plot), markup=False)
         if asked.study is not None:
             table = Store(asked.study).table()
             out.print(tables.answers(table), markup=False)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pavetwin.capture.recipe import JOINED, SyntheticRecipe, SyntheticSummary, build_synthetic
+from pavetwin.capture.recipe import CAPTURES, JOINED, SyntheticRecipe, SyntheticSummary, build_synthetic
 from pavetwin.cli.data_build import _parts
 from pavetwin.errors import PaveTwinError
 from pavetwin.training.datasets.packs import read_examples
@@ -116,7 +116,7 @@ def test_all_splits_that_are_asked_for_are_packed(output: Path, tmp_path: Path) 
     [
         ("seed: 4", "seed: 4\nimages: 3", "unknown key 'images'"),
         ("{map: cross.osm, split: test,", "{split: test,", r"worlds\.east: give either generate or map"),
-        ("densities: [medium]", "split: [1, 0, 0]", r"captures\.air\.split: the recipe says it"),
+        ("densities: [medium]", "split: [1, 0, 0]", r"captures\.air\.split: give the `split` of each world"),
         ("split: test", "split: all", r"worlds\.east\.split"),
         ("images: 3,", "images: 3, images_of: {all: 2},", r"captures\.air\.images_of\.all"),
         ("images: 3,", "images: 3, images_of: {test: 0},", r"captures\.air\.images_of\.test"),
@@ -144,13 +144,18 @@ def test_a_missing_map_is_refused_before_anything_is_built(tmp_path: Path) -> No
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("name", ["synthetic", "mixed", "real"])
-def test_the_recipes_of_the_project_are_read(name: str) -> None:
-    """Where there are worlds there are at least eight, and streets that no training image shows."""
-    photographs, synthetic, packed = _parts(Path(__file__).parents[2] / "recipes" / f"{name}.yaml")
-    assert packed is not None
-    assert packed.most_mb <= 60
-    assert (photographs is None, synthetic is None) == (name == "synthetic", name == "real")
-    if synthetic is not None:
-        assert len(synthetic.worlds) >= 8
-        assert {world.split for world in synthetic.worlds.values()} == {"train", "val", "test"}
+def test_a_capture_is_limited_to_some_worlds_with_a_seed_of_its_own(tmp_path: Path) -> None:
+    more = "  more: {worlds: [west], seed: 7, platforms: [uav], images: 1, altitudes_m: [5], size_px: [128, 128]}\n"
+    synthetic = recipe(tmp_path, RECIPE.replace("seed: 4", f"{more}seed: 4"))
+    build(tmp_path, synthetic)
+    assert {folder.name for folder in (tmp_path / "out" / CAPTURES).iterdir()} == {"west-air", "east-air", "west-more"}
+    assert synthetic.captures["more"].of_world("train", 4).seed == 7
+    assert synthetic.captures["air"].of_world("train", 4).seed == 4
+    with pytest.raises(PaveTwinError, match=r"captures.more.worlds.*'wets'"):
+        recipe(tmp_path, RECIPE.replace("seed: 4", f"{more.replace('west', 'wets')}seed: 4"))
+
+
+@pytest.mark.parametrize(("name", "splits"), [("rendered", 3), ("frames", 1), ("maps", 1), ("photographs", 0)])
+def test_the_recipes_of_the_project_are_read(name: str, splits: int) -> None:
+    _, synthetic, _ = _parts(Path(__file__).parents[2] / "recipes" / f"{name}.yaml")
+    assert len({world.split for world in synthetic.worlds.values()} if synthetic is not None else ()) == splits

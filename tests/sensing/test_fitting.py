@@ -11,7 +11,6 @@ import numpy as np
 import polars as pl
 import pytest
 import statsmodels.api as sm
-from benchmarks.eyes.repeated import likelihood
 from scipy.special import ndtr
 from scipy.stats import chi2
 
@@ -118,17 +117,6 @@ def test_repeated_looks_follow_the_model_and_not_independence() -> None:
         return float(((seen.observed - expected) ** 2 / expected).sum())
 
     assert off(seen.fitted) < chi2.ppf(0.999, 3) < 100 < off(seen.independent)
-
-
-def test_the_likelihood_of_all_looks_is_largest_at_the_spread_that_they_were_drawn_with() -> None:
-    true = stated(spread=1.5)
-    looks = drawn_looks(true, 300, 4, seed=6).looks
-    chance, found = chances_of(true, looks), looks["found"].to_numpy()
-    alone = float(np.log(np.where(found, chance, 1 - chance)).sum())
-    assert likelihood(true, looks, 0.0) == pytest.approx(alone)
-    told = {spread: likelihood(true, looks, spread) for spread in (0.0, 0.7, 1.5, 3.0)}
-    assert max(told, key=lambda spread: told[spread]) == 1.5
-    assert told[1.5] > told[0.0] + 50
 
 
 def test_false_alarms_are_those_of_a_poisson_regression() -> None:

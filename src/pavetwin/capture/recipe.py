@@ -20,7 +20,7 @@ from pavetwin.capture.settings import CaptureSettings
 from pavetwin.config.settings import Settings
 from pavetwin.defects import DefectOptions
 from pavetwin.defects.placement import build_folder
-from pavetwin.errors import PaveTwinError
+from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.files import file_sha256, link_or_copy, working_in, writing
 from pavetwin.labels import SPLITS
 from pavetwin.mission.inputs import OnProgress
@@ -99,9 +99,6 @@ Name = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
 
 Split = Literal["train", "val", "test"]
 
-_OF_WORLD: Final = ("split", "seed")
-"""Settings of captures that the recipe or the world decides."""
-
 
 class RecipeWorld(Settings):
     """One world of a recipe."""
@@ -122,19 +119,24 @@ class RecipeWorld(Settings):
 
 
 class RecipeCapture(CaptureSettings):
-    """One capture of every world."""
+    """A capture of every world, or of some."""
 
+    worlds: tuple[Name, ...] = Field(default=(), description="Worlds to capture; default: all.")
     images_of: dict[Split, Annotated[int, Field(ge=1, le=10_000_000)]] = Field(
         default={}, description="Images of each world of a split, in place of `images`: more of what is rare to train."
     )
 
     def of_world(self, split: Split, seed: int) -> CaptureSettings:
-        """The settings for a world of that split, which has no other split, with the recipe's seed."""
-        given = {name: getattr(self, name) for name in self.model_fields_set if name != "images_of"}
+        """Settings for a world, all of whose images belong to one split.
+
+        Args:
+            seed: seed of the recipe, used unless the capture has its own.
+        """
+        given = {name: getattr(self, name) for name in self.model_fields_set - {"images_of", "worlds"}}
         decided = {
             "images": self.images_of.get(split, self.images),
             "split": tuple(float(each == split) for each in SPLITS),
-            "seed": seed,
+            "seed": given.get("seed", seed),
             "formats": tuple(dict.fromkeys((*given.get("formats", ()), "coco"))),
         }
         return CaptureSettings(**{**given, **decided})
@@ -144,15 +146,17 @@ class SyntheticRecipe(Settings):
     """What synthetic images are made of."""
 
     worlds: dict[Name, RecipeWorld] = Field(min_length=1, description="Worlds by name.")
-    captures: dict[Name, RecipeCapture] = Field(min_length=1, description="Captures of every world, by name.")
+    captures: dict[Name, RecipeCapture] = Field(min_length=1, description="Captures by name.")
     seed: int = Field(default=0, ge=0, description="Random seed of places, light, traffic and parked vehicles.")
 
     @model_validator(mode="after")
     def _leave_to_the_recipe(self) -> Self:
         for name, given in self.captures.items():
-            for key in _OF_WORLD:
-                if key in given.model_fields_set:
-                    raise ValueError(f"captures.{name}.{key}: the recipe says it, as `seed` and the worlds' `split`")
+            if "split" in given.model_fields_set:
+                raise ValueError(f"captures.{name}.split: give the `split` of each world instead")
+            for world in given.worlds:
+                if world not in self.worlds:
+                    raise ValueError(no_such("world", world, self.worlds, key=f"captures.{name}.worlds"))
         return self
 
 
@@ -193,6 +197,7 @@ def build_synthetic(
         (name, what, given.of_world(world.split, recipe.seed))
         for name, world in recipe.worlds.items()
         for what, given in recipe.captures.items()
+        if name in (given.worlds or recipe.worlds)
     ]
     for _, _, settings in every:
         load_plugins(tuple(map(Path, settings.plugins)))
