@@ -45,9 +45,11 @@ def track(*steps: Step, height_m: float = 10.0) -> list[dict[str, Any]]:
     return rows
 
 
-def planned(rows: list[dict[str, Any]], folder: Path, world: Any = WORLD) -> FlightPlan:
-    pl.DataFrame(rows, infer_schema_length=None).write_parquet(folder / "track.parquet")
-    mission: Any = SimpleNamespace(path=folder / "mission.yaml", spec=SimpleNamespace(settings=load_settings()))
+def planned(rows: list[dict[str, Any]], world: Any = WORLD) -> FlightPlan:
+    spec = SimpleNamespace(settings=load_settings())
+    mission: Any = SimpleNamespace(
+        folder=Path("mission"), name="mission", spec=spec, track=pl.DataFrame(rows, infer_schema_length=None)
+    )
     return plan_of(mission, world)
 
 
@@ -60,8 +62,8 @@ OUT_AND_BACK: tuple[Step, ...] = (
 )
 
 
-def test_a_pass_is_photographed_and_the_ways_to_it_are_not(tmp_path: Path) -> None:
-    plan = planned(track(*OUT_AND_BACK), tmp_path)
+def test_a_pass_is_photographed_and_the_ways_to_it_are_not() -> None:
+    plan = planned(track(*OUT_AND_BACK))
     (flight,) = plan.flights
     assert places(flight) == [(0, 0), (60, 0), (60, 90), (0, 0)]
     assert [each.photographs for each in flight.waypoints] == [False, True, False, False]
@@ -74,8 +76,8 @@ def test_a_pass_is_photographed_and_the_ways_to_it_are_not(tmp_path: Path) -> No
     assert plan.remarks == ()
 
 
-def test_each_set_of_batteries_is_a_flight(tmp_path: Path) -> None:
-    plan = planned(track(*OUT_AND_BACK, ("swap", 0, 0), *OUT_AND_BACK), tmp_path)
+def test_each_set_of_batteries_is_a_flight() -> None:
+    plan = planned(track(*OUT_AND_BACK, ("swap", 0, 0), *OUT_AND_BACK))
     assert [places(flight) for flight in plan.flights] == [[(0, 0), (60, 0), (60, 90), (0, 0)]] * 2
 
 
@@ -87,25 +89,25 @@ def test_each_set_of_batteries_is_a_flight(tmp_path: Path) -> None:
         ((("avoid", 55, 40), ("avoid", 60, 40)), "giving way"),
     ],
 )
-def test_reactions_to_the_traffic_are_left_out_and_told(tmp_path: Path, reaction: tuple[Step, ...], told: str) -> None:
+def test_reactions_to_the_traffic_are_left_out_and_told(reaction: tuple[Step, ...], told: str) -> None:
     steps = (*OUT_AND_BACK[:2], ("inspect", 60, 40), *reaction, *OUT_AND_BACK[2:])
-    plan = planned(track(*steps), tmp_path)
+    plan = planned(track(*steps))
     assert places(plan.flights[0]) == [(0, 0), (60, 0), (60, 90), (0, 0)]
     assert [each.photographs for each in plan.flights[0].waypoints] == [False, True, False, False]
     assert told in plan.remarks[0]
 
 
-def test_the_way_of_a_revisit_is_kept_without_photographs(tmp_path: Path) -> None:
+def test_the_way_of_a_revisit_is_kept_without_photographs() -> None:
     steps = (*OUT_AND_BACK[:3], ("revisit", 60, 30), ("revisit", 60, 30), ("home", 0, 30), ("home", 0, 0))
-    plan = planned(track(*steps), tmp_path)
+    plan = planned(track(*steps))
     assert places(plan.flights[0]) == [(0, 0), (60, 0), (60, 90), (60, 30), (0, 30), (0, 0)]
     assert [each.photographs for each in plan.flights[0].waypoints] == [False, True, False, False, False, False]
     assert "visited again" in plan.remarks[0]
 
 
-def test_gentle_bends_are_flown_past_and_sharp_ones_stopped_at(tmp_path: Path) -> None:
+def test_gentle_bends_are_flown_past_and_sharp_ones_stopped_at() -> None:
     steps: tuple[Step, ...] = (("climb", 0, 0), ("transit", 60, 0), ("transit", 120, 15), ("transit", 120, 75))
-    corners = [each.corner_m for each in planned(track(*steps, ("home", 0, 0)), tmp_path).flights[0].waypoints]
+    corners = [each.corner_m for each in planned(track(*steps, ("home", 0, 0))).flights[0].waypoints]
     assert corners == [0, 1, 0, 0, 0]
 
 
@@ -116,10 +118,10 @@ def test_gentle_bends_are_flown_past_and_sharp_ones_stopped_at(tmp_path: Path) -
         max_size=12,
     )
 )
-def test_the_plan_follows_the_track(tmp_path_factory: pytest.TempPathFactory, ways: list[Step]) -> None:
+def test_the_plan_follows_the_track(ways: list[Step]) -> None:
     rows = track(("climb", 0, 0), *ways, ("home", 0, 0), ("land", 0, 0))
     assume(max(hypot(row["x_m"], row["y_m"]) for row in rows) > 1)
-    (flight,) = planned(rows, tmp_path_factory.getbasetemp()).flights
+    (flight,) = planned(rows).flights
     xy = from_wgs84(PLACE, flight.lonlat)
     flown = list(dict.fromkeys((float(row["x_m"]), float(row["y_m"])) for row in rows))
     short_leg_m = 0.6  # with the tolerance
@@ -129,12 +131,6 @@ def test_the_plan_follows_the_track(tmp_path_factory: pytest.TempPathFactory, wa
 
 
 @pytest.mark.parametrize("world", [SimpleNamespace(name="town", georeference=anchored(0.0, 0.0))])
-def test_a_world_without_a_place_is_refused(tmp_path: Path, world: Any) -> None:
+def test_a_world_without_a_place_is_refused(world: Any) -> None:
     with pytest.raises(PaveTwinError, match="'town' has no place on the earth"):
-        planned(track(*OUT_AND_BACK), tmp_path, world)
-
-
-def test_a_missing_track_is_told(tmp_path: Path) -> None:
-    mission: Any = SimpleNamespace(path=tmp_path / "mission.yaml", spec=SimpleNamespace(settings=load_settings()))
-    with pytest.raises(PaveTwinError, match="the track of the mission; fly it again"):
-        plan_of(mission, WORLD)
+        planned(track(*OUT_AND_BACK), world)

@@ -201,8 +201,8 @@ def _kind(sample: _Sample) -> tuple[bool, str | None, float]:
 
 
 def _without_short_legs(samples: Sequence[_Sample]) -> list[_Sample]:
-    """Samples without legs below `LEAST_LEG_M`. The first, the last and those that switch the camera are kept; a shorter
-    leg is left only at the first."""
+    """Samples without legs below `LEAST_LEG_M`. The first, the last and those that switch the camera are kept; only the
+    first leg may be shorter."""
     kept = [samples[0]]
     for each in samples[1:]:
         changes = each.photographs != kept[-1].photographs or each is samples[-1]
