@@ -102,7 +102,7 @@ def test_the_way_of_a_revisit_is_kept_without_photographs() -> None:
     plan = planned(track(*steps))
     assert places(plan.flights[0]) == [(0, 0), (60, 0), (60, 90), (60, 30), (0, 30), (0, 0)]
     assert [each.photographs for each in plan.flights[0].waypoints] == [False, True, False, False, False, False]
-    assert "visited again" in plan.remarks[0]
+    assert "revisited places" in plan.remarks[0]
 
 
 def test_gentle_bends_are_flown_past_and_sharp_ones_stopped_at() -> None:
