@@ -207,7 +207,7 @@ GRID = ("world", "build", "--generate", "grid", "-o", "worlds/grid")
         (("sensor", "check", "idael"), "Error: sensor check: no sensor 'idael' (did you mean 'ideal'?);"),
         (("policy", "check", "mine.py"), "Error: policy check: 'mine.py' lacks the name of the class;"),
         (("defect", "check", "potole"), "Error: defect check: no defect class 'potole' (did you mean 'pothole'?);"),
-        (("defect", "check", "potole"), "One of your own goes by its file, as in my_class.py:ravelling."),
+        (("defect", "check", "potole"), "Name a class of your own by its file, as in my_class.py:ravelling."),
         ((*GRID, "--segment-length", "-5"), "Error: --segment-length: it must be greater than or equal to 40"),
         ((*GRID, "--defects-per-100-m2", "-1"), "Error: --defects-per-100-m2: it must be greater than or equal to 0"),
         ((*GRID, "--defect-mix", "hole=3"), "Error: --defect-mix: no defect class 'hole' (did you mean 'pothole'?);"),

@@ -408,7 +408,7 @@ def test_the_command_writes_and_says_what(tmp_path: Path) -> None:
     assert result.exception is None, result.output
     assert target.read_bytes()[:4] == b"glTF"
     assert json.dumps(read_glb(target).document["asset"]["extras"]["texel_m"]) == "0.5"
-    assert "50 cm a texel" in result.output
+    assert "50 cm per texel" in result.output
     parked = re.search(r"(\d+) agents and parked vehicles", result.output)
     assert parked is not None
     assert int(parked[1]) > 3

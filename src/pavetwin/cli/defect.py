@@ -1,4 +1,4 @@
-"""`pavetwin defect …`: which defect classes there are, and whether your own keeps the rules."""
+"""`pavetwin defect …`: list defect classes, and check your own."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -27,7 +27,7 @@ EVEN_SD = 3.0
 
 @app.command("list")
 def list_registered() -> None:
-    """Name the defect classes and what each is.
+    """List the defect classes with a description of each.
 
     \b
     pavetwin defect list --plugin my_class.py
@@ -46,7 +46,7 @@ def check(
     ],
     verbose: Annotated[bool, typer.Option("--verbose", help="List every rule that a class breaks.")] = False,
 ) -> None:
-    """Draw 50 shapes of a class: does it keep the rules, how large are they, and what is labelled?
+    """Draw 50 shapes of a class, and report broken rules, sizes and label thresholds.
 
     \b
     pavetwin defect check examples/rutting.py
@@ -83,7 +83,7 @@ def _classes(name: str) -> "list[DefectKind]":
         if not file.endswith(".py"):
             if name not in (known := DEFECT_CLASSES.names()):
                 unknown = no_such(DEFECT_CLASSES.what, name, known, key=KEY)
-                raise PaveTwinError(f"{unknown} One of your own goes by its file, as in my_class.py:ravelling.")
+                raise PaveTwinError(f"{unknown} Name a class of your own by its file, as in my_class.py:ravelling.")
             return [DEFECT_CLASSES.get(name)]
         load_plugins([file], check=False)
         own = [known for what, known in registered_in(Path(file)) if what == DEFECT_CLASSES.what]
@@ -95,7 +95,7 @@ def _classes(name: str) -> "list[DefectKind]":
 
 
 def _sizes(name: str, trials: "Sequence[TriedShape]") -> "Table":
-    """A row a size: least, median and largest of the shapes."""
+    """Row of each size: least, median and largest of the shapes."""
     from statistics import median
 
     from rich.table import Table
@@ -119,12 +119,12 @@ def _sizes(name: str, trials: "Sequence[TriedShape]") -> "Table":
 
 
 def _short(value: float) -> str:
-    """Three digits, and no exponent."""
+    """Number with three digits and no exponent."""
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
 def _described(kind: "DefectKind", trials: "Sequence[TriedShape]") -> list[str]:
-    """Severities, room, and from which size and contrast it is labelled."""
+    """Severities, room, and the least size and contrast of labels."""
     from statistics import median
 
     from pavetwin.uav import find_camera

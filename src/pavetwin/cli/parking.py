@@ -10,14 +10,14 @@ Parking = Annotated[
     str | None,
     typer.Option(
         metavar="SHARE|by-time|none",
-        help="Share of the parking places that are taken, 0…1, by the daily curve of the date and time, or none. "
-        "Unless given by-time; none with the preset paper and in exports.",
+        help="Share of occupied parking places, 0…1; by-time: by the daily curve of the date and time; or none. "
+        "Default: by-time; none with the preset paper and in exports.",
     ),
 ]
 
 
 def parking_of(text: str) -> dict[str, Any]:
-    """Values for the settings' `parking`.
+    """Parse values for the settings' `parking`.
 
     Raises:
         PaveTwinError: the text is neither `none`, `by-time` nor a share.

@@ -42,7 +42,7 @@ def record(
     cache: CacheFolder = None,  # noqa: ARG001 - its callback does it
     force: Annotated[bool, typer.Option("--force", help="Record again, even if this traffic exists.")] = False,
 ) -> None:
-    """Record traffic over a world; what was recorded before from the same inputs is used again.
+    """Record traffic over a world; a recording of the same inputs is reused.
 
     \b
     pavetwin traffic record worlds/town --los E --mix east_asia --seed 1 --duration 600 -o busy.parquet
@@ -56,7 +56,7 @@ def record(
     from pavetwin.world.store import load_world
 
     if routes and mix is not None:
-        raise PaveTwinError("--mix: routes name the types of their vehicles; leave it out.")
+        raise PaveTwinError("--mix: routes name the types of their vehicles; omit it.")
     asked = _density(density, los, hour, vehicles_per_lane_km, pedestrians_per_sidewalk_km, mix, routes or [])
     loaded = load_world(world)
     started, simulated = time.perf_counter(), [False]
@@ -106,7 +106,7 @@ def export(
     file: Annotated[Path, typer.Argument(metavar="FILE.parquet", help="A recording.")],
     target: Annotated[Path, typer.Argument(help="The file to write, ending in .parquet or .csv.")],
     start: Annotated[float, typer.Option("--from", help="First moment, in seconds of the recording.")] = 0.0,
-    end: Annotated[float | None, typer.Option("--to", help="Last moment; the recording's end unless given.")] = None,
+    end: Annotated[float | None, typer.Option("--to", help="Last moment; default: the recording's end.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the file.")] = False,
 ) -> None:
     """Write a stretch of a recording as a table with a row for each agent and moment, as SUMO's floating car data.

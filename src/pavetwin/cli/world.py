@@ -34,23 +34,23 @@ def build(
         str | None,
         typer.Option(
             metavar="POPULATION",
-            help="Numbers, classes, sizes and positions of the defects: survey (as surveys of city streets find them), "
-            "paper (30 a segment), or a YAML file of your own.",
+            help="Numbers, classes, sizes and positions of the defects: survey (as in surveys of city streets), "
+            "paper (30 per segment), or a YAML file of your own.",
             show_default="survey",
         ),
     ] = None,
     defects_per_segment: Annotated[
-        float | None, typer.Option(help="Instead of the population's: the same number of defects on every segment.")
+        float | None, typer.Option(help="Equal number of defects on every segment, instead of the population's.")
     ] = None,
     defects_per_100_m2: Annotated[
         float | None,
-        typer.Option("--defects-per-100-m2", help="Instead: mean number of defects per 100 m² of the streets."),
+        typer.Option("--defects-per-100-m2", help="Mean number of defects per 100 m², instead of the population's."),
     ] = None,
     defect_mix: Annotated[
         str | None,
         typer.Option(
             metavar="CLASS=WEIGHT,…",
-            help="Classes of the defects and their weights, as in pothole=2,single_crack=1; unless given those of "
+            help="Classes of the defects and their weights, as in pothole=2,single_crack=1; default: those of "
             "the population.",
         ),
     ] = None,
@@ -62,7 +62,7 @@ def build(
         str,
         typer.Option(
             metavar="RULE",
-            help="Where one parks: europe, north_america, an own rule.yaml, or none; mapped places come first.",
+            help="Parking where the map has none: europe, north_america, a rule.yaml of your own, or none.",
         ),
     ] = "europe",
     force: Annotated[bool, typer.Option("--force", help="Replace an existing world.")] = False,
@@ -187,8 +187,8 @@ def _summary(world: "World", record: "BuildRecord") -> list[tuple[str, str]]:
     from pavetwin.world.segments import outside_words
 
     lon, lat = world.georeference.to_wgs84((world.base.x, world.base.y))
-    beside = with_roadside_base(world, UavSettings().radius_m).base
-    take_off = "{1:.5f}, {0:.5f}".format(*world.georeference.to_wgs84((beside.x, beside.y)))
+    roadside = with_roadside_base(world, UavSettings().radius_m).base
+    take_off = "{1:.5f}, {0:.5f}".format(*world.georeference.to_wgs84((roadside.x, roadside.y)))
     mapped = record.mapped
     lights = {thing.controller for thing in world.furniture if thing.controller}
     kinds = Counter(thing.kind.value for thing in world.furniture)
@@ -221,7 +221,7 @@ def _summary(world: "World", record: "BuildRecord") -> list[tuple[str, str]]:
 
 
 def _parking_rows(world: "World") -> list[tuple[str, str]]:
-    """Parking places by where they are from, and by how much of them lies on the carriageway."""
+    """Parking places by source, orientation, and share on the carriageway."""
     from pavetwin.world.parking.places import on_carriageway
 
     if not world.parking:
@@ -231,11 +231,11 @@ def _parking_rows(world: "World") -> list[tuple[str, str]]:
     orientations = Counter(place.orientation.value for place in world.parking)
     origins = [f"{sources[name]} {text}" for name, text in words.items() if sources[name]]
     shares = on_carriageway(world)
-    wholly, beside = int((shares > 0.95).sum()), int((shares < 0.05).sum())
+    wholly, off = int((shares > 0.95).sum()), int((shares < 0.05).sum())
     return [
         ("parking places", f"{len(world.parking)} ({', '.join(origins)})"),
         ("", ", ".join(f"{count} {name}" for name, count in sorted(orientations.items()))),
-        ("", f"{wholly} on the carriageway, {len(shares) - wholly - beside} partly, {beside} off it"),
+        ("", f"{wholly} on the carriageway, {len(shares) - wholly - off} partly, {off} off it"),
     ]
 
 

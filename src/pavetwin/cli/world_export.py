@@ -35,24 +35,22 @@ def export(
         str | None,
         typer.Option(metavar="ID|STREET", help='Only the surroundings of a segment or street: s0003, "Bell Lane".'),
     ] = None,
-    detail: Annotated[
-        str | None, typer.Option(help="Level of detail: low, medium or high; medium unless given.")
-    ] = None,
+    detail: Annotated[str | None, typer.Option(help="Level of detail: low, medium or high; default medium.")] = None,
     texel: Annotated[
-        float | None, typer.Option(help="Size of the ground's texels, in metres; by the level of detail unless given.")
+        float | None, typer.Option(help="Size of the ground's texels, in metres; default by the level of detail.")
     ] = None,
     traffic: Annotated[
-        Path | None, typer.Option(metavar="FILE.parquet", help="A recording, to show its traffic at one moment.")
+        Path | None, typer.Option(metavar="FILE.parquet", help="A recording whose traffic is shown at one moment.")
     ] = None,
     at: Annotated[
-        float | None, typer.Option(help="That moment, in seconds from the recording's beginning; 0 unless given.")
+        float | None, typer.Option(help="Moment of the traffic, in seconds from the recording's beginning; default 0.")
     ] = None,
     parking: Parking = None,
     date: Date = None,
     time: Time = None,
     clouds: Clouds = None,
     look: Annotated[
-        str, typer.Option(metavar="NAME|FILE.yaml", help="Of the streets: varied, uniform, or a YAML file.")
+        str, typer.Option(metavar="NAME|FILE.yaml", help="Appearance of the streets: varied, uniform, or a YAML file.")
     ] = "varied",
     seed: Annotated[
         int, typer.Option(help="Random seed of the appearance (colours, wear, leaves) and of parked vehicles.")
@@ -89,11 +87,11 @@ def export(
         of_one_file = {"detail": detail, "texel": texel, "traffic": traffic, "at": at, "parking": parking}
         of_one_file["dry-run"] = dry_run or None
         if wrong := [name for name, value in of_one_file.items() if value is not None]:
-            raise PaveTwinError(f"--{wrong[0]} is of an export to one file; leave it out, or --web.")
+            raise PaveTwinError(f"--{wrong[0]} applies to an export to one file; omit it or --web.")
         _to_folder(Scene(loaded, seed=seed, look=look), target, part, date, time, clouds, jobs, force, plugins)
         return
     if clouds is not None or force:
-        raise PaveTwinError(f"--{'force' if clouds is None else 'clouds'} is of an export with --web.")
+        raise PaveTwinError(f"--{'force' if clouds is None else 'clouds'} applies only with --web.")
     detail = detail or USUAL
     moment = _moment(loaded, traffic, at)
     parked = _parked(loaded, parking, date, time, seed, moment)
@@ -121,7 +119,7 @@ def export(
         )
     held = f"{made.tiles} tiles of 32 m, {made.defects} defects, {made.buildings} buildings"
     held += f", {made.agents} agents and parked vehicles" if made.agents else ""
-    out.line(f"Written to {target}: {made.bytes / 1e6:.1f} MB; {held}; {made.texel_m * 100:g} cm a texel.")
+    out.line(f"Written to {target}: {made.bytes / 1e6:.1f} MB; {held}; {made.texel_m * 100:g} cm per texel.")
 
 
 def _to_folder(
@@ -183,7 +181,7 @@ def _segment_bounds(world: "World", segment: str) -> tuple[float, float, float, 
 def _parked(
     world: "World", parking: str | None, date: str | None, time: str | None, seed: int, moment: "TrafficSnapshot | None"
 ) -> "ParkedVehicles | None":
-    """The vehicles that are parked, of the mix of the traffic; None unless they are asked for."""
+    """Parked vehicles, of the mix of the traffic; None unless requested."""
     from pavetwin.config import Conditions
     from pavetwin.config.mission import ParkingSettings
     from pavetwin.traffic.demand import DEFAULT_MIX
@@ -205,7 +203,7 @@ def _moment(world: "World", traffic: Path | None, at: float | None) -> "TrafficS
 
     if traffic is None:
         if at is not None:
-            raise PaveTwinError(f"--at {at:g}: name their recording with --traffic.")
+            raise PaveTwinError(f"--at {at:g}: name its recording with --traffic.")
         return None
     at_s = at or 0.0
     with about("recording"):

@@ -18,7 +18,7 @@ def show(
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", help="The picture: .png, .svg or .pdf; WORLD/map.png if not given, or condition.png."
+            "--output", "-o", help="Image file: .png, .svg or .pdf; default WORLD/map.png, or WORLD/condition.png."
         ),
     ] = None,
     ids: Annotated[bool, typer.Option("--ids", help="Write the segments' ids and mark where they end.")] = False,
@@ -43,7 +43,7 @@ def show(
     from pavetwin.world.store import load_world
 
     if condition and (ids or html):
-        raise PaveTwinError("--condition draws a map of its own; leave out --ids and --html.")
+        raise PaveTwinError("--condition draws a separate map; omit --ids and --html.")
     loaded = with_roadside_base(load_world(world), UavSettings().radius_m)
     picture = output if output is not None else world / ("condition.png" if condition else "map.png")
     with progress("Drawing the map") as report:
@@ -72,7 +72,7 @@ def navmesh(
     altitude: Annotated[float, typer.Option(help="Metres above ground.")] = 10.0,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="The picture: .png, .svg or .pdf; WORLD/navmesh-10m.png if not given."),
+        typer.Option("--output", "-o", help="Image file: .png, .svg or .pdf; default WORLD/navmesh-10m.png."),
     ] = None,
     geopackage: Annotated[
         Path | None, typer.Option(metavar="FILE.gpkg", help="Also save the polygons, for QGIS.")
