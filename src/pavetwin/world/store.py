@@ -16,6 +16,7 @@ from pavetwin.world.build import BuildRecord, Built
 from pavetwin.world.content import content_hash
 from pavetwin.world.folder import DESCRIPTION, GEOPACKAGE, NETWORK, check_target, read_description, rebuild_hint
 from pavetwin.world.georeference import GeoReference
+from pavetwin.world.layers import read_layers, write_layers
 from pavetwin.world.model import World
 
 COUNTED = ("streets", "segments", "connections", "buildings", "furniture", "parking", "defects")
@@ -28,8 +29,6 @@ def save_world(built: Built, folder: str | Path, *, force: bool = False) -> Worl
     Raises:
         PaveTwinError: the folder exists (and `force` is false, or it is not a world), or cannot be written.
     """
-    from pavetwin.world.layers import write_layers
-
     check_target(folder, force=force)
     folder = Path(folder).absolute()
     with writing_folder(folder, replace=force or folder.is_dir()) as place:
@@ -63,8 +62,6 @@ def load_world(folder: str | Path) -> World:
     Raises:
         PaveTwinError: it is not a world, a file of it is missing or damaged, or it is of another version.
     """
-    from pavetwin.world.layers import read_layers
-
     folder = Path(folder)
     description = read_description(folder)
     try:
