@@ -41,7 +41,7 @@ def check(settings: CaptureSettings) -> None:
     for name in settings.densities:
         density_named(name)
     if flyers and not (settings.altitudes_m or settings.gsd_mm):
-        raise PaveTwinError(f"`altitudes_m`: say how high the {flyers[0]} flies, for example `altitudes_m` 10.")
+        raise PaveTwinError(f"`altitudes_m`: give the altitude of the {flyers[0]}, for example `altitudes_m` 10.")
     if settings.altitudes_m and settings.gsd_mm:
         raise PaveTwinError("`gsd_mm`: the ground resolution decides the altitude; give it or `altitudes_m`, not both.")
     for name in ("altitudes_m", "gsd_mm", "road_users"):

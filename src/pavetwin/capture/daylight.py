@@ -81,6 +81,6 @@ def draw_conditions(rng: np.random.Generator, longitude_deg: float, latitude_deg
 
 
 def draw_compensation_ev(rng: np.random.Generator) -> float:
-    """How much brighter or darker than metered an image is exposed, in stops."""
+    """Random exposure compensation of an image, in stops."""
     stops = COMPENSATION_SD_EV * float(rng.standard_normal())
     return round(min(max(stops, -MOST_COMPENSATION_EV), MOST_COMPENSATION_EV), 2)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ImageSpec:
-    """What one image must show, and in which conditions it is taken."""
+    """Requirements on one image, and the conditions in which it is taken."""
 
     platform: str
     index: int
@@ -37,13 +37,13 @@ class ImageSpec:
     number: int
     """Unique in the dataset."""
     name: str
-    """Of its files."""
+    """Name of its files."""
     split: str
     aims: tuple[Category, ...]
     """It must show one of these classes; empty: it must show no defect."""
     density: str
     altitude_m: float | None
-    """Of what flies; None where the ground resolution decides it."""
+    """Altitude of a flying platform; None if the ground resolution decides it."""
     gsd_mm: float | None
     """Ground resolution of an image that is a crop of the whole frame [mm a pixel]; None for whole images."""
     share: float
@@ -140,8 +140,8 @@ class DefectIndex:
         return np.flatnonzero(ours & np.isin(self.categories, [category.number for category in spec.aims]))
 
     def may_show(self, view: View, spec: ImageSpec, covered: IndexArray) -> bool:
-        """Whether a view may meet a spec: no defect of another split, and one of its own that is wide enough to be
-        seen; or no defect, and enough road.
+        """Return whether a view may meet a spec: no defect of another split, and one of its own that is wide enough to
+        be seen; or no defect, and enough road.
 
         Args:
             covered: defects that cannot be seen from anywhere.

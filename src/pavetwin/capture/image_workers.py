@@ -31,7 +31,7 @@ LitView = tuple[View, Light]
 class TilePrefetcher:
     """Begins with what all tiles of a world need, and ends with the `with` block, wherever it has got to.
 
-    Nothing depends on it: what it has not made, and what it fails to make, is made by who needs it.
+    Nothing depends on it: a missing tile is made by the process that needs it.
     """
 
     def __init__(self, world: Path, look: str, plugins: Sequence[str] = ()) -> None:
@@ -78,7 +78,7 @@ def _start_tiles(on_tick: OnTick) -> Callable[[Sequence[LitView]], None]:  # noq
 
 def _make_tiles(views: Sequence[LitView]) -> None:
     for view, light in views if _SCENE else ():
-        with suppress(Exception):  # who takes the image meets it too, and tells it
+        with suppress(Exception):  # the process that takes the image raises it too
             make_missing(_SCENE[0], view, light)
 
 
@@ -91,7 +91,7 @@ class KeepsTiles(Protocol):
     """A factory whose frames are made from tiles that the cache keeps."""
 
     def is_new(self, world: World, settings: CaptureSettings) -> bool | None:
-        """Whether the cache has nothing of a scene; None where it keeps nothing of it."""
+        """Return whether the cache has nothing of a scene yet; None if it keeps nothing of it."""
         ...
 
 
@@ -100,7 +100,7 @@ Shard = Sequence[Order]
 
 @dataclass(frozen=True)
 class CaptureJob:
-    """What every process of a pool must know."""
+    """Inputs of every process of a pool."""
 
     world: Path
     settings: CaptureSettings

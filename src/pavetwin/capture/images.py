@@ -50,7 +50,7 @@ def take_image(
 
 
 def meets_spec(spec: ImageSpec, seen: list[LabelledObject], context: CaptureContext) -> bool:
-    """Whether the visible objects meet the spec: no defect of another split, and one of the aimed classes, or none."""
+    """Return whether visible objects meet a spec: no defect of another split, and one of the aimed classes, or none."""
     defects = [int(obj.id.removeprefix("defect ")) for obj in seen if obj.id.startswith("defect ")]
     if not spec.aims:
         return not defects
@@ -105,6 +105,6 @@ def _traffic(sample: CameraSample, context: CaptureContext) -> dict[str, Any]:
 
 
 def _aim(sample: CameraSample, spec: ImageSpec) -> dict[str, Any]:
-    """What was requested, and what the image that was kept had to show."""
+    """The requested classes, and those of the spec that the image met."""
     requested, met = ([category.name for category in each.aims] for each in (spec, sample.spec))
     return {"requested": requested, "met": met, "attempt": sample.attempt}

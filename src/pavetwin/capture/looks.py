@@ -1,4 +1,4 @@
-"""What a captured dataset tells of a detector: each visible defect of each image is a look at it."""
+"""Looks of a detector at a captured dataset: one for each visible defect of each image."""
 
 from collections.abc import Callable
 from functools import partial
@@ -25,7 +25,7 @@ from pavetwin.sensing.matching import Shape, match_shapes
 from pavetwin.sensing.sensor_model import FittedDetector
 
 LEAST_VISIBLE: Final = 0.35
-"""As missions have it unless set otherwise (`sensing.min_visible_fraction`): what shows less of a defect is no look."""
+"""Least visible fraction of a defect in a look; default of missions (`sensing.min_visible_fraction`)."""
 
 LEAST_INSIDE: Final = 0.98
 """Images of missions show nearly whole what counts as a look, since its centre lies in the inspection window. Where two
@@ -36,17 +36,17 @@ LEVEL_DEG: Final = 5.0
 
 
 def is_capture(folder: Path) -> bool:
-    """Whether a folder is a dataset of `pavetwin capture`."""
+    """Return whether a folder is a dataset of `pavetwin capture`."""
     return (folder / "capture.yaml").is_file()
 
 
-def looks_of(folder: Path, model: Path, confidence: float, tell: Callable[[float], None]) -> LookSource:
-    """Search a dataset's images, and say what was found of what they show.
+def looks_of(folder: Path, model: Path, confidence: float, on_progress: Callable[[float], None]) -> LookSource:
+    """Run a detector on a dataset's images and compare its detections with the labels.
 
     Args:
         model: file of the detector.
         confidence: least confidence of what counts.
-        tell: told the share done.
+        on_progress: called with the finished share, 0 … 1.
 
     Raises:
         PaveTwinError: the dataset or the model is damaged, or no image looks straight down.
@@ -66,7 +66,7 @@ def looks_of(folder: Path, model: Path, confidence: float, tell: Callable[[float
             looks += [(f"{place} {name.removeprefix('defect ')}", *rest) for name, *rest in mine]
             alarms += [(len(images), kind, size_px) for kind, size_px in wrong]
             images.append((_area_m2(record), float(record.camera["gsd_mm"])))
-        tell((number + 1) / len(paths))
+        on_progress((number + 1) / len(paths))
     if not images:
         raise PaveTwinError(f"'{folder}' has no image that looks straight down, as missions take them.")
     schema = {GROUP: pl.String, "found": pl.Boolean, **LOOK_COLUMNS}
@@ -82,7 +82,7 @@ def looks_of(folder: Path, model: Path, confidence: float, tell: Callable[[float
 
 
 def _place(folder: Path) -> str:
-    """What names the world and its defects."""
+    """Key of the world and its defects."""
     try:
         world = yaml.safe_load((folder / "capture.yaml").read_text(encoding="utf-8"))["world"]
         return f"{world['content_hash']} {world['defects_hash']}"
@@ -96,7 +96,7 @@ def _area_m2(record: Record) -> float:
 
 
 def _judged(record: Record, found: Detections) -> tuple[list[tuple[Any, ...]], list[tuple[str, float]]]:
-    """Of each look the defect, whether it was found, and the look; of each false alarm its class and size in pixels."""
+    """Looks as (defect, is found, look values), and false alarms as (class, size in pixels)."""
     pixel_m = float(record.camera["gsd_mm"]) / 1000.0
     objects = [each for each in record.objects if each.id.startswith("defect ")]
     there = [

@@ -215,5 +215,5 @@ class _MissionCamera:
 
     @cached_property
     def begin(self) -> Daylight:
-        """When the mission begins."""
+        """Daylight at the start of the mission."""
         return Daylight.of(self.result.settings.conditions, self.images.world)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def check_frames(settings: MissionSettings, world: World) -> None:
-    """Whether frames of a mission can be taken.
+    """Check that frames of a mission can be taken.
 
     Raises:
         PaveTwinError: there is no adapter to draw with, or the sun is below the horizon.
@@ -45,7 +45,7 @@ class MissionImages:
     """With the defects that the missions look for, see `MissionEnvironment.inspected_world`."""
     replay: Replay
     seed: int
-    """Of the missions' sensors."""
+    """Seed of the missions' sensors."""
     parked: ParkedVehicles = field(default_factory=ParkedVehicles.empty)
     """See `MissionEnvironment.parked`."""
 

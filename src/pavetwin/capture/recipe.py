@@ -32,7 +32,7 @@ from pavetwin.world.store import load_record
 
 @dataclass(frozen=True)
 class JoinedImages:
-    """What a joined dataset holds."""
+    """Counts of a joined dataset."""
 
     images: Counter[str] = field(default_factory=Counter)
     """By split."""
@@ -45,7 +45,7 @@ class JoinedImages:
 def join(folders: Sequence[Path], output: Path) -> JoinedImages:
     """Write `annotations/instances_SPLIT.json` of all captures, and link their images. What is there is replaced.
 
-    Each image also says of which `capture` it is.
+    Each image also names its `capture`.
 
     Raises:
         PaveTwinError: captures have other classes than the first, or two images the same name.
@@ -95,7 +95,7 @@ CAPTURES: Final = "captures"
 JOINED: Final = "synthetic"
 
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
-"""Of a folder."""
+"""Name of a folder."""
 
 Split = Literal["train", "val", "test"]
 
@@ -104,7 +104,7 @@ class RecipeWorld(Settings):
     """One world of a recipe."""
 
     generate: str | None = Field(default=None, description="Kind of generated streets: town, grid, spider or random.")
-    map: Path | None = Field(default=None, description="Instead: a map or a SUMO network, beside the recipe.")
+    map: Path | None = Field(default=None, description="Instead: a map or a SUMO network, relative to the recipe.")
     split: Split = Field(default="train", description="Split of all images of the world.")
     streets: BuildOptions = Field(default=BuildOptions(), description="How the world is built, with its seed.")
     defects: DefectOptions = Field(default=DefectOptions(), description="Which defects it has.")
@@ -143,7 +143,7 @@ class RecipeCapture(CaptureSettings):
 
 
 class SyntheticRecipe(Settings):
-    """What synthetic images are made of."""
+    """Worlds and captures of synthetic images."""
 
     worlds: dict[Name, RecipeWorld] = Field(min_length=1, description="Worlds by name.")
     captures: dict[Name, RecipeCapture] = Field(min_length=1, description="Captures by name.")
@@ -162,7 +162,7 @@ class SyntheticRecipe(Settings):
 
 @dataclass(frozen=True)
 class SyntheticSummary:
-    """What a build left."""
+    """Result of a build."""
 
     folder: Path
     """COCO files and images of all worlds."""
@@ -173,7 +173,7 @@ class SyntheticSummary:
 
 def build_synthetic(
     recipe: SyntheticRecipe,
-    beside: Path,
+    base: Path,
     output: Path,
     *,
     frame_source_factory: FrameSourceFactory,
@@ -184,11 +184,11 @@ def build_synthetic(
     """Build what is missing of the worlds and captures, and join all captures.
 
     Args:
-        beside: folder of the recipe's file; maps are relative to it.
+        base: folder of the recipe's file; maps are relative to it.
         frame_source_factory: makes the frame source of each process.
         adapter: name of the graphics adapter.
         jobs: number of processes that take images, as `capture` has it.
-        on_stage: told the share of a stage that is done, and the stage.
+        on_stage: called with the finished share of a stage, and the stage.
 
     Raises:
         PaveTwinError: a world cannot be built, a capture does not fit, or the output holds the work of another recipe.
@@ -203,11 +203,11 @@ def build_synthetic(
         load_plugins(tuple(map(Path, settings.plugins)))
         check(settings)
     for name, world in recipe.worlds.items():
-        _check_source(output / WORLDS / name, world, beside)
+        _check_source(output / WORLDS / name, world, base)
     taken, folders = 0, []
     with working_in(output):
         for name, world in recipe.worlds.items():
-            _built(output / WORLDS / name, world, beside, jobs, on_stage)
+            _built(output / WORLDS / name, world, base, jobs, on_stage)
         for number, (name, what, settings) in enumerate(every, start=1):
             stage = f"{name}, {what} ({number}/{len(every)})"
 
@@ -231,33 +231,33 @@ def build_synthetic(
     return SyntheticSummary(output / JOINED, taken, joined)
 
 
-def _check_source(folder: Path, world: RecipeWorld, beside: Path) -> None:
+def _check_source(folder: Path, world: RecipeWorld, base: Path) -> None:
     """Raises:
     PaveTwinError: there is no such map, or another world in the folder.
     """
-    if world.map is not None and not (beside / world.map).is_file():
-        raise PaveTwinError(f"There is no map '{beside / world.map}', which the recipe names.")
+    if world.map is not None and not (base / world.map).is_file():
+        raise PaveTwinError(f"There is no map '{base / world.map}', which the recipe names.")
     if not folder.is_dir():
         return
     record = load_record(folder)
     source = f"generated {world.generate}" if world.map is None else world.map.name
     is_same = (record.source, record.options) == (source, world.streets)
     if world.map is not None:
-        is_same &= record.source_sha256 == file_sha256(beside / world.map)
+        is_same &= record.source_sha256 == file_sha256(base / world.map)
     placed = DefectOptions.of_record(record)
     if not world.defects.mix:
         placed = placed.model_copy(update={"mix": {}})
     if not is_same or placed != world.defects:
         raise PaveTwinError(
-            f"The world '{folder}' was built otherwise than the recipe says; choose another folder, or remove it."
+            f"The world '{folder}' was built differently from the recipe; choose another folder, or remove it."
         )
 
 
-def _built(folder: Path, world: RecipeWorld, beside: Path, jobs: int | None, on_stage: OnProgress) -> None:
+def _built(folder: Path, world: RecipeWorld, base: Path, jobs: int | None, on_stage: OnProgress) -> None:
     if folder.is_dir():
         return
     stage = f"Building the world {folder.name}"
-    source = beside / world.map if world.map is not None else network_kind(world.generate or "")
+    source = base / world.map if world.map is not None else network_kind(world.generate or "")
     build_folder(
         source,
         folder,

@@ -24,17 +24,17 @@ class Record:
     index: int
     """Unique in its dataset."""
     name: str
-    """Of its files, without suffix, see `pavetwin.capture.samples`."""
+    """Name of its files, without suffix, see `pavetwin.capture.samples`."""
     split: str
     suffix: str
-    """Of the picture, with its dot."""
+    """Suffix of the picture, with its dot."""
     size_px: tuple[int, int]
     """Width, height."""
     camera: dict[str, Any]
     light: dict[str, Any]
     traffic: dict[str, Any]
     aim: dict[str, Any]
-    """What the image had to show, and at which attempt it did."""
+    """Requirements on the image, and the attempt that met them."""
     objects: tuple[LabelledObject, ...]
 
     @property
@@ -58,7 +58,7 @@ def _text(value: object) -> str:
 
 
 def truth_path(split: str, name: str) -> str:
-    """Of an image's file in the dataset."""
+    """Path of an image's record in the dataset."""
     return f"{TRUTH}/{split}/{name}.json"
 
 
@@ -102,7 +102,7 @@ class Statistics:
     """Counts over a dataset, by name."""
 
     classes: tuple[str, ...] = field(default_factory=lambda: tuple(category.name for category in categories()))
-    """Of labels, by number."""
+    """Names of the classes, by number."""
     images: Counter[str] = field(default_factory=Counter)
     """By split."""
     platforms: Counter[tuple[str, str]] = field(default_factory=Counter)
@@ -148,7 +148,7 @@ class Statistics:
         return {split: lacking[split] for split in SPLITS if lacking.get(split)}
 
     def as_dict(self) -> dict[str, Any]:
-        """As the manifest holds it, without empty entries."""
+        """Counts for the manifest, without empty entries."""
         names, splits = self.classes, [split for split in SPLITS if self.images[split]]
         distinct = {name: {split: len(self.distinct.get((name, split), ())) for split in splits} for name in names}
         return {
@@ -172,7 +172,7 @@ def count(folder: Path) -> Statistics:
     Raises:
         PaveTwinError: a record is damaged.
     """
-    classes = read_description(folder).get("classes") if (folder / FILE).is_file() else None
+    classes = read_description(folder)["classes"] if (folder / FILE).is_file() else None
     return counted(read_records(folder), classes)
 
 

@@ -145,8 +145,8 @@ def _take(
 
 
 def processes(images: int, jobs: int | None, is_new: bool | None) -> tuple[int, bool]:
-    """How many processes take images, and whether another one makes tiles for them. It is one of `jobs` where so few
-    images are taken of a new scene that its tiles take as long.
+    """Number of processes that take images, and whether another one makes tiles for them. That one counts among `jobs`
+    if so few images are taken of a new scene that its tiles take as long.
 
     Args:
         jobs: None: by cores, memory and images.

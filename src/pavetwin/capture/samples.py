@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 
 def platform_prefix(world: World, settings: CaptureSettings, platform: str) -> str:
-    """How the names of a platform's images begin: `town-s1-uav-3f9c2a81`.
+    """Prefix of a platform's image names: `town-s1-uav-3f9c2a81`.
 
     Neither the number of images nor the other platforms and label formats of a dataset change it.
     """
@@ -67,7 +67,7 @@ def prefix(world: World, seed: int, taken_by: str, made_from: Mapping[str, Any])
 
 
 def image_name(prefix: str, index: int) -> str:
-    """Of the n-th image with a prefix, without the file's suffix."""
+    """Name of the n-th image with a prefix, without the file's suffix."""
     return f"{prefix}-{index:06d}"
 
 
@@ -137,7 +137,7 @@ class ParkedBodies:
 
     @classmethod
     def of(cls, parked: ParkedVehicles) -> Self:
-        """Of all parked vehicles of an image's world."""
+        """Index all parked vehicles of an image's world."""
         xy = np.column_stack([parked.x, parked.y])
         boxes = parked_boxes(xy, parked.yaw_rad, parked.length_m, parked.width_m, parked.height_m)
         return cls(parked, shapely.STRtree(_outlines(boxes)))
@@ -150,7 +150,7 @@ class ParkedBodies:
         return np.unique(under)
 
     def overlap(self, pose: Pose, trace: "Trace") -> bool:
-        """Whether the vehicle that carries the camera would stand in one of them."""
+        """Return whether the vehicle that carries the camera would overlap one of them."""
         if pose.ego is None or not len(self.vehicles):
             return False
         x, y, _ = pose.view.position.tolist()

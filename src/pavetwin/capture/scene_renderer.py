@@ -121,7 +121,7 @@ class SceneFrameSource:
     """Renders the camera samples of a dataset."""
 
     _begun: ClassVar[list[tuple[World, SceneRenderer]]] = []
-    """What `begin` made, until a source takes it."""
+    """Renderer made by `begin`, until a source takes it."""
 
     def __init__(self, context: CaptureContext) -> None:
         if self._begun and self._begun[0][0] is context.world:
@@ -136,7 +136,7 @@ class SceneFrameSource:
 
     @staticmethod
     def is_new(world: World, settings: CaptureSettings) -> bool | None:
-        """Whether the cache lacks the plan of a world's ground, and so its tiles; None if nothing of it is kept."""
+        """Return whether the plan of a world's ground is missing in the cache; None if nothing of it is kept."""
         cache = SceneCache(world, seed=LOOK_SEED, look=settings.look)
         return cache.lacks(LAST_PART) if cache.keeps else None
 

@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from pavetwin.config.mission import Altitude, ParkingSettings
 from pavetwin.config.settings import NameOrFile, PluginFiles, Positive, Settings, Share, complaint
 from pavetwin.errors import PaveTwinError
-from pavetwin.files import file_sha256
+from pavetwin.files import FORMAT, check_format, file_sha256
 from pavetwin.labels.classes import categories
 from pavetwin.mission.versions import ADAPTER, version_changes
 from pavetwin.plugins import plugin_hashes
@@ -21,9 +21,6 @@ from pavetwin.uav.entries import own_file
 from pavetwin.world.model import World
 
 ImageSidePx = Annotated[int, Field(ge=64, le=8192)]
-
-FORMAT: Final = 7
-"""Version of the dataset's format; raised when older datasets cannot be read or resumed."""
 
 CAMERA_HASH: Final = "camera_sha256"
 """Key of a dataset's description: of the file that its camera comes from."""
@@ -40,20 +37,20 @@ class CaptureSettings(Settings):
     platforms: Annotated[tuple[str, ...], Field(min_length=1)]
     """Names of the registry in pavetwin.capture.platforms."""
     images: Annotated[int, Field(ge=1, le=10_000_000)]
-    """Of each platform."""
+    """Number of images of each platform."""
     seed: Annotated[int, Field(ge=0)] = 0
     gsd_mm: tuple[Positive, Positive] | None = None
     """Finest and coarsest ground resolution of the UAV's images [mm a pixel], one drawn for each, log-uniform: crops of
     the camera's whole frame, from the altitude that gives it. None: whole images from `altitudes_m`."""
     altitudes_m: tuple[Altitude, ...] = ()
-    """Of the UAV, one drawn for each image."""
+    """Altitudes of the UAV, one drawn for each image."""
     densities: Annotated[tuple[str, ...], Field(min_length=1)] = (DEFAULT_TRAFFIC,)
     """Names of the traffic (`pavetwin.traffic.demand.density_named`), one drawn for each image."""
     size_px: tuple[ImageSidePx, ImageSidePx] = (640, 640)
     """Width, height. The camera's vertical field of view is kept, so that a square is its middle; with `gsd_mm` images
     are crops of that size."""
     camera: NameOrFile = "paper"
-    """Of the UAV: a name of the camera database, or a path to a YAML file of the same form."""
+    """Camera of the UAV: a name of the camera database, or a path to a YAML file of the same form."""
     formats: Annotated[tuple[str, ...], Field(min_length=1)] = ("yolo", "yolo-seg", "voc", "coco")
     split: tuple[Share, Share, Share] = (0.70, 0.15, 0.15)
     """Shares of train, val and test: of the images, and about those of the streets' defects."""
@@ -65,10 +62,10 @@ class CaptureSettings(Settings):
     parking: ParkingSettings = ParkingSettings()
     """Vehicles parked in the world's places: at the date and time of each image, by the seed."""
     look: NameOrFile = DEFAULT_LOOK
-    """Of the streets: a name that ships with the package, or a path to a YAML file of the same form."""
+    """Look of the streets: a name that ships with the package, or a path to a YAML file of the same form."""
     picture: Literal["jpg", "png"] = "jpg"
     quality: Annotated[int, Field(ge=50, le=100)] = 92
-    """Of JPEG."""
+    """JPEG quality."""
     plugins: PluginFiles = ()
     """Files of the user's own that register defect classes, platforms, formats or cameras."""
 
@@ -97,7 +94,6 @@ class CaptureSettings(Settings):
 
 
 NO_PARKING: Final = ParkingSettings(enabled=False)
-"""Of datasets that were begun before there were parked vehicles, too."""
 
 JOINED_BY: Final = {"size_px": "x", "split": "/", "formats": ",", "gsd_mm": " "}
 """Separator of options that take several values at once; other options are given several times."""
@@ -124,7 +120,7 @@ def settings_of(values: Mapping[str, Any], typed: Mapping[str, str]) -> CaptureS
 
 
 def description(settings: CaptureSettings, world: World, versions: Mapping[str, str]) -> dict[str, Any]:
-    """What a dataset's `capture.yaml` holds before its first image, plugins must have been loaded.
+    """Content of a dataset's `capture.yaml` before its first image; plugins must have been loaded.
 
     Args:
         versions: of the software that takes the images.
@@ -150,8 +146,8 @@ def parking_in(settings: CaptureSettings, world: World) -> ParkingSettings:
 
 
 def check_same(folder: Path, expected: dict[str, Any]) -> bool:
-    """Whether a dataset with these settings was begun in `folder`; more images may be requested than before. A
-    `capture.yaml` with nothing else beside it is of a run without images, and is ignored.
+    """Return whether a dataset with these settings was begun in `folder`; more images may be requested than before. A
+    `capture.yaml` alone is of a run without images, and is ignored.
 
     Raises:
         PaveTwinError: something else is there, or a dataset with other settings; the message names the first.
@@ -169,7 +165,7 @@ def check_same(folder: Path, expected: dict[str, Any]) -> bool:
             "these versions."
         )
     for key, what in (("content_hash", "another world"), ("defects_hash", "other defects")):
-        if found["world"].get(key) != expected["world"][key]:
+        if found["world"][key] != expected["world"][key]:
             raise PaveTwinError(
                 f"'{folder}' holds images of {what} than '{expected['world']['name']}' has now; choose another folder."
             )
@@ -179,27 +175,26 @@ def check_same(folder: Path, expected: dict[str, Any]) -> bool:
             f"'{folder}' was begun with another `camera` than '{expected['settings']['camera']}' holds now; "
             "choose another folder."
         )
-    if found.get(LOOK_HASH) != expected[LOOK_HASH] and _same_name(found, expected, "look"):
+    if found[LOOK_HASH] != expected[LOOK_HASH] and _same_name(found, expected, "look"):
         raise PaveTwinError(
             f"'{folder}' was begun with another content of `look` '{expected['settings']['look']}'; "
             "choose another folder."
         )
-    if (before := found.get("plugins", {})) != (now := expected["plugins"]):
+    if (before := found["plugins"]) != (now := expected["plugins"]):
         raise PaveTwinError(f"'{folder}' was begun {_plugins_differ(before, now)}, or choose another folder.")
-    if (labels := found.get("classes", expected["classes"])) != expected["classes"]:
+    if (labels := found["classes"]) != expected["classes"]:
         only = [name for name in (*labels, *expected["classes"]) if (name in labels) != (name in expected["classes"])]
         raise PaveTwinError(
             f"'{folder}' was begun with other classes of labels than now ({', '.join(only) or 'in another order'}); "
             "give the `plugins` that it was begun with, or choose another folder."
         )
-    existing = {"parking": NO_PARKING.model_dump(mode="json"), "road_users": 0.0} | found["settings"]
-    requested = expected["settings"]
+    existing, requested = found["settings"], expected["settings"]
     if both_own:  # the same content, in whichever folder
         existing, requested = ({**each, "camera": Path(each["camera"]).name} for each in (existing, requested))
     for key, value in requested.items():
-        if key not in ("images", "plugins") and existing.get(key) != value:
+        if key not in ("images", "plugins") and existing[key] != value:
             raise PaveTwinError(
-                f"'{folder}' was begun {_as_parameter(key, existing.get(key))}, not {_as_parameter(key, value)}; "
+                f"'{folder}' was begun {_as_parameter(key, existing[key])}, not {_as_parameter(key, value)}; "
                 "give the same, or choose another folder."
             )
     if requested["images"] < existing["images"]:
@@ -211,7 +206,7 @@ def check_same(folder: Path, expected: dict[str, Any]) -> bool:
 
 
 def _same_name(found: Mapping[str, Any], expected: Mapping[str, Any], key: str) -> bool:
-    return bool(found["settings"].get(key) == expected["settings"][key])
+    return bool(found["settings"][key] == expected["settings"][key])
 
 
 def read_description(folder: Path) -> dict[str, Any]:
@@ -227,18 +222,21 @@ def read_description(folder: Path) -> dict[str, Any]:
         )
     try:
         found = yaml.safe_load(path.read_text(encoding="utf-8"))
-        found["format"], found["world"]["name"], found["settings"]["images"], found["made_by"]["adapter"]
+        (
+            found["format"],
+            found["world"]["name"],
+            found["settings"]["images"],
+            found["made_by"]["adapter"],
+            found["classes"],
+        )
     except (yaml.YAMLError, OSError, UnicodeDecodeError, KeyError, TypeError) as error:
         raise PaveTwinError(f"'{path}' is damaged; capture into another folder.") from error
-    if found["format"] != FORMAT:
-        raise PaveTwinError(
-            f"'{folder}' is of format {found['format']}, this version's is {FORMAT}; capture into another folder."
-        )
+    check_format(found["format"], f"'{path}'")
     return dict(found)
 
 
 def _plugins_differ(before: Mapping[str, str], now: Mapping[str, str]) -> str:
-    """What a dataset was begun with, and what to do about it.
+    """Plugins that a dataset was begun with, and how to continue it.
 
     Args:
         before, now: hashes of the plugin files and of what they read, by name.

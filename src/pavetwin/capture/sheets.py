@@ -23,7 +23,7 @@ from pavetwin.draw.mission_style import font
 from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.files import writing
 from pavetwin.labels import SPLITS
-from pavetwin.labels.classes import categories, category_colours, colours, label_name
+from pavetwin.labels.classes import category_colours, colours, label_name
 from pavetwin.labels.rle import decode
 from pavetwin.mission.inspected_defects import captured_frame
 from pavetwin.mission.result import MissionResult
@@ -61,8 +61,7 @@ def save_sheet(folder: Path, path: Path, *, count: int = 24, split: str | None =
 
 def contact_sheet(folder: Path, records: Sequence[Record], *, title: str) -> Image.Image:
     """The images of `records` with their labels, in rows, under a title and a legend."""
-    names = read_description(folder).get("classes") or [category.name for category in categories()]
-    colour_of = colours(names)
+    colour_of = colours(read_description(folder)["classes"])
     cells = [_cell(folder, record, colour_of) for record in records]
     return assembled(cells, title, colour_of, ignored="ignored (hidden, cut, far, small or faint)")
 
@@ -122,7 +121,7 @@ def _cell(folder: Path, record: Record, colour_of: Mapping[str, str]) -> Image.I
 
 
 def _tag(pen: ImageDraw.ImageDraw, obj: LabelledObject, colour: str, scale: float, size: tuple[int, int]) -> None:
-    """Of a defect its severity, over the box; below its upper edge where there is no space above."""
+    """Write a defect's severity over its box, or below its upper edge if there is no space above."""
     text = obj.details.get("severity")
     if text is None:
         return
@@ -163,12 +162,12 @@ class _Cell:
 
     capture: int
     shape: Polygon
-    """What it is about, on the ground."""
+    """Outline of the object on the ground."""
     kind: str
     heading: str
     text: str
     reported: bool
-    """Whether the shape is what the sensor reported; else the outline of a defect."""
+    """True for a shape that the sensor reported; else it is the outline of a defect."""
 
 
 def save_mission_sheet(result: MissionResult, images: MissionImages, sensor: Sensor, path: Path) -> int:

@@ -100,7 +100,7 @@ class _Town:
 
     @cached_property
     def any_meet(self) -> bool:
-        """Whether any two streets meet."""
+        """True if any two streets meet."""
         return bool(self.meets.any())
 
 
@@ -124,7 +124,7 @@ def street_splits(
     try:
         sumo = version("libsumo")
     except PackageNotFoundError:
-        return found()  # which says what to install
+        return found()  # raises with what to install
     inputs = (world.content_hash, world.defects_hash, seed, tuple(shares), sumo)
     return _STORE.kept(split_folder() / short_sha256(f"{inputs!r} {made_by(*MADE_BY)}"), found)
 
@@ -157,7 +157,7 @@ def split_streets(
     counts[~within] = 0.0
     counts /= np.maximum(counts.sum(axis=0), np.finfo(np.float64).tiny)
     town = _Town(counts, _meetings(world, names), within, target)
-    # Searches from different starts end beside the same assignments.
+    # Searches from different starts end at the same assignments.
     cost_of = lru_cache(None)(lambda splits: _cost(town, np.frombuffer(splits, dtype=np.intp)))
     best, least = np.empty(0, dtype=np.intp), np.inf
     for _ in range(STARTS):
@@ -207,7 +207,7 @@ def _meetings(world: World, names: Sequence[str]) -> Float64Array:
 
 
 def _started(town: _Town, rng: np.random.Generator) -> IndexArray:
-    """Assign streets in random order, each to the split that lacks most."""
+    """Assign streets in random order, each to the split that is furthest below its share."""
     chosen = np.zeros(len(town.counts), dtype=np.intp)
     lacking = np.where(town.target > 0, town.target, -np.inf)
     sizes = town.counts.sum(axis=1) / town.counts.sum()

@@ -61,7 +61,7 @@ class InstanceMask:
         return mask
 
     def touches_border(self, size: tuple[int, int]) -> bool:
-        """Whether it reaches the border of an image (height, width), so that it may be cut off."""
+        """Return whether it reaches the border of an image (height, width), where it may be cut off."""
         left, top, right, bottom = self.box
         return left == 0 or top == 0 or right == size[1] or bottom == size[0]
 
@@ -117,7 +117,7 @@ class ContrastMeter:
         self._rgb, self._defect_free, self._labels = rgb, defect_free, labels
 
     def contrast(self, instance: InstanceMask) -> float:
-        """Of an instance, in standard deviations of defect-free pavement."""
+        """Contrast of an instance, in standard deviations of defect-free pavement."""
         left, top, right, bottom = instance.box
         height, width = self._labels.shape
         rows = slice(max(0, top - REACH_PX), min(height, bottom + REACH_PX))
@@ -163,7 +163,7 @@ FAR_FOCAL_PX: Final = 1500.0
 
 
 class Reason(StrEnum):
-    """Why a visible object is not labelled. The first reason that holds is given."""
+    """Reasons to ignore a visible object; the first that applies is recorded."""
 
     HIDDEN = "hidden"
     """Less than 15 % of what the image would show of it without occlusion is visible."""
@@ -201,8 +201,8 @@ class LabelledObject:
     position_m: tuple[float, float, float]
     """Its centre, in the world frame."""
     details: dict[str, Any]
-    """Of defects: class, severity, width_m, depth_m, length_m, area_m2, segment, street, contrast. Of agents: kind,
-    sizes, yaw, speed. Of parked vehicles these, that they are `parked`, and the `place`."""
+    """For defects: class, severity, width_m, depth_m, length_m, area_m2, segment, street, contrast. For agents: kind,
+    sizes, yaw, speed. For parked vehicles these, that they are `parked`, and the `place`."""
     ignored: str | None
     """A `Reason`; None for what is labelled."""
     mask: str
@@ -361,11 +361,11 @@ def _vehicle_or_person(state: SceneState, label: int) -> tuple[str, _Body, Categ
     return f"agent {agent}", body, category, body.details(state.kinds[agent], speed_mps)
 
 
-def _row(numbers: npt.NDArray[np.integer], number: int, who: str) -> int:
-    """Where a number is."""
+def _row(numbers: npt.NDArray[np.integer], number: int, what: str) -> int:
+    """Row of a number."""
     there = np.flatnonzero(numbers == number)
     if not len(there):
-        raise ValueError(f"the instance image shows {who}, which is not there at this time")
+        raise ValueError(f"the instance image shows {what}, which is not there at this time")
     return int(there[0])
 
 

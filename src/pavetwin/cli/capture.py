@@ -144,7 +144,7 @@ def make(
     your own defect classes by name, from the file that --plugin gives.
     """
     if output is None:
-        raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/town.")
+        raise PaveTwinError("Give the folder of the dataset with -o, for example -o datasets/town.")
     platforms = tuple(name for given in platform or ["uav"] for name in re.split(r"[,\s]+", given.strip()))
     values = {
         "platforms": platforms,
@@ -165,7 +165,7 @@ def make(
         **({} if look is None else {"look": look}),
         **({} if parking is None else {"parking": parking_of(parking)}),
     }
-    with progress("Starting", lines=True) as tell:
+    with progress("Starting", lines=True) as update:
         # Inside, since these take seconds to import.
         from pavetwin.capture.context import check
         from pavetwin.capture.platforms import flying
@@ -185,7 +185,7 @@ def make(
         check(settings)
         instead = ""
         if not (los or hour or density):
-            settings, instead = _in_reach(settings, world, tell)
+            settings, instead = _in_reach(settings, world, update)
         captured = capture(
             world,
             settings,
@@ -193,7 +193,7 @@ def make(
             frame_source_factory=SceneFrameSource,
             adapter=str(find_adapter()),
             jobs=jobs,
-            on_progress=tell,
+            on_progress=update,
         )
     if instead:
         out.line(instead)
@@ -217,9 +217,9 @@ def _traffics(los: Sequence[str], hours: Sequence[int], densities: Sequence[str]
     return tuple(dict.fromkeys(name or DEFAULT_TRAFFIC for name in named or [traffic_name(None, None, None, mix)]))
 
 
-def _in_reach(settings: "CaptureSettings", folder: Path, tell: "OnProgress") -> "tuple[CaptureSettings, str]":
-    """Settings with the nearest level of service where the world cannot reach the usual one, and a line that says so;
-    empty where it can."""
+def _in_reach(settings: "CaptureSettings", folder: Path, update: "OnProgress") -> "tuple[CaptureSettings, str]":
+    """Settings with the nearest level of service if the world cannot reach the usual one, and a line about it, else
+    empty."""
     from pavetwin.cli.report import nearest_line
     from pavetwin.traffic.demand import density_named
     from pavetwin.traffic.demand_search import within_reach
@@ -227,7 +227,7 @@ def _in_reach(settings: "CaptureSettings", folder: Path, tell: "OnProgress") -> 
 
     world, (usual,) = load_world(folder), map(density_named, settings.densities)
     search = f"Finding the demand of {usual.name}, kept for the next time"
-    nearest = within_reach(world, usual, lambda _: tell(0.0, search))
+    nearest = within_reach(world, usual, lambda _: update(0.0, search))
     if nearest == usual:
         return settings, ""
     return settings.model_copy(update={"densities": (nearest.name,)}), nearest_line(

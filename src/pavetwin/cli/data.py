@@ -10,7 +10,7 @@ import typer
 from pavetwin.cli import data_build
 from pavetwin.cli.arguments import DatasetFolder, NamingCommand, SheetCount, SheetFile, split_shares
 from pavetwin.cli.console import out, progress
-from pavetwin.cli.data_tables import REFUSED_CODE, balance_table, counts_table, splits_table, tell_report
+from pavetwin.cli.data_tables import REFUSED_CODE, balance_table, counts_table, print_report, splits_table
 from pavetwin.errors import PaveTwinError, naming, no_such
 
 app = typer.Typer(
@@ -74,7 +74,7 @@ def import_folder(
     pavetwin data import uav-pdd2023 ~/downloads/UAV-PDD2023 -o datasets/pdd --tiles
     pavetwin data import mine.yaml ~/photos -o datasets/mine --gsd 2.5 --background checked.txt
 
-    What is wrong with a file is told with its name and line, and the rest goes on; exit code 1 says that files were
+    Problems are reported with file and line, and the import continues. Exit code 1 means that files were
     refused, 2 that no image is left. All findings are in report.csv of the dataset.
     """
     from pavetwin.training.datasets.importing import import_source
@@ -83,7 +83,7 @@ def import_folder(
     from pavetwin.training.datasets.sources import source_of
 
     if output is None:
-        raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/pdd.")
+        raise PaveTwinError("Give the folder of the new dataset with -o, for example -o datasets/pdd.")
     backgrounds = backgrounds_in(background) if background is not None else frozenset()
     name, found = source_of(source)
     if gsd is not None:
@@ -91,13 +91,13 @@ def import_folder(
     values = {"longest_px": longest, "tiles": tiles, "target_gsd_mm": target_gsd, "quality": quality}
     with naming({"longest_px": "--longest", "target_gsd_mm": "--target-gsd", "quality": "--quality"}):
         size = ImageSize.parse(values, where="The images")
-    with progress(f"Importing {name}", lines=True) as tell:
+    with progress(f"Importing {name}", lines=True) as update:
 
         def on_image(done: int, total: int) -> None:
-            tell(min(1.0, done / total), f"Importing {name} {done}/{total}")
+            update(min(1.0, done / total), f"Importing {name} {done}/{total}")
 
         summary = import_source(name, found, folder, output, size=size, backgrounds=backgrounds, on_image=on_image)
-    tell_report(summary.report, output)
+    print_report(summary.report, output)
     summary.refuse_empty()
     images = "1 image" if summary.images == 1 else f"{summary.images} images"
     out.line(f"{images} in {output}/. Next: pavetwin data stats {quote(str(output))}")
@@ -122,10 +122,10 @@ def merge(
     from pavetwin.training.datasets.merging import merge as merged
 
     if output is None:
-        raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/all.")
-    with progress("Merging", lines=True) as tell:
-        summary = merged(datasets, output, on_progress=tell)
-    tell_report(summary.report, output)
+        raise PaveTwinError("Give the folder of the new dataset with -o, for example -o datasets/all.")
+    with progress("Merging", lines=True) as update:
+        summary = merged(datasets, output, on_progress=update)
+    print_report(summary.report, output)
     out.line(f"{summary.images} images in {output}/. Next: pavetwin data stats {quote(str(output))}")
     if summary.report.has_refusals:
         raise typer.Exit(REFUSED_CODE)
@@ -156,13 +156,13 @@ def balance(
     from pavetwin.training.datasets.balancing import balance as balanced
 
     if output is None:
-        raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/balanced.")
+        raise PaveTwinError("Give the folder of the new dataset with -o, for example -o datasets/balanced.")
     values = {"target": target, "leave_out": leave_out, "copies": copies}
     with naming({"target": "--target", "copies": "--copies"}):
         settings = BalanceSettings.parse(values, where="The balance")
-    with progress("Balancing", lines=True) as tell:
-        summary = balanced(dataset, output, settings, seed=seed, on_progress=tell)
-    tell_report(summary.report, output)
+    with progress("Balancing", lines=True) as update:
+        summary = balanced(dataset, output, settings, seed=seed, on_progress=update)
+    print_report(summary.report, output)
     out.print(balance_table(summary.plan))
     out.line(f"{summary.images} images in {output}/. Next: pavetwin data show {quote(str(output))}")
     if summary.report.has_refusals:
@@ -188,7 +188,7 @@ def composite(
     shares: Annotated[str, typer.Option(help="Percent of train/val/test, as the dataset will be split.")] = "70/20/10",
     seed: Annotated[int, typer.Option(help="Random seed; 0 is a seed too.")] = 0,
 ) -> None:
-    """Put people and vehicles, cut out of some images, on the roads of others: new images beside those there are.
+    """Put people and vehicles, cut out of some images, on the roads of others: new images besides the existing ones.
 
     \b
     pavetwin data composite datasets/all -o datasets/mixed --objects uav-cars --roads uav-pdd2023
@@ -203,9 +203,9 @@ def composite(
     from pavetwin.training.datasets.compositing import CompositeSettings, compose
 
     if output is None:
-        raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/mixed.")
+        raise PaveTwinError("Give the folder of the new dataset with -o, for example -o datasets/mixed.")
     if not roads:
-        raise PaveTwinError("Say which sources show roads from above with --roads, for example --roads uav-pdd2023.")
+        raise PaveTwinError("Name sources that show roads from above with --roads, for example --roads uav-pdd2023.")
     values = {
         "objects": [name for name in re.split(r"[,\s]+", objects) if name],
         "roads": [name for name in re.split(r"[,\s]+", roads) if name],
@@ -214,12 +214,12 @@ def composite(
         "road_masks": road_masks,
     }
     names = {" share:": " --share:", "`objects`": "--objects", "`roads`": "--roads", "`road_masks`": "--road-masks"}
-    with naming(names), progress("Composing", lines=True) as tell:
+    with naming(names), progress("Composing", lines=True) as update:
         settings = CompositeSettings.parse(values, where="The composition")
         summary = compose(
-            dataset, output, settings, shares=split_shares(shares, option="--shares"), seed=seed, on_progress=tell
+            dataset, output, settings, shares=split_shares(shares, option="--shares"), seed=seed, on_progress=update
         )
-    tell_report(summary.report, output)
+    print_report(summary.report, output)
     cut = " and ".join(f"{count} of {name}" for name, count in sorted(summary.cut_outs.items())) or "none"
     out.line(f"Cut-outs: {cut}. Composites: {summary.composites}.")
     out.line(f"{summary.images} images in {output}/. Next: pavetwin data show {quote(str(output))}")
@@ -243,7 +243,7 @@ def split(
 
     with progress("Splitting"):
         found = split_dataset(dataset, split_shares(shares, option="--shares"), seed)
-    tell_report(found.report, dataset / LISTS)
+    print_report(found.report, dataset / LISTS)
     out.print(splits_table(found))
 
 
@@ -261,11 +261,11 @@ def export(
     from pavetwin.training.datasets.exporting import export as exported
 
     if output is None:
-        raise PaveTwinError("Say where the files go with -o, for example -o datasets/all-yolo.")
+        raise PaveTwinError("Give the folder to write to with -o, for example -o datasets/all-yolo.")
     with progress("Exporting", lines=True):
         counts = exported(dataset, output, tuple(re.split(r"[,\s]+", formats.strip())))
-    told = ", ".join(f"{count} images as {name}" for name, count in counts.items())
-    out.line(f"{told} in {output}/")
+    written = ", ".join(f"{count} images as {name}" for name, count in counts.items())
+    out.line(f"{written} in {output}/")
     if counts.get("yolo-seg") is not None:
         out.line("yolo-seg has the images whose labels all have outlines.")
 
@@ -291,14 +291,14 @@ def pack(
     from pavetwin.training.datasets.packs import PackOptions, read_examples, write_pack
 
     if output is None:
-        raise PaveTwinError("Say where the file goes with -o, for example -o all.pack.")
+        raise PaveTwinError("Give the file to write with -o, for example -o all.pack.")
     names = tuple(re.split(r"[,\s]+", splits.strip()))
     for name in names:
         if name not in SPLITS:
             raise PaveTwinError(no_such("split", name, SPLITS, key="`splits`"))
     options = PackOptions(max_mb, quality, longest or 0)
-    with progress("Packing", lines=True) as tell:
-        summary = write_pack(read_examples(datasets, names), output, options, tell)
+    with progress("Packing", lines=True) as update:
+        summary = write_pack(read_examples(datasets, names), output, options, update)
     out.line(f"{summary.images} images in {output}: {summary.size_mb:.1f} MB at quality {summary.quality}")
 
 

@@ -8,7 +8,7 @@ import typer
 
 from pavetwin.cli.arguments import Jobs
 from pavetwin.cli.console import out, progress
-from pavetwin.cli.data_tables import REFUSED_CODE, balance_table, counts_table, splits_table, tell_report
+from pavetwin.cli.data_tables import REFUSED_CODE, balance_table, counts_table, splits_table, print_report
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def build(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the stages.")] = None,
     jobs: Jobs = None,
 ) -> None:
-    """Build a dataset from a recipe, or go on with a build that was stopped.
+    """Build a dataset from a recipe, or continue a stopped build.
 
     \b
     pavetwin data build recipe.yaml -o datasets/everything
@@ -56,17 +56,17 @@ def build(
     pack: {most_mb: 60}
     """
     if output is None:
-        raise PaveTwinError("Say where the dataset goes with -o, for example -o datasets/everything.")
+        raise PaveTwinError("Give the folder of the dataset with -o, for example -o datasets/everything.")
     photographs, synthetic, packed = _parts(recipe)
-    beside = recipe.absolute().parent
+    base = recipe.absolute().parent
     folders, has_refusals = [], False
     if photographs is not None:
-        built = _photographs(photographs, beside, output)
+        built = _photographs(photographs, base, output)
         has_refusals = any(report.has_refusals for _, report in built.stages)
         if COCO in built.exported:
             folders.append(output / EXPORTED)
     if synthetic is not None:
-        folders.append(_synthetic(synthetic, beside, output, jobs).folder)
+        folders.append(_synthetic(synthetic, base, output, jobs).folder)
     if packed is not None:
         _pack(packed, folders, output)
     if has_refusals:
@@ -74,7 +74,7 @@ def build(
 
 
 def _parts(path: Path) -> "tuple[Recipe | None, SyntheticRecipe | None, RecipePack | None]":
-    """What a recipe says of photographs, of synthetic images and of the packed file.
+    """The parts of a recipe: photographs, synthetic images and the packed file.
 
     Raises:
         PaveTwinError: a key or value does not fit.
@@ -96,27 +96,27 @@ def _parts(path: Path) -> "tuple[Recipe | None, SyntheticRecipe | None, RecipePa
     return Recipe.parse(values, where, text), synthetic, packed
 
 
-def _photographs(recipe: "Recipe", beside: Path, output: Path) -> "BuildSummary":
+def _photographs(recipe: "Recipe", base: Path, output: Path) -> "BuildSummary":
     from pavetwin.labels.common_form import count_images, read_images
     from pavetwin.training.datasets.recipe import build as built
     from pavetwin.training.datasets.splitting import LISTS
 
-    with progress("Building", lines=True) as tell:
-        summary = built(recipe, beside, output, on_stage=tell)
+    with progress("Building", lines=True) as update:
+        summary = built(recipe, base, output, on_stage=update)
     for folder, report in summary.stages:
-        tell_report(report, folder)
+        print_report(report, folder)
         out.print(counts_table(str(folder), count_images(read_images(folder))))
     if summary.balance is not None:
         out.print(balance_table(summary.balance))
-    tell_report(summary.shares.report, summary.stages[-1][0] / LISTS)
+    print_report(summary.shares.report, summary.stages[-1][0] / LISTS)
     out.print(splits_table(summary.shares))
-    told = "".join(f", {count} images as {name}" for name, count in summary.exported.items())
-    out.line(f"Built in {output}/{told}. Next: pavetwin data show {quote(str(summary.stages[-1][0]))}")
+    exported = "".join(f", {count} images as {name}" for name, count in summary.exported.items())
+    out.line(f"Built in {output}/{exported}. Next: pavetwin data show {quote(str(summary.stages[-1][0]))}")
     return summary
 
 
-def _synthetic(recipe: "SyntheticRecipe", beside: Path, output: Path, jobs: int | None) -> "SyntheticSummary":
-    with progress("Building", lines=True) as tell:
+def _synthetic(recipe: "SyntheticRecipe", base: Path, output: Path, jobs: int | None) -> "SyntheticSummary":
+    with progress("Building", lines=True) as update:
         # Inside, since these take seconds to import.
         from pavetwin.capture.recipe import build_synthetic
         from pavetwin.capture.scene_renderer import SceneFrameSource
@@ -124,12 +124,12 @@ def _synthetic(recipe: "SyntheticRecipe", beside: Path, output: Path, jobs: int 
 
         summary = build_synthetic(
             recipe,
-            beside,
+            base,
             output,
             frame_source_factory=SceneFrameSource,
             adapter=str(find_adapter()),
             jobs=jobs,
-            on_stage=tell,
+            on_stage=update,
         )
     out.print(_joined_table(summary.joined))
     total = summary.joined.images.total()
@@ -143,8 +143,8 @@ def _pack(settings: "RecipePack", folders: list[Path], output: Path) -> None:
 
     if not folders:
         raise PaveTwinError(f"A packed file needs '{COCO}' among the formats of `export`.")
-    with progress("Packing", lines=True) as tell:
-        summary = pack(folders, output / FILE, settings, tell)
+    with progress("Packing", lines=True) as update:
+        summary = pack(folders, output / FILE, settings, update)
     out.line(f"{summary.images} images in {output / FILE}: {summary.size_mb:.1f} MB at quality {summary.quality}")
 
 

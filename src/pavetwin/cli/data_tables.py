@@ -1,4 +1,4 @@
-"""What `pavetwin data` prints: the first lines of a report, and tables of classes and sources."""
+"""Output of `pavetwin data`: the first lines of a report, and tables of classes and sources."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,10 +20,10 @@ SHOWN = 20
 """Lines of a report on the terminal; all are in its file."""
 
 NOTES_SHOWN = 3
-"""Of its notes: a merge has one for every two pictures of one place."""
+"""Notes on the terminal: a merge has one for every two pictures of one place."""
 
 
-def tell_report(report: "Report", folder: Path) -> None:
+def print_report(report: "Report", folder: Path) -> None:
     """The report's first lines, refusals first, on the error stream; and where all of it is."""
     from pavetwin.training.datasets.report import FILE, UNLABELLED, Finding
 
@@ -35,7 +35,7 @@ def tell_report(report: "Report", folder: Path) -> None:
         err.line(f"{problem.finding.value}: {problem}")
     if lines:
         counts = ", ".join(f"{report.counts[each]} {each.value}" for each in order if report.counts[each])
-        more = f" but {report.untold}, which are only counted" if report.untold else ""
+        more = f" but {report.unlisted}, which are only counted" if report.unlisted else ""
         err.line(f"{counts}; all{more} in {folder / FILE}")
     if report.unlabelled:
         err.line(

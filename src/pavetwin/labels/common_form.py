@@ -17,7 +17,7 @@ import yaml
 
 from pavetwin.defects.registry import DEFECT_CLASSES
 from pavetwin.errors import PaveTwinError
-from pavetwin.files import writing
+from pavetwin.files import FORMAT, check_format, writing
 from pavetwin.labels.boxes import PixelBox
 from pavetwin.labels.classes import categories
 from pavetwin.labels.safe_xml import Element, XmlError, parse_xml
@@ -53,9 +53,9 @@ class Annotation:
     """One of `class_names()`; None for an ignored region, which may hide objects of any class."""
     box: PixelBox
     ignored: str | None = None
-    """Why it counts neither as an object nor as background; None for what is labelled."""
+    """Reason to ignore it: neither an object nor background. None for a label."""
     outline: Polygon | None = None
-    """Where the source has more than a box."""
+    """None if the source has only a box."""
     original: str = ""
     """The class as the source names it."""
     attributes: Mapping[str, str] = field(default_factory=dict)
@@ -72,9 +72,9 @@ class AnnotatedImage:
     """One image and its annotations."""
 
     name: str
-    """Of its files, without suffix; unique in its dataset."""
+    """Name of its files, without suffix; unique in its dataset."""
     suffix: str
-    """Of the picture, with its dot."""
+    """Suffix of the picture, with its dot."""
     size_px: tuple[int, int]
     """Width, height."""
     source: str
@@ -110,9 +110,6 @@ class AnnotatedImage:
 
 
 DESCRIPTION: Final = "dataset.yaml"
-FORMAT: Final = 1
-"""Of these files; a dataset of another format is not read."""
-
 NO_CLASS: Final = "ignored"
 
 
@@ -231,7 +228,7 @@ def write_description(folder: Path, content: Mapping[str, Any], name: str = DESC
 
 
 def read_description(folder: Path, name: str = DESCRIPTION) -> dict[str, Any]:
-    """What `dataset.yaml` holds, or such a file of another name.
+    """Content of `dataset.yaml`, or of such a file under another name.
 
     Raises:
         PaveTwinError: there is none, it is damaged, or of another version's format.
@@ -244,8 +241,7 @@ def read_description(folder: Path, name: str = DESCRIPTION) -> dict[str, Any]:
         number = content["format"]
     except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError) as error:
         raise PaveTwinError(f"'{path}' is damaged; make the dataset again.") from error
-    if number != FORMAT:
-        raise PaveTwinError(f"'{folder}' is of format {number}, this version's is {FORMAT}; make the dataset again.")
+    check_format(number, f"'{path}'")
     return dict(content)
 
 

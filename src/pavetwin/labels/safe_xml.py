@@ -10,17 +10,17 @@ from defusedxml import DefusedXmlException
 from defusedxml.sax import make_parser
 
 LARGEST_BYTES: Final = 16 * 2**20
-"""Of a label file of one image."""
+"""Largest label file of one image."""
 
 DEEPEST: Final = 64
 """Elements within each other."""
 
 MOST_ELEMENTS: Final = 200_000
-"""Of a file: those of some 15,000 objects."""
+"""Most elements of a file: enough for about 15,000 objects."""
 
 
 class XmlError(ValueError):
-    """A file is not XML that can be read; the message says why."""
+    """A file is not XML that can be read; the message states the reason."""
 
     def __init__(self, message: str, line: int | None = None) -> None:
         super().__init__(message)
@@ -64,7 +64,7 @@ class _Builder(ContentHandler):
 
     @property
     def line(self) -> int:
-        """Where the parser is."""
+        """Current line of the parser."""
         return int(self._locator.getLineNumber() or 0)
 
     def startElement(self, name: str, attrs: Any) -> None:  # noqa: ARG002, N802 - SAX names it

@@ -206,7 +206,7 @@ def test_a_report_keeps_so_many_lines(monkeypatch: pytest.MonkeyPatch) -> None:
     report = Report()
     for number in range(5):
         report.add(Finding.REFUSED, f"{number}.txt", "is not text")
-    assert (len(list(report)), report.untold, report.counts[Finding.REFUSED]) == (3, 2, 5)
+    assert (len(list(report)), report.unlisted, report.counts[Finding.REFUSED]) == (3, 2, 5)
 
 
 @pytest.mark.parametrize(

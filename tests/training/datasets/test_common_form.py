@@ -104,7 +104,7 @@ def test_a_damaged_dataset_is_refused_plainly(tmp_path: Path) -> None:
     write_description(tmp_path, {"complete": True})
     assert read_description(tmp_path)["complete"] is True
     (tmp_path / "dataset.yaml").write_text("format: 99\n")
-    with pytest.raises(PaveTwinError, match="is of format 99"):
+    with pytest.raises(PaveTwinError, match="has format 99"):
         read_description(tmp_path)
     (tmp_path / "a.xml").write_text("<annotation><size/></annotation>")
     with pytest.raises(PaveTwinError, match=r"a\.xml' is damaged \(annotation has no source\)"):

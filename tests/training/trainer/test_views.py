@@ -185,7 +185,7 @@ def test_a_batch_numbers_its_objects_and_regions_by_image(data: ExampleSet) -> N
 
 def test_a_picture_of_another_size_than_its_labels_say_is_refused(data: ExampleSet) -> None:
     example = replace(data.examples[0], size_px=(64, 64))
-    with pytest.raises(PaveTwinError, match=r"'000.png' of '.*' is 128 × 96, and its labels say 64 × 64."):
+    with pytest.raises(PaveTwinError, match=r"'000.png' of '.*' is 128 × 96, not 64 × 64 as labelled."):
         view_of([fitted(data, example, 64)], 64)
 
 

@@ -1,4 +1,4 @@
-"""What carries the camera. One file per platform, one registry."""
+"""Platforms that carry the camera: one file each, one registry."""
 
 from pavetwin.capture.platforms.platform import PLATFORMS, CaptureContext, Platform, Pose, flying, platform
 

@@ -35,7 +35,7 @@ class Airspace:
     bases: shapely.STRtree
     """(n,) of the solids."""
     radius_m: float
-    """Of the UAV."""
+    """Radius of the UAV."""
 
     @classmethod
     def of(cls, world: World) -> Self:
@@ -46,7 +46,7 @@ class Airspace:
         return cls(free, standing, bases, radius_m)
 
     def contains(self, x_m: float, y_m: float, altitude_m: float) -> bool:
-        """Whether the UAV fits in there: within a corridor, and clear of what reaches into its altitude ± clearance."""
+        """Return whether the UAV fits: within a corridor, and clear of obstacles at its altitude ± clearance."""
         place = shapely.Point(x_m, y_m)
         if not shapely.contains(self.corridors, place):
             return False
@@ -57,7 +57,7 @@ class Airspace:
 
 @dataclass(frozen=True)
 class CaptureContext:
-    """What platforms draw camera poses from: the world, its splits, the recorded traffic and the free airspace."""
+    """Inputs for camera poses: the world, its splits, the recorded traffic and the free airspace."""
 
     world: World
     settings: CaptureSettings
@@ -66,7 +66,7 @@ class CaptureContext:
     """By density name."""
     traces: Mapping[str, Trace]
     airspace: Airspace
-    """Where the UAV may be."""
+    """Airspace of the UAV."""
 
     def parked(self, conditions: Conditions, density: str) -> ParkedVehicles:
         """The vehicles that stand parked at the date and time of an image, of the mix of its traffic."""
@@ -90,12 +90,12 @@ class Pose:
     view: View
     time_s: float
     yaw_rad: float
-    """Of the platform, anticlockwise from east; of a nadir image its upper edge."""
+    """Yaw of the platform, anticlockwise from east; of a nadir image its upper edge."""
     pitch_rad: float
-    """Of the camera's axis: −π/2 straight down."""
+    """Pitch of the camera's axis: −π/2 straight down."""
     camera: Camera
     mount: str
-    """Which of the platform's cameras."""
+    """Name of the camera on the platform."""
     ego: int | None = None
     """The agent that carries the camera; it is not drawn."""
 
@@ -104,7 +104,7 @@ class Platform(ABC):
     """Proposes camera poses. The caller checks each against the image spec and requests another if it does not fit."""
 
     uses_altitude: bool = False
-    """Whether it flies, at an altitude of the settings and with their camera; else it has cameras of its own."""
+    """True if it flies at an altitude of the settings with their camera; else it has cameras of its own."""
 
     def __init__(self, context: CaptureContext) -> None:
         self.context = context

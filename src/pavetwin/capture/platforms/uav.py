@@ -90,11 +90,11 @@ class RoadUsers:
     nearest: IndexArray
     """Index into `segments`."""
     people: int
-    """How many of the samples are people."""
+    """Number of samples that are people."""
 
     @classmethod
     def of(cls, recording: Recording, segments: Sequence[Segment]) -> Self:
-        """Everyone on the segments or just beside them, every ten seconds."""
+        """Everyone on the segments or just off them, every ten seconds."""
         frames = np.arange(0, recording.frames, max(1, round(SAMPLED_S / recording.step_s)))
         first, last = recording.step_offsets[frames], recording.step_offsets[frames + 1]
         rows = np.concatenate([np.arange(*bounds) for bounds in zip(first, last, strict=True)])
@@ -140,21 +140,21 @@ _CLEARINGS_AN_OCTAVE: Final = 4
 """Steps of the ground resolution for which places without defects are prepared."""
 
 _ROAD_M: Final = 1.0
-"""The middle of every image lies on the road, or at most this far beside it."""
+"""The middle of every image lies on the road, or at most this far off it."""
 
 
 @dataclass(frozen=True)
 class _Aim:
-    """What an image is taken of."""
+    """Target of an image."""
 
     xy: Float64Array
     """(2,) metres, world frame."""
     along_rad: float
     """Direction of its street."""
     time_s: float | None = None
-    """Of the recorded traffic; None: any."""
+    """Time of the recorded traffic; None: any."""
     centred: bool = False
-    """Whether it is in the middle of the image; else it is anywhere in the inner part."""
+    """True to centre it in the image; else it is anywhere in the inner part."""
 
 
 @platform("uav")
@@ -230,7 +230,7 @@ class Uav(Platform):
         return None if drawn is None else _Aim(drawn[0], _direction(drawn[1], shapely.Point(drawn[0])), centred=True)
 
     def _clear_radius_m(self, spec: ImageSpec) -> float:
-        """Of a disc that lies within every nadir image of a spec, and nearly within every tilted one."""
+        """Radius of a disc that lies within every nadir image of a spec, and nearly within every tilted one."""
         width, height = self.context.settings.size_px
         if spec.gsd_mm is None:
             assert spec.altitude_m is not None

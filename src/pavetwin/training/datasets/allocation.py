@@ -1,4 +1,4 @@
-"""How often each image is copied, so that every class has equally many instances although images show several.
+"""Numbers of copies of each image that give every class equally many instances, although images show several classes.
 
 A copy adds all instances of its image, those of frequent classes too. So the numbers of copies are solved for together:
 with c the instances of an image by class and s = c / Σc, copies x of images are sought with
@@ -29,22 +29,22 @@ TOLERANCE: Final = 0.05
 """So far classes are equal: the fewest instances of a class, less than the most, as a share of the most."""
 
 _STIFFNESS: Final = 1e-4
-"""How much a class that cannot be reached may pull at the others: a ridge on the multipliers."""
+"""Ridge on the multipliers: limits the pull of an unreachable class on the others."""
 
 _TIE: Final = 1e-3
-"""Of an image: what the number of instances weighs beside the images that are kept, over that of the most frequent."""
+"""Weight of the number of instances against kept images, over that of the most frequent class."""
 
 _NEARER: Final = 1e-2
-"""Of an image: what a class weighs beside the images that are kept, by how near it is to the most frequent."""
+"""Weight of a class against kept images, by its distance to the most frequent class."""
 
 _EQUAL: Final = (1.0, 0.98, 0.96)
 """Equal enough: the share that the rarest class has of the most frequent; what is more equal may take many copies."""
 
 _AS_EQUAL: Final = 0.005
-"""How closely the greatest equality is found where none of these can be."""
+"""Accuracy of the greatest equality if none of these is feasible."""
 
 _RARELY_MORE: Final = 1e-6
-"""Of two changes that help alike, the one of the image with fewer copies is made."""
+"""Tie-breaker: of two equal gains, the image with fewer copies changes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class CopyPlan:
     """The copies of every image."""
 
     copies: Int64Array
-    """(images,) number of copies beside the image itself; −1 where the image is left out."""
+    """(images,) number of copies besides the image itself; −1 where the image is left out."""
     target: int
     """Instances that every class should have."""
     present: Int64Array
@@ -64,13 +64,13 @@ class CopyPlan:
 
     @property
     def spread(self) -> float:
-        """Of the classes that have any: how far the rarest is below the most frequent."""
+        """Relative gap from the rarest to the most frequent class, over classes with any instance."""
         held = self.reached[self.present > 0]
         return 1 - float(held.min() / held.max()) if held.size else 0.0
 
 
 CopyCounts = Callable[[int, int], Int64Array]
-"""Of an image and the number of its copy, from 0: the instances (classes,) that it shows."""
+"""Function of an image and the number of its copy, from 0: instances (classes,) in that copy."""
 
 
 def plan_copies(

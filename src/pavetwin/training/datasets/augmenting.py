@@ -34,7 +34,7 @@ from pavetwin.labels.common_form import AnnotatedImage, Annotation, Polygon
 from pavetwin.training.datasets.resizing import CUT, LEAST_SHARE
 
 GONE_SHARE: Final = 0.05
-"""Of an annotation's area: what shows less is left out, also where it is ignored."""
+"""Least visible share of an annotation's area; with less it is left out, even if ignored."""
 
 WHOLE_SHARE: Final = 1 - 1e-6
 """From this on nothing but rounding is missing, and an outline keeps all its parts and holes."""
@@ -43,12 +43,12 @@ COPY_OF: Final = "copy_of"
 """Attribute of a copy: the name of its image."""
 
 _SLACK_PX: Final = 1e-6
-"""Of rounding outwards: an edge that a rotation puts on the border of a pixel belongs there."""
+"""Tolerance when rounding outwards: a rotated edge on a pixel border stays there."""
 
 
 @dataclass(frozen=True, slots=True)
 class ImageChange:
-    """How a copy differs from its image."""
+    """Difference of a copy from its image."""
 
     is_flipped: bool = False
     """Left and right exchanged, before the rotation."""
@@ -104,7 +104,7 @@ def _ends(size_px: tuple[int, int], shown: tuple[float, float]) -> tuple[int, in
 
 
 def moved_points(points: Float64Array, size_px: tuple[int, int], change: ImageChange) -> Float64Array:
-    """Where a change leaves points (n, 2) of an image: column, row from the corner of what is kept of it."""
+    """Points (n, 2) of an image after a change: column, row from the corner of the cropped image."""
     width, height = size_px
     moved = points.copy()
     if change.is_flipped:
@@ -160,7 +160,7 @@ def _changed(
 def _region(
     annotation: Annotation, outline: Polygon | None, size_px: tuple[int, int], change: ImageChange
 ) -> shapely.Geometry:
-    """What an annotation covers after the change, not cut yet: its outline, or its box where that has no area."""
+    """Region of an annotation after the change, before cropping: its outline, or its box if that has no area."""
     if outline is not None:
         shape = shapely.make_valid(shapely.Polygon(outline))
         if shapely.area(shape) > 0:
@@ -198,7 +198,7 @@ def albumentations() -> Any:
     """The library, which an extra installs.
 
     Raises:
-        PaveTwinError: it is not installed; the message says how to get it.
+        PaveTwinError: it is not installed; the message names the command that installs it.
     """
     # It asks for its newest version over the network otherwise.
     os.environ["NO_ALBUMENTATIONS_UPDATE"] = "1"

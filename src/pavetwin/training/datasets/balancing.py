@@ -43,11 +43,11 @@ ATTEMPTS: Final = 8
 """Rotations that are drawn for a copy until it shows a label; then it is not rotated."""
 
 LIGHTER: Final = 0.5
-"""Of the changes of brightness and contrast: their share in copies of background, which have no others but the flip."""
+"""Strength of brightness and contrast changes in copies of background, which otherwise are only flipped."""
 
 
 class BalanceSettings(Settings):
-    """How classes are balanced, and how copies differ from their images."""
+    """Balancing of classes, and changes of copies."""
 
     target: int | None = Field(
         default=None,
@@ -66,7 +66,7 @@ class BalanceSettings(Settings):
 
 @dataclass(frozen=True)
 class BalanceSummary:
-    """What a balance left."""
+    """Result of a balance."""
 
     folder: Path
     images: int
@@ -86,7 +86,7 @@ class _Copy:
 
 
 def draw_change(image: AnnotatedImage, number: int, settings: BalanceSettings, seed: int) -> ImageChange:
-    """What the copy of this number (from 0) differs in; the lighter changes where the image is background."""
+    """Change of the copy of this number (from 0); a lighter one for background."""
     key = int.from_bytes(sha256(as_xml(image)).digest()[:8], "big")
     rng = child(seed, Stream.BALANCE, key, number)
     strength = LIGHTER if image.is_background else 1.0
@@ -140,7 +140,7 @@ def balance(
             raise PaveTwinError(f"'{folder}' holds no image.")
         read = lru_cache(maxsize=256)(lambda name: read_image(annotation_path(folder, name)))
         plan = _planned(names, read, settings, seed, on_progress)
-        _tell(plan, settings, report)
+        _report_shortfalls(plan, settings, report)
         images = 0
         with staging_folder(output / "staging") as staging:
             copies = _copies(names, plan, read, settings, seed, on_progress)
@@ -155,7 +155,7 @@ def balance(
 def _planned(
     names: list[str], read: Callable[[str], AnnotatedImage], settings: BalanceSettings, seed: int, on_progress: OnStage
 ) -> CopyPlan:
-    """How often each image is copied; backgrounds so often that their share of the images stays."""
+    """Copies of each image; backgrounds keep their share of the images."""
     counts = np.zeros((len(names), len(class_names())), dtype=np.int64)
     backgrounds = []
     for at, name in enumerate(names):
@@ -189,8 +189,8 @@ def _planned(
     return plan
 
 
-def _tell(plan: CopyPlan, settings: BalanceSettings, report: Report) -> None:
-    """What the plan leaves out, and which classes it does not bring to the target, and why."""
+def _report_shortfalls(plan: CopyPlan, settings: BalanceSettings, report: Report) -> None:
+    """Report images that the plan leaves out and classes that miss the target, with the reason."""
     left_out = int((plan.copies < 0).sum())
     for _ in range(left_out):
         words = f"left out, so that no class has more than {plan.target} instances"
@@ -200,22 +200,22 @@ def _tell(plan: CopyPlan, settings: BalanceSettings, report: Report) -> None:
 
 
 def shortfalls(plan: CopyPlan, most: int) -> Mapping[str, str]:
-    """Of each class that is not balanced, by name: why."""
-    told = {}
+    """Reason for each class that is not balanced, by name."""
+    reasons = {}
     least = (1 - TOLERANCE) * float(plan.reached.max(initial=0))
     for at, name in enumerate(class_names()):
         present, reached, can = (int(values[at]) for values in (plan.present, plan.reached, plan.can_reach))
         if not present:
-            told[name] = "the dataset shows none, so it cannot be balanced"
+            reasons[name] = "the dataset shows none, so it cannot be balanced"
         elif reached >= least:
             continue
         elif can < plan.target:
             words = f"{present} instances become at most {can} with {most} copies of each image"
-            told[name] = f"{reached} of {plan.target}: {words}; more `copies` help"
+            reasons[name] = f"{reached} of {plan.target}: {words}; more `copies` help"
         else:
             words = "images that show it show more frequent classes too"
-            told[name] = f"{reached} of {plan.target}: {words}; images that show it alone help, or `leave_out`"
-    return told
+            reasons[name] = f"{reached} of {plan.target}: {words}; images that show it alone help, or `leave_out`"
+    return reasons
 
 
 def _copies(

@@ -24,22 +24,22 @@ STEPS_PX: Final = 1.2
 """Standard deviation by which the edge of a mask is smoothed before, in its own pixels."""
 
 BRIGHTER: Final = (0.6, 1.5)
-"""Between these the brightness of an object is brought to that of its place."""
+"""Range of the factor that brings an object's brightness to that of its place."""
 
 BURNT: Final = 0.97
 """Brightest that the brighter twentieth of an object's pixels become: white paint is not to be without shading."""
 
 TINTED: Final = (0.94, 1.07)
-"""Between these each colour is, beside the brightness."""
+"""Range of each colour's factor, besides the brightness."""
 
 HEIGHTS_M: Final = {CAR.name: 1.4, PERSON.name: 1.7}
 """That shadows fall from."""
 
 UMBRA: Final = 0.45
-"""Brightness, as pictures store it, of a road in the shadow of the sun, over that beside it; by looking at some."""
+"""Brightness, as pictures store it, of a road in the shadow of the sun, over that next to it; estimated from images."""
 
 CONTACT: Final = 0.72
-"""The same of the darkest place beside an object under a bright sky, where no light comes from below it."""
+"""The same of the darkest place next to an object under a bright sky, where no light comes from below it."""
 
 LEAST_ELEVATION_DEG: Final = 12.0
 
@@ -49,7 +49,7 @@ class Sun:
     """The sun over a picture, where it is known."""
 
     shadow_deg: float
-    """Where shadows fall: clockwise from the picture's top."""
+    """Direction of shadows, clockwise from the picture's top."""
     elevation_deg: float
     clouds: float = 0.0
     """Share of the sky, 0 … 1; under 1 nothing casts a sharp shadow."""

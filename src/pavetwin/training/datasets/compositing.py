@@ -66,24 +66,24 @@ SMALLEST: Final = 0.15
 """A cut-out is scaled down to this at most: what is far finer than its place has been seen from much nearer."""
 
 LARGEST: Final = 0.35
-"""Of a picture's area: what an object may cover."""
+"""Largest share of a picture that an object may cover."""
 
-UNKNOWN: Final = "its ground resolution is not known, and it shows nothing that tells it"
+UNKNOWN: Final = "its ground resolution is not known, and nothing in it determines it"
 NONE_FITS: Final = "no cut-out has a ground resolution and a size that fit"
 
 
 @dataclass(frozen=True, slots=True)
 class CompositePlan:
-    """What one road picture is to become."""
+    """Plan of one composite."""
 
     image: AnnotatedImage
     gsd_mm: float = 0.0
-    """Of the composite: of the picture, or coarser, where it is scaled down for what stands on it."""
+    """Ground resolution of the composite: that of the picture, or coarser if it is scaled down for its objects."""
     factor: float = 1.0
     """By which the picture is scaled, at most 1."""
     objects: tuple[StoredCutOut, ...] = ()
     reasons: Counter[str] = field(default_factory=Counter)
-    """Why there is less than was drawn."""
+    """Reasons for fewer objects than drawn."""
 
 
 def road_gsd_mm(image: AnnotatedImage, picture: UInt8Array, road: BoolArray) -> float | None:
@@ -113,7 +113,7 @@ class CompositePlanner:
         self._uses: Counter[str] = Counter()
 
     def plan(self, image: AnnotatedImage, gsd_mm: float | None, rng: np.random.Generator) -> CompositePlan:
-        """What is to stand on a road picture of this ground resolution."""
+        """Plan the objects on a road picture of this ground resolution."""
         if gsd_mm is None:
             return CompositePlan(image, reasons=Counter([UNKNOWN]))
         fitting = [each for each in self._library if self._fits(each, image, gsd_mm)]
@@ -176,7 +176,7 @@ class SplitPlanner:
         self._short: Counter[str] = Counter()
 
     def plan(self, image: AnnotatedImage, gsd_mm: float | None, rng: np.random.Generator) -> CompositePlan:
-        """What is to stand on a road picture of this ground resolution; its split is given from now on."""
+        """Plan the objects on a road picture of this ground resolution, and fix its split."""
         split = self._splits[image.group]
         image = replace(image, attributes={**image.attributes, KEPT: split})
         plan = self._planners[split].plan(image, gsd_mm, rng)
@@ -185,13 +185,13 @@ class SplitPlanner:
             self._short[split] += bool(plan.reasons)
         return plan
 
-    def tell(self, report: Report) -> None:
-        """Say of each split whose road pictures wanted more objects how many it has."""
+    def add_shortfalls(self, report: Report) -> None:
+        """Report the cut-outs of each split with fewer objects than drawn."""
         for split in (name for name in SPLITS if self._short[name]):
             held = Counter(each.category for each in self._libraries[split])
-            told = ", ".join(f"{count} of {name}" for name, count in sorted(held.items())) or "none"
+            own = ", ".join(f"{count} of {name}" for name, count in sorted(held.items())) or "none"
             words = f"{self._short[split]} of its {self._asked[split]} road images have fewer objects than drawn"
-            report.add(Finding.NOTE, split, f"{words}; its own cut-outs: {told}, and those of other splits stay there")
+            report.add(Finding.NOTE, split, f"{words}; its own cut-outs: {own}, and those of other splits stay there")
 
 
 def _known(cut_out: StoredCutOut) -> float:
@@ -218,7 +218,7 @@ STRAY_DEG: Final = 3.0
 
 
 class CompositeSettings(Settings):
-    """What is put where."""
+    """Sources and limits of composites."""
 
     objects: tuple[str, ...] = Field(min_length=1, description="Sources that people and vehicles are cut out of.")
     roads: tuple[str, ...] = Field(min_length=1, description="Sources whose pictures look straight down on roads.")
@@ -245,7 +245,7 @@ class CompositeSettings(Settings):
 
 @dataclass(frozen=True)
 class CompositeSummary:
-    """What the composition left."""
+    """Result of a composition."""
 
     folder: Path
     images: int
@@ -283,7 +283,7 @@ def compose(
     seed: int = 0,
     on_progress: OnStage = lambda _share, _what: None,
 ) -> CompositeSummary:
-    """A dataset with composites beside its images; what an unfinished run made is kept and not made again.
+    """A dataset with composites besides its images; what an unfinished run made is kept and not made again.
 
     Args:
         shares: of train, val and test, as the dataset will be split.
@@ -386,7 +386,7 @@ def _compose(
     make = partial(_made, output / CUT_OUTS, settings)
     made = made_ahead(found(), make, exists=lambda work: annotation_path(output, _name(work.plan.image)).is_file())
     composites = [_name(work.plan.image) for work, job in made if _write(work.plan.image, job, output, staging, report)]
-    planner.tell(report)
+    planner.add_shortfalls(report)
     if not composites:
         words = f"{tried['drawn']} of {tried['roads']} road images were drawn for a share of {settings.share:g} %"
         report.add(Finding.NOTE, ", ".join(settings.roads), f"no composites: {words}")
@@ -469,7 +469,7 @@ def _made(cut_out_folder: Path, settings: CompositeSettings, work: _Work) -> _Co
 
 
 def _angle(cut_out: CutOut, direction_deg: float | None, rng: np.random.Generator) -> float:
-    """How far an object is turned, clockwise: a vehicle along the road where its direction is known."""
+    """Rotation of an object, clockwise [deg]: vehicles follow the road's direction if it is known."""
     about = float(rng.uniform(0.0, 360.0))
     if cut_out.category != CAR.name or direction_deg is None:
         return about
@@ -477,7 +477,7 @@ def _angle(cut_out: CutOut, direction_deg: float | None, rng: np.random.Generato
 
 
 def _road(image: AnnotatedImage, picture: UInt8Array, settings: CompositeSettings) -> BoolArray:
-    """Where the image shows road: by its mask where there is one."""
+    """Mask of the road in an image: the given mask if there is one, else an estimate."""
     path = settings.road_masks / f"{image.name}.png" if settings.road_masks is not None else None
     if path is None or not path.is_file():
         return road_mask(picture, _filled(image, lambda category: category in defect_names()))
@@ -486,12 +486,12 @@ def _road(image: AnnotatedImage, picture: UInt8Array, settings: CompositeSetting
 
 
 def _taken(image: AnnotatedImage) -> BoolArray:
-    """Where people and vehicles stand, and where something may that is ignored: all that is not damage by its class."""
+    """Mask of people, vehicles and ignored regions: everything that is not damage by its class."""
     return _filled(image, lambda category: category not in defect_names())
 
 
 def _filled(image: AnnotatedImage, is_wanted: Callable[[str | None], bool]) -> BoolArray:
-    """What the image's annotations of some classes cover."""
+    """Mask of an image's annotations of some classes."""
     covers = np.zeros(image.size_px[::-1], dtype=np.bool_)
     for each in image.annotations:
         if is_wanted(each.category):
@@ -500,7 +500,7 @@ def _filled(image: AnnotatedImage, is_wanted: Callable[[str | None], bool]) -> B
 
 
 def _sun(image: AnnotatedImage) -> Sun | None:
-    """As captures state it; of photographs it is not known."""
+    """Sun over an image as captures state it; None for photographs."""
     values: list[Any] = [image.attributes.get(key) for key in ("shadow_deg", "sun_elevation_deg", "cloud_cover")]
     return Sun(*map(float, values)) if None not in values else None
 
@@ -527,7 +527,7 @@ def _labelled(image: AnnotatedImage, masks: list[tuple[BoolArray, CutOut]], reas
 
 
 def _write(image: AnnotatedImage, job: Future[_Composite] | None, output: Path, staging: Path, report: Report) -> bool:
-    """Whether there is a composite. What could not be put on it is kept in a file of its own, for another run."""
+    """Write a composite, if there is one, and keep the reasons for missing objects in a file for the next run."""
     path = output / CUT_OUTS / f"{_name(image)}.json"
     if job is None:
         reasons = Counter[str](json.loads(path.read_text(encoding="utf-8")))

@@ -1,4 +1,4 @@
-"""What is left of labels where objects were put over them, and the labels of these objects.
+"""Labels under pasted objects, and the labels of these objects.
 
 By the share of an annotation's area that is still visible:
 
@@ -19,7 +19,7 @@ from pavetwin.labels.common_form import Annotation, Polygon
 from pavetwin.training.datasets.augmenting import GONE_SHARE
 
 KEPT_SHARE: Final = 0.6
-"""Of an annotation's area."""
+"""Visible share of an annotation's area from which it stays a label."""
 
 COVERED: Final = "covered"
 

@@ -43,13 +43,13 @@ PLAUSIBLE_M: Final = {CAR.name: ((3.0, 20.0), (1.3, 3.6)), PERSON.name: ((0.3, 1
 IMPLAUSIBLE: Final = "it has not the size of its class on the ground"
 
 LEAST_PX: Final = {CAR.name: 12, PERSON.name: 8}
-"""Of a cut-out's width."""
+"""Least width of a cut-out by class."""
 
 LEAST_VISIBLE: Final = 0.97
-"""Of an object whose source says how much of it is visible, as captures do."""
+"""Least visible fraction of an object, if its source states one, as captures do."""
 
 MARGIN: Final = 0.4
-"""Of a box's longer side: what GrabCut sees around it."""
+"""Surroundings of a box that GrabCut sees, share of its longer side."""
 
 _WORKING_PX: Final = (96, 160)
 """Boxes are enlarged or shrunk to between these for GrabCut: its colour models need pixels, and many take long."""
@@ -67,19 +67,19 @@ class CutOut:
     """One object, cut out."""
 
     name: str
-    """Of its image, and its number there."""
+    """Name of its image, and its number there."""
     category: str
     pixels: UInt8Array
     """(height, width, 4) red, green, blue and opacity, in the pixels of its image."""
     length_px: float
-    """Of the smallest rectangle around it, turned as it may be."""
+    """Longer side of the smallest rotated rectangle around it."""
     width_px: float
     angle_deg: float
-    """Of its length to the image's columns, clockwise, −90 … 90."""
+    """Direction of its length from the image's columns, clockwise, −90 … 90."""
     surroundings: tuple[float, float, float]
     """Mean red, green and blue around it."""
     gsd_mm: float | None
-    """Of its image, where that is known."""
+    """Ground resolution of its image; None if unknown."""
 
     @property
     def estimated_gsd_mm(self) -> float:
@@ -88,21 +88,21 @@ class CutOut:
 
 @dataclass(frozen=True, slots=True)
 class _Mask:
-    """What quality is judged by."""
+    """Measures of a mask's quality."""
 
     category: str
     is_exact: bool
-    """Whether it is an outline of the source."""
+    """True for an outline that the source provides."""
     box_share: float
-    """Of the box that the mask fills."""
+    """Filled share of the label's box."""
     extent: float
-    """Of the mask's box to the label's, the shorter side."""
+    """Side of the mask's box over that of the label's box; the smaller ratio of both sides."""
     solidity: float
-    """Of the convex hull that it fills."""
+    """Filled share of its convex hull."""
     fullness: float
-    """Of its smallest rectangle that it fills."""
+    """Filled share of its smallest rotated rectangle."""
     main_part: float
-    """Of the largest part to all parts."""
+    """Share of its largest part."""
     difference: float
     """In CIE L*a*b* between both sides of its border."""
     length_px: float
@@ -121,7 +121,7 @@ QUALITY: Final[tuple[tuple[str, OfBox], ...]] = (
     ("it has not the shape of a vehicle", lambda mask: mask.category != CAR.name or _is_like_a_car(mask)),
     ("it differs too little from what surrounds it", lambda mask: mask.difference >= 8.0),
 )
-"""What a cut-out must be, and what is told where it is not; the limits are our choice, by looking at cut-outs."""
+"""Reason for rejection, and the check that a cut-out must pass. The limits were chosen by inspecting cut-outs."""
 
 
 def _is_like_a_car(mask: _Mask) -> bool:
@@ -135,7 +135,7 @@ def cut_outs(
 
     Args:
         picture: (height, width, 3)
-        on_rejected: told why an object is not cut out.
+        on_rejected: called with the reason for each rejected object.
     """
     wanted = [at for at, each in enumerate(image.annotations) if each.ignored is None and each.category in SIZES_M]
     order = np.random.default_rng(len(wanted)).permutation(len(wanted))
@@ -204,7 +204,7 @@ def usual_gsd_mm(category: str, length_px: float, width_px: float) -> float:
 
 
 def is_plausible(category: str, length_px: float, width_px: float, gsd_mm: float) -> bool:
-    """Whether an object has a size of its class on the ground."""
+    """Return whether an object's size on the ground is plausible for its class."""
     sides_m = (length_px * gsd_mm / 1000, width_px * gsd_mm / 1000)
     return all(low <= side <= high for side, (low, high) in zip(sides_m, PLAUSIBLE_M[category], strict=True))
 
@@ -240,7 +240,7 @@ def segmented(part: UInt8Array, box: PixelBox) -> BoolArray:
 
 
 def _judged(category: str, part: UInt8Array, mask: BoolArray, box: PixelBox, *, is_exact: bool) -> tuple[_Mask, float]:
-    """What a mask is judged by, and the angle of its length. Only its largest part is left in the mask."""
+    """Quality measures of a mask, and the angle of its length [deg]. The mask keeps its largest part only."""
     parts, count = ndimage.label(mask, structure=np.ones((3, 3)))
     sizes = np.bincount(parts.ravel(), minlength=count + 1)[1:]
     if not count or sizes.max() < 20:
@@ -301,12 +301,12 @@ def ground_resolution(image: AnnotatedImage, found: list[CutOut]) -> float | Non
 
 
 CUT_OUTS: Final = "CutOuts"
-"""Folder of the objects, beside the images."""
+"""Folder of the cut-outs in a dataset."""
 
 
 @dataclass(frozen=True, slots=True)
 class StoredCutOut:
-    """What is known of a cut-out without its pixels."""
+    """A cut-out without its pixels."""
 
     name: str
     category: str
@@ -315,7 +315,7 @@ class StoredCutOut:
     angle_deg: float
     surroundings: tuple[float, float, float]
     gsd_mm: float | None
-    """As its source states it; in a library that of its scene, where its source does not."""
+    """Ground resolution as the source states it; in a library, else that of its scene."""
 
     @classmethod
     def of(cls, cut_out: CutOut) -> "StoredCutOut":

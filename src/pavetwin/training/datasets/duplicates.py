@@ -33,19 +33,19 @@ CORNER_CONTRAST: Final = 5
 """Grey levels by which a corner stands out, of 255: asphalt has little contrast."""
 
 TABLES: Final = 8
-"""Of 32 of the 256 bits of a pattern each."""
+"""Hash tables, each of 32 of the 256 bits of a pattern."""
 
 LEAST_SHARED: Final = 3
 """Patterns that candidates share in the tables."""
 
 COMMONEST: Final = 16
-"""Pictures; a pattern that more of them have says nothing, such as the end of a line."""
+"""Most pictures that share a distinctive pattern; more common ones, such as the end of a line, are ignored."""
 
 DISTINCT: Final = 0.8
 """The most similar pattern must be so much more similar than the second (Lowe 2004)."""
 
 AGREEING: Final = 12
-"""Matches that must agree. `docs/how-to/real-images.md` says what is found with it, and what is not."""
+"""Matches that must agree. `docs/how-to/real-images.md` states the recall."""
 
 WITHIN_PX: Final = 3.0
 """So near must a match lie to where shift, turn and scale put it."""
@@ -55,7 +55,7 @@ SCALES: Final = (0.4, 2.5)
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """What is compared of a picture."""
+    """Corners of a picture and the brightness pattern around each."""
 
     places: Float16Array
     """(n, 2) columns and rows in the picture brought to size."""
@@ -64,14 +64,14 @@ class Features:
 
 
 def features(grey: UInt8Array) -> Features:
-    """Of a picture (height, width)."""
+    """The features of a picture (height, width)."""
     import cv2
 
     factor = LONGEST_PX / max(grey.shape)
     if factor < 1:
         size = max(1, round(grey.shape[1] * factor)), max(1, round(grey.shape[0] * factor))
         grey = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-    # One for each picture: nothing says that threads may share it.
+    # One for each picture: it is not documented to be thread-safe.
     detector = cv2.ORB.create(nfeatures=FEATURES, fastThreshold=CORNER_CONTRAST)
     found, patterns = detector.detectAndCompute(grey, None)
     places = np.array([corner.pt for corner in found], dtype=np.float16).reshape(-1, 2)
@@ -137,12 +137,12 @@ def agreeing(one: Features, other: Features) -> int:
 
 
 def overlap(one: Features, other: Features) -> bool:
-    """Whether two pictures show one place in part."""
+    """Return whether two pictures overlap."""
     return agreeing(one, other) >= AGREEING
 
 
 SIDE_PX: Final = 32
-"""Of the small pictures."""
+"""Side of the thumbnails."""
 
 SHADING_PX: Final = 4.0
 """Standard deviation of the Gaussian that is subtracted, in pixels of the small picture."""
@@ -179,7 +179,7 @@ def read_grey(content: bytes) -> Image.Image:
 
 
 def thumbnail(picture: Image.Image) -> Float32Array:
-    """What is compared of a grey picture: (SIDE_PX²,), of length 1; zeros where it shows too little."""
+    """Thumbnail of a grey picture: (SIDE_PX²,) of unit length; zeros if it has too little contrast."""
     small = picture.resize((SIDE_PX, SIDE_PX), Image.Resampling.BOX)
     whole = np.zeros((SIDE_PX, SIDE_PX), dtype=np.float32)
     grey = np.asarray(small, dtype=np.float32)
@@ -197,23 +197,23 @@ def _shown(brightest: Float32Array) -> slice:
     lit = np.flatnonzero(brightest > BLACK)
     if not len(lit):
         return slice(0, 0)
-    # A row beside a bar holds some of it.
+    # The row next to a bar holds some of it.
     first, end = int(lit[0]), int(lit[-1]) + 1
     return slice(first + (first > 0), end - (end < len(brightest)))
 
 
 @dataclass(frozen=True, slots=True)
 class Signature:
-    """What says whether two pictures are the same, or show one place."""
+    """Features by which two pictures are recognised as the same or as showing one place."""
 
     sha256: str
-    """Of the file."""
+    """SHA-256 of the file."""
     thumbnail: Float32Array
     features: Features
 
 
 def signature(path: Path) -> Signature:
-    """Of a picture's file.
+    """The signature of a picture's file.
 
     Raises:
         PictureError: it is damaged or missing.

@@ -25,7 +25,7 @@ from pavetwin.labels.rle import decode, encode
 from pavetwin.perception.classes import COARSE, ROAD_DEFECT, SUBTYPES, coarse_of, subtype_of
 
 SPLITS_USED: Final = ("train", "val")
-"""Of a dataset, in training."""
+"""Splits of a dataset that training reads."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ class TrueObject:
     """One labelled thing, or a region that is neither an object nor background."""
 
     category: str
-    """As the file names it."""
+    """Its name in the file."""
     coarse: int
     """In `COARSE`."""
     subtype: int
@@ -87,7 +87,7 @@ class TrueObject:
     is_ignored: bool = False
     shape: Shape | None = None
     is_pasted: bool = False
-    """Whether it was put into the image, which says nothing of others of its class there."""
+    """True for an object pasted into the image: others of its class there may be unlabelled."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,12 +102,12 @@ class Example:
     """Images of one source are labelled by the same rules."""
     is_synthetic: bool
     place: tuple[int, int] | str
-    """Where its picture is: offset and length in a packed file, or a path below the folder."""
+    """Place of its picture: offset and length in a packed file, or a path below the folder."""
     gsd_mm: float | None = None
     """Millimetres of the road that a pixel covers, where it is known."""
     objects: tuple[TrueObject, ...] = ()
     is_from_road: bool = False
-    """Whether it is known to be taken from a vehicle on the road: then it has a top and a bottom."""
+    """True if it is known to be taken from a vehicle on the road, so that it has a top and a bottom."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class ExampleSet:
 
     path: Path
     fingerprint: str
-    """Of the labels, the same on every machine."""
+    """Hash of the labels, the same on every machine."""
     examples: tuple[Example, ...]
 
     def encoded(self, example: Example) -> bytes:
@@ -139,15 +139,15 @@ class ExampleSet:
         """The picture, in RGB.
 
         Raises:
-            PaveTwinError: it cannot be read, or is not as large as its labels say.
+            PaveTwinError: it cannot be read, or has another size than its labels state.
         """
         try:
             picture = Image.open(BytesIO(self.encoded(example))).convert("RGB")
         except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
             raise PaveTwinError(f"The picture '{example.name}' of '{self.path}' cannot be read: {error}.") from error
         if picture.size != example.size_px:
-            told, found = (f"{width} × {height}" for width, height in (example.size_px, picture.size))
-            raise PaveTwinError(f"The picture '{example.name}' of '{self.path}' is {found}, and its labels say {told}.")
+            stated, found = (f"{width} × {height}" for width, height in (example.size_px, picture.size))
+            raise PaveTwinError(f"The picture '{example.name}' of '{self.path}' is {found}, not {stated} as labelled.")
         return picture
 
 
@@ -174,7 +174,7 @@ def missing_classes(examples: Iterable[Example]) -> list[str]:
 
 
 SYNTHETIC: Final = "PaveTwin synthetic images"
-"""How a capture describes itself in its files."""
+"""Description of a capture in its COCO files."""
 
 SYNTHETIC_SOURCE: Final = "pavetwin"
 """The source of captures within a dataset of many sources."""
@@ -276,7 +276,7 @@ def _example(
 
 
 def _platform(image: dict[str, Any]) -> object:
-    """What took the image: captures tell it of their camera, merged datasets among the attributes."""
+    """Platform that took the image: under `camera` in captures, under `attributes` in merged datasets."""
     for section in (image.get("camera"), image.get("attributes")):
         if isinstance(section, dict) and "platform" in section:
             return section["platform"]
@@ -296,8 +296,8 @@ def _object(row: dict[str, Any], kinds: dict[int, Kind], size: tuple[int, int], 
     box = (left, top, left + width, top + height)
     name, coarse, subtype = kinds[row["category_id"]]
     shape = _shape(row.get("segmentation"), where)
-    told = row.get("attributes")
-    is_pasted = isinstance(told, dict) and CUT_OUT in told
+    attributes = row.get("attributes")
+    is_pasted = isinstance(attributes, dict) and CUT_OUT in attributes
     return TrueObject(name, coarse, subtype, _checked(box, size, where), bool(row.get("iscrowd")), shape, is_pasted)
 
 
@@ -308,12 +308,12 @@ def _checked(box: FloatBox, size: tuple[int, int], where: str) -> FloatBox:
         PaveTwinError: it is empty, not finite, or reaches out of the image.
     """
     width, height = size
-    told = " × ".join(f"{value:g}" for value in size)
+    size_text = " × ".join(f"{value:g}" for value in size)
     if not all(map(isfinite, box)) or box[0] >= box[2] or box[1] >= box[3]:
         raise PaveTwinError(f"{where} has a box without area: {_corners(box)}.")
     beyond = max(-box[0], -box[1], box[2] - width, box[3] - height)
     if beyond > _OUTSIDE_PX:
-        raise PaveTwinError(f"{where} has a box that reaches out of its image of {told}: {_corners(box)}.")
+        raise PaveTwinError(f"{where} has a box that reaches out of its image of {size_text}: {_corners(box)}.")
     return max(box[0], 0.0), max(box[1], 0.0), min(box[2], float(width)), min(box[3], float(height))
 
 

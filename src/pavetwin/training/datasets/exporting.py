@@ -1,6 +1,6 @@
 """A split dataset for the tools that train on it: YOLO (boxes and polygons) and COCO. Pictures are linked, not copied.
 
-- `yolo`: `images/SPLIT`, `labels/SPLIT`, `data.yaml`. Ignored regions cannot be told and are left out.
+- `yolo`: `images/SPLIT`, `labels/SPLIT`, `data.yaml`. Ignored regions cannot be marked and are left out.
 - `yolo-seg`: the same below `yolo-seg`, one polygon a line; only images whose labels all have an outline.
 - `coco`: `annotations/instances_SPLIT.json`. Ignored regions have `iscrowd` 1 and run lengths of their box; one
   of no class is there once for each class, since COCO matches class by class. A label without outline has an empty
@@ -39,7 +39,7 @@ FORMATS_OF_EXPORT: Final = ("yolo", "yolo-seg", "coco")
 SEGMENTATION: Final = "yolo-seg"
 
 DESCRIPTION: Final = "export.yaml"
-"""Says of which dataset and split the files are: those of two splits in one folder would mix train and test."""
+"""File that names the exported dataset and split: files of two splits in one folder would mix train and test."""
 
 
 def export(folder: Path, output: Path, formats: tuple[str, ...]) -> dict[str, int]:
@@ -80,7 +80,7 @@ def export(folder: Path, output: Path, formats: tuple[str, ...]) -> dict[str, in
 
 
 def _write_image(folder: Path, output: Path, staging: Path, split: str, image: AnnotatedImage, name: str) -> bool:
-    """Whether the image is in the format."""
+    """Write an image. Returns whether the format can hold it."""
     numbers = {category: at for at, category in enumerate(class_names())}
     lines: list[str] = []
     if name == SEGMENTATION:
@@ -153,7 +153,7 @@ def _coco_annotations(number: int, image: AnnotatedImage) -> Iterator[dict[str, 
 
 
 def _area_px(annotation: Annotation) -> float:
-    """Of what `_segmentation` says: the outline, by the even-odd rule; without one that has an area, the box."""
+    """Area of the outline by the even-odd rule; of the box if there is no outline with an area."""
     if annotation.ignored is None and annotation.outline is not None:
         shown = float(shapely.area(shapely.make_valid(shapely.Polygon(annotation.outline))))
         if shown > 0:

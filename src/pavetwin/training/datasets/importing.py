@@ -159,7 +159,7 @@ def _annotation(
 
 
 def _beyond(box: FloatBox, inside: FloatBox) -> Iterator[float]:
-    """How far each edge was moved."""
+    """Distance that each edge was moved."""
     return (abs(edge - other) for edge, other in zip(box, inside, strict=True))
 
 
@@ -175,12 +175,12 @@ LONGEST_NAME: Final = 100
 
 
 OnImage = Callable[[int, int], None]
-"""Told the number of images looked at, and of all pictures."""
+"""Called with the number of images read, and of all pictures."""
 
 
 @dataclass(frozen=True)
 class ImportSummary:
-    """What an import left."""
+    """Result of an import."""
 
     folder: Path
     images: int
@@ -188,7 +188,7 @@ class ImportSummary:
 
     def refuse_empty(self) -> None:
         """Raises:
-        PaveTwinError: no image is in it; the message says what was found first.
+        PaveTwinError: no image is in it; the message names the first finding.
         """
         if self.images:
             return
@@ -275,7 +275,7 @@ def _work(
     pictures: list[str],
     on_image: OnImage,
 ) -> Iterator[_Work]:
-    """What is to be made, in order; the rest is told to the report."""
+    """Pending work in order; everything else goes into the report."""
     stems = Counter(_stem(path) for path in pictures)
     names = Counter(_name(name, path, stems).casefold() for path in pictures)
     taken: dict[str, str] = {}
@@ -327,7 +327,7 @@ def _stem(path: str) -> str:
 
 
 def _name(source: str, original: str, stems: Counter[str]) -> str:
-    """Of an image's files: the source and the picture's name, with its folders where others have the same name."""
+    """Name of an image's files: the source and the picture's name, with its folders if others have the same name."""
     path = PurePosixPath(original)
     parts = path.parts[:-1] if stems[_stem(original)] > 1 else ()
     words = (re.sub(r"[^A-Za-z0-9_-]+", "-", part).strip("-") for part in (*parts, path.stem))

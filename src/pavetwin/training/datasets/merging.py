@@ -1,4 +1,4 @@
-"""Several datasets into one: photographs that are there more than once are kept once, and scenes are told apart.
+"""Several datasets merged into one: repeated photographs are kept once, and scenes are kept apart.
 
 1. Of pictures that are the same (`duplicates.SAME`, or the same file) the first is kept, in the order in which the
    datasets are given and then by name. The others are dropped, with their labels.
@@ -43,7 +43,7 @@ ImagePlace = tuple[Path, str]
 
 
 class _Scenes:
-    """Which scenes are one: disjoint sets (union by the first name)."""
+    """Disjoint sets of scenes that show one place; the first name represents a set."""
 
     def __init__(self) -> None:
         self._parent: dict[str, str] = {}
@@ -54,7 +54,7 @@ class _Scenes:
         return scene
 
     def join(self, one: str, other: str) -> bool:
-        """Whether they were two."""
+        """Join two scenes. Returns whether they were separate."""
         first, second = sorted((self.of(one), self.of(other)))
         if first == second:
             return False
@@ -86,7 +86,7 @@ def merge(folders: Sequence[Path], output: Path, *, on_progress: OnStage = lambd
 
 
 def _finished(output: Path) -> ImportSummary | None:
-    """What an earlier call left, where that is whole: to compare all pictures again takes minutes."""
+    """Result of an earlier, complete call; comparing all pictures again takes minutes."""
     description = read_description(output) if (output / DESCRIPTION).is_file() else {}
     report = Report.load(output / REPORT)
     names = image_names(output)
@@ -139,7 +139,7 @@ def _sorted_out(places: list[ImagePlace], report: Report, on_progress: OnStage) 
 
 
 def _signatures(places: list[ImagePlace]) -> Iterator[tuple[ImagePlace, Signature | PictureError]]:
-    """Of each picture its signature, or why it has none, in order."""
+    """Signature of each picture in order, or the error."""
 
     def of(place: ImagePlace) -> Signature | PictureError:
         folder, name = place

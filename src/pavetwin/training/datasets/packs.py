@@ -19,7 +19,7 @@ import numpy as np
 from PIL import Image
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.files import writing
+from pavetwin.files import FORMAT, check_format, writing
 from pavetwin.labels.boxes import FloatBox
 from pavetwin.labels.rle import encode
 from pavetwin.training.datasets.examples import (
@@ -33,7 +33,6 @@ from pavetwin.training.datasets.examples import (
     read_coco,
 )
 
-FORMAT: Final = 1
 LABELS: Final = "labels.json"
 PICTURES: Final = "pictures"
 
@@ -51,12 +50,12 @@ _LOCAL_HEADER: Final = 30
 
 @dataclass(frozen=True, slots=True)
 class PackOptions:
-    """What a packed file may hold."""
+    """Limits of a packed file."""
 
     most_mb: float = 60.0
     """Size of the file in millions of bytes, at most."""
     quality: int = 90
-    """Of WebP, 1 to 100; lowered where the file would become too large."""
+    """WebP quality, 1 to 100; lowered if the file would become too large."""
     longest_px: int = 0
     """Longer side of the pictures, at most; 0 keeps their size."""
 
@@ -73,7 +72,7 @@ class PackOptions:
 
 @dataclass(frozen=True, slots=True)
 class PackSummary:
-    """What was packed."""
+    """Result of packing."""
 
     images: int
     size_mb: float
@@ -94,7 +93,7 @@ def write_pack(
     labels = [_row(at, _scaled(example, options.longest_px)) for at, (_, example) in enumerate(members)]
     text = json.dumps({"format": FORMAT, "images": labels}, ensure_ascii=False).encode()
     limit = options.most_mb * MEGABYTE
-    told = on_progress or (lambda _: None)
+    report = on_progress or (lambda _: None)
     step = max(1, len(members) // _SAMPLED)
     sample = members[::step]
     needed = 0.0
@@ -106,7 +105,7 @@ def write_pack(
         pictures = []
         for at, member in enumerate(members):
             pictures.append(_encoded(*member, options.longest_px, quality))
-            told((at + 1) / len(members))
+            report((at + 1) / len(members))
         size = _write(path, text, labels, pictures, limit)
         if size is not None:
             return PackSummary(len(members), size / MEGABYTE, quality)
@@ -220,10 +219,7 @@ def read_pack(path: Path, splits: tuple[str, ...]) -> ExampleSet:
             digest = file_digest(file, "sha256").hexdigest()
             with zipfile.ZipFile(file) as held:
                 content = json.loads(held.read(LABELS))
-                if content["format"] != FORMAT:
-                    raise PaveTwinError(
-                        f"'{path}' is of format {content['format']}, this version's is {FORMAT}; pack it again."
-                    )
+                check_format(content["format"], f"'{path}'")
                 places = {each.filename: _place(file, each) for each in held.infolist()}
         rows = [row for row in content["images"] if row["split"] in splits]
         examples = tuple(_example(row, places[f"{PICTURES}/{row['picture']}"]) for row in rows)
@@ -250,7 +246,7 @@ def _example(row: dict[str, Any], place: tuple[int, int]) -> Example:
         is_synthetic=row["synthetic"],
         place=place,
         gsd_mm=row["gsd_mm"],
-        is_from_road=row.get("from_road", False),  # packed files did not tell it at first
+        is_from_road=row["from_road"],
         objects=tuple(_true_object(each) for each in row["objects"]),
     )
 

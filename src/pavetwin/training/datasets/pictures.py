@@ -19,22 +19,22 @@ _FORMATS: Final = ("JPEG", "PNG", "BMP", "TIFF", "WEBP")
 """Pillow's other readers, some of which start programs, are never asked."""
 
 LARGEST_PX: Final = 100_000_000
-"""Of a picture, width × height; what is larger is refused before it is decompressed."""
+"""Most pixels of a picture; a larger one is refused before it is decompressed."""
 
 _CONTAINERS: Final = frozenset(
     {"images", "image", "jpegimages", "img", "labels", "label", "annotations", "annotation", "xmls", "xml", "txt"}
 )
-"""Folders that hold pictures or labels beside each other: they do not tell one picture from another."""
+"""Sibling folders of pictures and labels: their names do not distinguish pictures."""
 
 _ORIENTATIONS: Final = range(1, 9)
-"""Of EXIF."""
+"""Values of EXIF's orientation."""
 
 _TURNED: Final = frozenset({5, 6, 7, 8})
 """EXIF orientations that swap width and height."""
 
 
 class PictureError(ValueError):
-    """A picture cannot be used; the message says why."""
+    """A picture cannot be used; the message states the reason."""
 
 
 @contextmanager
@@ -67,16 +67,16 @@ def opened(path: Path) -> Iterator[Image.Image]:
 
 
 def orientation(picture: Image.Image) -> int:
-    """EXIF's orientation, 1 where it is as stored, or where what is said of it is none.
+    """EXIF's orientation, 1 where it is as stored, or if its value is invalid.
 
     Raises:
         PictureError: the picture is damaged.
     """
     try:
-        said = picture.getexif().get(0x0112)
+        stored = picture.getexif().get(0x0112)
     except (ValueError, struct.error) as error:  # text or EXIF data behind the pixels
         raise PictureError("the picture is damaged") from error
-    return said if isinstance(said, int) and said in _ORIENTATIONS else 1
+    return stored if isinstance(stored, int) and stored in _ORIENTATIONS else 1
 
 
 def picture_size(path: Path) -> tuple[int, int]:
@@ -129,7 +129,7 @@ class PictureIndex:
             self.unused[name] = None
 
     def find(self, labels: str, stem: str) -> list[str]:
-        """The pictures that labels may belong to: in the same folder or the one beside it, else anywhere if there is
+        """The pictures that labels may belong to: in the same folder or its sibling, else anywhere if there is
         one of that name only. None or several mean that it is not known."""
         key = _key(stem)
         found = self._by_place.get((_place(PurePosixPath(labels)), key)) or self._by_stem.get(key, [])
@@ -139,7 +139,7 @@ class PictureIndex:
 
 
 def _key(stem: str) -> str:
-    """What names of one picture have in common, in upper or lower case, and with accents stored either way."""
+    """Key of a picture's name, the same for upper and lower case and for either encoding of accents."""
     return normalize("NFC", stem).lower()
 
 
@@ -153,14 +153,14 @@ def files_in(
     """The files below a folder with these suffixes, as paths with slashes, sorted; hidden ones are left out.
 
     Args:
-        on_closed: told each folder that is not looked into, and whether that is because it is a link.
+        on_closed: called with each skipped folder, and whether it is a link.
     """
     found = []
 
-    def told(error: OSError) -> None:
+    def skipped(error: OSError) -> None:
         on_closed(Path(os.fsdecode(error.filename)).relative_to(folder).as_posix(), False)
 
-    for place, inner, files in os.walk(folder, onerror=told):
+    for place, inner, files in os.walk(folder, onerror=skipped):
         inner[:] = [name for name in inner if not name.startswith(".")]
         for name in inner:
             if (Path(place) / name).is_symlink():
@@ -183,7 +183,7 @@ def inside(folder: Path, name: str) -> Path | None:
 
 
 def is_file(path: Path) -> bool:
-    """Whether there is a file; none is where the path is longer than the system allows."""
+    """Return whether a file exists; False if the path is longer than the system allows."""
     try:
         return path.is_file()
     except OSError:

@@ -35,7 +35,7 @@ FILE: Final = "all.pack"
 
 
 class RecipePack(Settings):
-    """How everything that a recipe makes is packed into one file."""
+    """Packing of a recipe's results into one file."""
 
     most_mb: float = Field(default=60.0, ge=0.001, le=100_000, description="Millions of bytes, at most.")
     quality: int = Field(default=90, ge=1, le=100, description="Of WebP; lowered where the file would be too large.")
@@ -64,7 +64,7 @@ BALANCED: Final = "balanced"
 EXPORT: Final = "export"
 
 DESCRIPTION: Final = "build.yaml"
-"""Says what a build was asked for: another recipe needs another folder."""
+"""File with the request of a build: another recipe needs another folder."""
 
 
 class RecipeSource(Settings):
@@ -78,7 +78,7 @@ class RecipeSource(Settings):
 
 
 class Recipe(Settings):
-    """What a dataset is made of. Paths are relative to the recipe's file."""
+    """Sources and stages of a dataset. Paths are relative to the recipe's file."""
 
     sources: tuple[RecipeSource, ...] = Field(
         min_length=1, description="In the order in which the first picture counts."
@@ -120,7 +120,7 @@ class Recipe(Settings):
 
 @dataclass(frozen=True)
 class BuildSummary:
-    """What a build left: a folder and a report for each stage, in order."""
+    """Result of a build: a folder and a report for each stage, in order."""
 
     stages: tuple[tuple[Path, Report], ...]
     balance: CopyPlan | None
@@ -146,19 +146,17 @@ def recipe_values(path: Path) -> tuple[dict[str, Any], str]:
     return content, text
 
 
-def build(
-    recipe: Recipe, beside: Path, output: Path, *, on_stage: OnStage = lambda _share, _what: None
-) -> BuildSummary:
+def build(recipe: Recipe, base: Path, output: Path, *, on_stage: OnStage = lambda _share, _what: None) -> BuildSummary:
     """Make everything that a recipe asks for, or what of it is missing.
 
     Args:
-        beside: the folder of the recipe's file.
+        base: the folder of the recipe's file.
 
     Raises:
         PaveTwinError: a source cannot be imported, or the output holds the work of another recipe.
     """
-    named = _named(recipe.sources, beside)
-    composite = _beside(recipe.composite, beside) if recipe.composite is not None else None
+    named = _named(recipe.sources, base)
+    composite = _placed(recipe.composite, base) if recipe.composite is not None else None
     if recipe.balance is not None:
         albumentations()
     stages: list[tuple[Path, Report]] = []
@@ -175,7 +173,7 @@ def build(
             imported = import_source(
                 name,
                 source,
-                beside / each.folder,
+                base / each.folder,
                 output / IMPORTS / folder,
                 size=each.size or recipe.size,
                 backgrounds=backgrounds,
@@ -203,27 +201,27 @@ def build(
     return BuildSummary(tuple(stages), plan, shares, exported)
 
 
-def _beside(composite: CompositeSettings, folder: Path) -> CompositeSettings:
-    """The settings with their paths beside the recipe."""
+def _placed(composite: CompositeSettings, folder: Path) -> CompositeSettings:
+    """The settings with paths relative to the recipe."""
     masks = folder / composite.road_masks if composite.road_masks is not None else None
     check_masks(masks)
     return composite.model_copy(update={"road_masks": masks})
 
 
 _Named = tuple[str, DatasetSource, RecipeSource, frozenset[str]]
-"""A source's name, itself, what the recipe says of it, and its pictures of verified background."""
+"""A source's name, itself, its entry in the recipe, and its pictures of verified background."""
 
 
-def _named(sources: Sequence[RecipeSource], beside: Path) -> list[_Named]:
+def _named(sources: Sequence[RecipeSource], base: Path) -> list[_Named]:
     """Every source; all are found before the first is imported."""
     found = []
     for each in sources:
-        if not (beside / each.folder).is_dir():
-            raise PaveTwinError(f"There is no folder '{beside / each.folder}', which the recipe names.")
-        name, source = source_of(str(beside / each.source) if is_mapping_file(each.source) else each.source)
+        if not (base / each.folder).is_dir():
+            raise PaveTwinError(f"There is no folder '{base / each.folder}', which the recipe names.")
+        name, source = source_of(str(base / each.source) if is_mapping_file(each.source) else each.source)
         if each.gsd_mm is not None:
             source = source.model_copy(update={"gsd_mm": each.gsd_mm})
-        listed = backgrounds_in(beside / each.background) if each.background is not None else frozenset[str]()
+        listed = backgrounds_in(base / each.background) if each.background is not None else frozenset[str]()
         found.append((name, source, each, listed))
     return found
 

@@ -1,4 +1,4 @@
-"""What was found wrong in a dataset, and what was done about it: lines with file and line number."""
+"""Report of problems found in a dataset and their outcome, with file and line number."""
 
 import csv
 from collections import Counter
@@ -23,7 +23,7 @@ LONGEST: Final = 400
 
 
 class Finding(StrEnum):
-    """What was done."""
+    """Outcome of a problem."""
 
     REFUSED = "refused"
     """A file or an image is left out because it cannot be read as what it claims to be."""
@@ -45,7 +45,7 @@ class Problem:
     line: int | None
     text: str
     count: int = 1
-    """How often the same was found, the first time here."""
+    """Number of occurrences, the first one here."""
 
     def __str__(self) -> str:
         place = self.file if self.line is None else f"{self.file}:{self.line}"
@@ -61,10 +61,10 @@ class Report:
         self.counts: Counter[Finding] = Counter()
         self.unlabelled: list[str] = []
         """Pictures that are left out since nothing of any class is labelled, also nothing to ignore and no box that is
-        not valid, and nobody says that they show nothing."""
+        not valid, and they are not listed as background."""
 
     def add(self, finding: Finding, file: str, text: str, line: int | None = None, *, alike: str | None = None) -> None:
-        """Tell of something.
+        """Add a finding.
 
         Args:
             alike: what is found again under this key is counted with the first, and has no line of its own.
@@ -82,8 +82,8 @@ class Report:
         return self.counts[Finding.REFUSED] > 0
 
     @property
-    def untold(self) -> int:
-        """How many findings have no line, because there are too many."""
+    def unlisted(self) -> int:
+        """Number of findings without a line of their own, because of `MOST`."""
         return self.counts.total() - sum(problem.count for problem in self._problems.values())
 
     def __iter__(self) -> Iterator[Problem]:
@@ -91,7 +91,7 @@ class Report:
 
     @classmethod
     def load(cls, path: Path) -> "Report | None":
-        """What `save` wrote; None where there is no such table, or it may not hold all that was found."""
+        """Read a table of `save`; None if there is none, or it may be incomplete."""
         report = cls()
         try:
             with path.open(encoding="utf-8", newline="") as stream:

@@ -17,13 +17,13 @@ from pavetwin.labels.common_form import AnnotatedImage, Annotation, Polygon
 from pavetwin.training.datasets.pictures import as_rgb, opened, orientation
 
 LEAST_SHARE: Final = 0.3
-"""Of a box's area: what shows less of it at a tile's border is ignored there, neither an object nor background."""
+"""Least visible share of a box at a tile's border; with less it is ignored, neither an object nor background."""
 
 CUT: Final = "cut"
 
 
 class ImageSize(Settings):
-    """How large images become. No image is enlarged: that adds no detail."""
+    """Size of imported images. No image is enlarged: that adds no detail."""
 
     longest_px: int = Field(default=640, ge=64, le=16384, description="Of the longer side, at most.")
     tiles: bool = Field(
@@ -38,24 +38,24 @@ class ImageSize(Settings):
 
 @dataclass(frozen=True, slots=True)
 class ImageView:
-    """What becomes an image of its own: a window of a picture, scaled."""
+    """A window of a picture, scaled to an image of its own."""
 
     window: PixelBox
     """In the picture's own pixels."""
     size_px: tuple[int, int]
     """Width, height of the result."""
     number: int | None = None
-    """Of a tile, from 0, row by row; None where the whole picture is shown."""
+    """Number of a tile, from 0, row by row; None for the whole picture."""
 
     @property
     def factors(self) -> tuple[float, float]:
-        """Of the result's width and height to the window's."""
+        """Scale factors of width and height."""
         left, top, right, bottom = self.window
         return self.size_px[0] / (right - left), self.size_px[1] / (bottom - top)
 
 
 def views(image: AnnotatedImage, size: ImageSize) -> list[ImageView]:
-    """What an image becomes: itself, smaller where it must be, or tiles row by row."""
+    """Views of an image: the whole, scaled down if necessary, or tiles row by row."""
     width, height = image.size_px
     factor = 1.0
     if size.target_gsd_mm is not None and image.gsd_mm is not None:
@@ -80,7 +80,7 @@ def _size(width: int, height: int, factor: float) -> tuple[int, int]:
 
 
 def _starts(length: int, side: int, overlap: float) -> list[int]:
-    """Where tiles begin along one side: evenly spaced, the first and the last at the borders."""
+    """Starts of tiles along one side: evenly spaced, the first and the last at the borders."""
     if length <= side:
         return [0]
     count = int(np.ceil((length - side) / (side * (1 - overlap)))) + 1
@@ -142,7 +142,7 @@ def _outline(outline: Polygon | None, view: ImageView, factors: tuple[float, flo
 
 
 def kept_as_it_is(path: Path, view: ImageView) -> bool:
-    """Whether a picture's file can be copied: it is not scaled or turned, and of a kind that every tool reads."""
+    """Return whether a picture's file can be copied: neither scaled nor rotated, and in a common format."""
     if view.number is not None or view.factors != (1.0, 1.0) or path.suffix.lower() not in (".jpg", ".jpeg", ".png"):
         return False
     with opened(path) as picture:

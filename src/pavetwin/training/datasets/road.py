@@ -44,7 +44,7 @@ GREEN: Final = 0.06
 1995); the limit is our choice."""
 
 DARK: Final = 0.1
-"""Of the full scale; what is darker is a bar or a hole."""
+"""Brightness below which a pixel belongs to a bar or a hole, share of the full scale."""
 
 ROUGHER: Final = 2.0
 """So many times as rough as the pavement may road be, by its median."""
@@ -56,23 +56,23 @@ of the full scale."""
 ROUGH_SHARE: Final = 0.02
 
 WIDEST_GAP: Final = 2.8
-"""Of a gap within road that is road too, over `ROUGH_SHARE`: markings and cracks with their edges."""
+"""Widest gap within the road that counts as road, over `ROUGH_SHARE`: markings and cracks with their edges."""
 
 LEAST_PART: Final = 0.12
-"""Of the picture: what is smaller and all around it is not road is none."""
+"""Smallest isolated part that counts as road, share of the picture."""
 
 COHERENT: Final = 0.5
 """Coherence of edges, 0 … 1, from which their direction is taken for that of the road."""
 
 KERB_SHARE: Final = 0.05
-"""So far beside the road edges tell its direction too, of the picture's longer side."""
+"""Strip along the road whose edges also show its direction, share of the picture's longer side."""
 
 STRONGEST: Final = 0.05
-"""Share of the edges that tell the direction: those of markings, kerbs and joints."""
+"""Share of the edges that determine the direction: those of markings, kerbs and joints."""
 
 
 def road_mask(picture: UInt8Array, damage: BoolArray | None = None) -> BoolArray:
-    """Where a picture (height, width, 3) of pavement shows road; nowhere, where it shows none that is grey.
+    """Mask of the road in a picture (height, width, 3) of pavement; empty if no pavement is grey.
 
     Args:
         damage: (height, width) where damage of the pavement is labelled.
@@ -113,7 +113,7 @@ def road_mask(picture: UInt8Array, damage: BoolArray | None = None) -> BoolArray
 
 
 def road_direction_deg(picture: UInt8Array, road: BoolArray) -> float | None:
-    """The direction of the strongest edges on the road and beside it, to the picture's columns, clockwise, −90 … 90;
+    """The direction of the strongest edges on and along the road, to the picture's columns, clockwise, −90 … 90;
     None where they have none (structure tensor)."""
     grey = cv2.GaussianBlur(picture.astype(np.float32).mean(axis=2), (0, 0), 2.0)
     across, down = cv2.Sobel(grey, cv2.CV_32F, 1, 0), cv2.Sobel(grey, cv2.CV_32F, 0, 1)
@@ -239,7 +239,7 @@ ON_ROAD: Final = 0.8
 """Share of either side that is road, at least."""
 
 BARS: Final = 3
-"""So many strips beside each other, within `NEARBY` widths, are the bars of a crossing."""
+"""Number of parallel strips within `NEARBY` widths that are the bars of a crossing."""
 
 NEARBY: Final = 8.0
 
@@ -315,10 +315,10 @@ def _is_line(strip: PaintedStrip) -> bool:
 
 
 def _is_bar(line: PaintedStrip, strips: Sequence[PaintedStrip]) -> bool:
-    """Whether it is one of the bars of a crossing: one of several, or beside another one and no more slender."""
-    beside = sum(_is_beside(line, other) for other in strips if other is not line)
+    """Return whether a strip is a bar of a crossing: one of several, or next to another and no more slender."""
+    parallel = sum(_is_parallel(line, other) for other in strips if other is not line)
     is_slender = line.length_px >= SLENDER * line.width_px
-    return beside >= (BARS - 1 if is_slender or not line.is_white else 1)
+    return parallel >= (BARS - 1 if is_slender or not line.is_white else 1)
 
 
 def _around(field: Float32Array) -> Float32Array:
@@ -338,7 +338,7 @@ def _strips(rises: Float32Array, *, is_white: bool) -> Iterator[PaintedStrip]:
         part = parts[place] == number
         if max(part.shape) < 0.5 * LEAST_LENGTH_PX:
             continue
-        # What is fainter than half of a line is its blurred edge, or dirt beside it.
+        # What is fainter than half of a line is its blurred edge, or dirt next to it.
         contrast = float(np.quantile(rises[place][part], 0.8))
         part &= rises[place] >= 0.5 * contrast
         mask = cv2.morphologyEx(np.pad(part, 1).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
@@ -414,23 +414,23 @@ def _width_px(
 
 
 def _is_on_road(line: PaintedStrip, lightness: Float32Array, road: BoolArray) -> bool:
-    """Whether both of its sides are road of one lightness. Between two yellow lines there may be too little to tell."""
+    """Return whether both sides of a strip are road of one lightness, or too narrow to decide."""
     along = np.array([np.cos(line.direction_rad), np.sin(line.direction_rad)])
     normal = np.array([-along[1], along[0]])
     steps = np.linspace(-0.45, 0.45, 21)[:, None] * line.length_px * along
-    beside, on_road = [], []
+    sides, on_road = [], []
     for side in (-1.0, 1.0):
         columns, rows = np.rint(line.middle_px + steps + side * (line.width_px + 2.0) * normal).astype(int).T
         inside = (columns >= 0) & (rows >= 0) & (columns < road.shape[1]) & (rows < road.shape[0])
         if inside.mean() < ON_ROAD:
             return False
         on_road.append(bool(road[rows[inside], columns[inside]].mean() >= ON_ROAD))
-        beside.append(float(np.median(lightness[rows[inside], columns[inside]])))
-    return (all(on_road) if line.is_white else any(on_road)) and abs(beside[0] - beside[1]) <= ALIKE
+        sides.append(float(np.median(lightness[rows[inside], columns[inside]])))
+    return (all(on_road) if line.is_white else any(on_road)) and abs(sides[0] - sides[1]) <= ALIKE
 
 
-def _is_beside(line: PaintedStrip, other: PaintedStrip) -> bool:
-    """Whether another strip of about its width runs along it nearby."""
+def _is_parallel(line: PaintedStrip, other: PaintedStrip) -> bool:
+    """Return whether another strip of about the same width runs along it nearby."""
     turn = abs((line.direction_rad - other.direction_rad + pi / 2) % pi - pi / 2)
     if turn > 0.2:
         return False

@@ -25,13 +25,13 @@ from pavetwin.training.datasets.report import FILE as REPORT
 from pavetwin.training.datasets.report import Finding, Report
 
 LISTS: Final = Path("ImageSets") / "Main"
-"""Where VOC keeps the names of each split's images."""
+"""Folder where VOC keeps the names of each split's images."""
 
 PASSES: Final = 20
 """Over all scenes, at most."""
 
 LEAST_GAIN: Final = 1e-12
-"""Of the squared distance: less is rounding."""
+"""Least decrease of the squared distance; less is rounding."""
 
 LARGEST: Final = 50
 """Scenes that are moved together; more take long."""
@@ -41,12 +41,12 @@ KEPT: Final = "split"
 made."""
 
 USUAL_SHARES: Final = (0.7, 0.2, 0.1)
-"""Of train, val and test."""
+"""Shares of train, val and test."""
 
 
 @dataclass(frozen=True)
 class SplitShares:
-    """What became of each class."""
+    """Splits of scenes, and the resulting shares of each class."""
 
     splits: Mapping[str, str]
     """Scene → split."""
@@ -94,9 +94,9 @@ def split_groups(images: Iterable[AnnotatedImage], shares: Sequence[float], seed
     chosen = np.array([SPLITS.index(given.get(group, SPLITS[0])) for group in groups], dtype=np.intp)
     _assign(weights, chosen, np.array(free, dtype=np.intp), np.array(shares), child(seed, Stream.DATASET))
     reached = np.array([counts[chosen == at].sum(axis=0) for at in range(len(SPLITS))]) / np.maximum(totals, 1.0)
-    told = {name: tuple(reached[:, at].tolist()) for name, at in columns.items() if totals[at]}
+    resulting = {name: tuple(reached[:, at].tolist()) for name, at in columns.items() if totals[at]}
     splits = {group: SPLITS[at] for group, at in zip(groups, chosen.tolist(), strict=True)}
-    return SplitShares(splits, told, report)
+    return SplitShares(splits, resulting, report)
 
 
 class _Bound:

@@ -1,4 +1,4 @@
-"""How label files say what is in a picture: one file a layout. All give the same raw images, unread pictures beside."""
+"""Layouts of label files, one module each. All yield the same raw images and leave the pictures unread."""
 
 from typing import Annotated
 

@@ -37,14 +37,14 @@ _UNDECIDED: Final = 2
 """Characters of a number that it may have beyond a shorter one: `.`, `e+`."""
 
 MOST_DIGITS: Final = 300
-"""Of a whole number; one of more is beyond what a float holds, and is read as infinite."""
+"""Most digits of a whole number; a longer one exceeds a float and is read as infinite."""
 
 LISTS: Final = ("categories", "images", "annotations")
-"""What a COCO file has, one list each."""
+"""Lists of a COCO file."""
 
 
 class CocoFileError(ValueError):
-    """A file is not JSON; the message says why."""
+    """A file is not JSON; the message states the reason."""
 
     def __init__(self, words: str, line: int) -> None:
         super().__init__(words)
@@ -57,7 +57,7 @@ class CocoEntry:
 
     content: dict[str, Any]
     line: int
-    """Where it begins, from 1."""
+    """Line where it begins, from 1."""
 
 
 class CocoFile:
@@ -156,7 +156,7 @@ class _Scanner:
         """The line of this place in the text, which is not behind `_at`."""
 
     def entries(self) -> Iterator[tuple[str, tuple[Any, str, int] | None]]:
-        """Of every entry of a list: the list's key; content, text and line; of a list first its key alone."""
+        """Every entry of every list as (key, content, text, line); each list begins with its key alone."""
         if self._next() == "[":  # of a list as the whole, no entry is wanted
             for _ in self._list(""):
                 pass
@@ -227,7 +227,7 @@ class _Scanner:
                 raise self._error(f"one entry has more than {LARGEST // 10**6} million characters")
 
     def _more(self, size: int) -> bool:
-        """Whether there was more to read."""
+        """Read on. Returns whether there was more."""
         chunk = self._stream.read(size)
         if not chunk:
             return False
@@ -246,14 +246,14 @@ class _Scanner:
 
 
 _PLACES: Final = ("", "images", "train", "val", "valid", "test", "train2017", "val2017")
-"""Folders beside or above the JSON file in which `file_name`s are looked for."""
+"""Folders next to or above the JSON file that may hold the pictures."""
 
 LARGEST_GSD_MM: Final = 1000.0
 """Ground resolution of an image, at most, as of a source (`DatasetSource.gsd_mm`)."""
 
 
 class CocoEntryError(ValueError):
-    """An entry is not as COCO has it; the message says why."""
+    """An entry is not as COCO has it; the message states the reason."""
 
 
 class CocoLayout(LabelLayout):
@@ -277,12 +277,12 @@ class CocoLayout(LabelLayout):
         yield from unlabelled(folder, pictures)
 
     def is_picture(self, name: str) -> bool:
-        """Whether a file is a picture of the dataset, not a copy for another format."""
+        """Return whether a file is a picture of the dataset, not a copy for another format."""
         del name
         return True
 
     def is_background(self, objects: Sequence[RawObject]) -> bool:
-        """Whether an image with these objects is known to show nothing of any class."""
+        """Return whether an image with these objects is verified background."""
         del objects
         return False
 
@@ -309,8 +309,8 @@ class CocoLayout(LabelLayout):
                 line = image.line
                 known = {"is_background": self.is_background(objects), **self.details(labels, image.content)}
             except (ValueError, TypeError, LookupError, ArithmeticError, AttributeError) as error:
-                is_told = isinstance(error, CocoEntryError | PictureError)
-                words = str(error) if is_told else "an entry is not as COCO has it"
+                is_explained = isinstance(error, CocoEntryError | PictureError)
+                words = str(error) if is_explained else "an entry is not as COCO has it"
                 report.add(Finding.REFUSED, labels, f"image '{original}': {words}; the image is left out", line)
                 continue
             if not _is_resolution(known.get("gsd_mm")):
@@ -320,7 +320,7 @@ class CocoLayout(LabelLayout):
             yield RawImage(path, original, labels, tuple(objects), size_px=_size(image.content), line=line, **known)
 
     def details(self, labels: str, image: Mapping[str, Any]) -> dict[str, Any]:
-        """What else is known of an image: `gsd_mm`, which is checked later, `group`, `attributes` of its RawImage.
+        """Further fields of an image's RawImage: `gsd_mm`, which is checked later, `group`, `attributes`.
 
         Raises:
             CocoEntryError: something of it cannot be understood.
@@ -382,11 +382,11 @@ class CocoLayout(LabelLayout):
         )
 
     def ignored(self, content: Mapping[str, Any]) -> str | None:
-        """Why an annotation counts neither as an object nor as background."""
+        """Reason to ignore an annotation, which is then neither an object nor background; None for a label."""
         return "crowd" if content.get("iscrowd") else None
 
     def object_details(self, content: Mapping[str, Any]) -> dict[str, str]:
-        """What else is known of an object."""
+        """Attributes of an object."""
         del content
         return {}
 
@@ -397,7 +397,7 @@ def _size(image: Mapping[str, Any]) -> tuple[int, int] | None:
 
 
 def _is_whole(content: CocoFile, labels: str, report: Report) -> bool:
-    """Whether a file has all lists of COCO; the report is told of one that it lacks, and of entries that are no use."""
+    """Check that a file has all lists of COCO; report missing lists and unusable entries."""
     if missing := [f"`{key}`" for key in LISTS if key not in content.lists]:
         report.add(Finding.NOTE, labels, f"has no list {' and no list '.join(missing)}, as COCO has; left out")
         return False
@@ -410,7 +410,7 @@ def _is_whole(content: CocoFile, labels: str, report: Report) -> bool:
 
 
 def _is_resolution(gsd_mm: object) -> bool:
-    """Whether it is a ground resolution, or none is given."""
+    """Return whether a value is a ground resolution or absent."""
     if isinstance(gsd_mm, bool):
         return False
     return gsd_mm is None or (isinstance(gsd_mm, int | float) and 0 < gsd_mm <= LARGEST_GSD_MM)

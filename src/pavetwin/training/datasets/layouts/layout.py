@@ -1,4 +1,4 @@
-"""What every layout of label files gives: images whose classes are still the source's own."""
+"""Interface of layouts: raw images, with the classes of the source."""
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
@@ -25,11 +25,11 @@ class RawObject:
     box: FloatBox
     """Left, top, right, bottom; right and bottom are exclusive. In pixels, or in shares of the image."""
     line: int | None = None
-    """Where in the label file it is."""
+    """Line in the label file."""
     outline: Polygon | None = None
     """In the same unit."""
     ignored: str | None = None
-    """Why the source itself marks it as one that does not count."""
+    """Reason for which the source itself excludes it; None for a label."""
     attributes: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -44,15 +44,15 @@ class RawImage:
     """The label file's path there; the picture's where it has none."""
     objects: tuple[RawObject, ...] = ()
     is_normalised: bool = False
-    """Whether boxes and outlines are shares of the image."""
+    """True if boxes and outlines are shares of the image."""
     size_px: tuple[int, int] | None = None
-    """Width, height of the picture that the labels were made for, where they say so."""
+    """Width, height of the picture that the labels were made for; None if not stated."""
     line: int | None = None
-    """Where in the label file the image, or else its size, is."""
+    """Line of the image, or else of its size, in the label file."""
     gsd_mm: float | None = None
     group: str | None = None
     is_background: bool = False
-    """The source says that it shows nothing of any class."""
+    """The source verified that it shows nothing of any class."""
     attributes: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -63,7 +63,7 @@ class LabelLayout(Settings):
     def images(self, folder: Path, report: Report) -> Iterator[RawImage]:
         """The images that have labels, then those that have none, in an order that depends on names alone.
 
-        What cannot be read is left out and told to the report.
+        Unreadable files are left out and reported.
         """
 
 

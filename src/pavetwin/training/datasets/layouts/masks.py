@@ -22,7 +22,7 @@ HALF: Final = 128
 
 
 class MaskLayout(LabelLayout):
-    """Names tell what belongs together: `12_RAW.jpg`, `12_CRACK.png`, `12_POTHOLE.png`."""
+    """Files belong together by name: `12_RAW.jpg`, `12_CRACK.png`, `12_POTHOLE.png`."""
 
     format: Literal["masks"] = "masks"
     picture: str = Field(
@@ -56,7 +56,7 @@ class MaskLayout(LabelLayout):
                 report.add(Finding.REFUSED, name, "its masks are not of one size; the image is left out")
                 continue
             for label, brightness in parts.items():
-                _tell_dark(brightness, there[label], report)
+                _report_dark(brightness, there[label], report)
             masks = {label: brightness >= HALF for label, brightness in parts.items()}
             objects = tuple(each for label, mask in masks.items() for each in self._objects(label, mask, name, report))
             yield RawImage(folder / name, name, name, objects, size_px=sizes.pop())
@@ -76,7 +76,7 @@ class MaskLayout(LabelLayout):
 
 
 def _brightness(path: Path) -> UInt8Array:
-    """Of a mask (height, width): of each pixel its brightest channel.
+    """The brightest channel of each pixel of a mask (height, width).
 
     Raises:
         PictureError: it cannot be read.
@@ -87,8 +87,8 @@ def _brightness(path: Path) -> UInt8Array:
     return brightest
 
 
-def _tell_dark(brightness: UInt8Array, mask: str, report: Report) -> None:
-    """Tell of a mask that is not black and shows nothing: often its values are 0 and 1."""
+def _report_dark(brightness: UInt8Array, mask: str, report: Report) -> None:
+    """Report a mask that is not black and has no bright pixel: often its values are 0 and 1."""
     brightest = int(brightness.max())
     if 0 < brightest < HALF:
         words = f"no pixel of this mask is brighter than {brightest} of 255, and only those from {HALF} on count"

@@ -16,10 +16,10 @@ from pavetwin.training.datasets.pictures import PictureIndex, files_in
 from pavetwin.training.datasets.report import Finding, Report
 
 LARGEST_BYTES: Final = 16 * 2**20
-"""Of a label file of one image."""
+"""Largest label file of one image."""
 
 LARGEST_LIST_BYTES: Final = 2**17
-"""Of a file that names the classes: the thousand of ImageNet need 43 kB."""
+"""Largest file of class names: the thousand classes of ImageNet need 43 kB."""
 
 LONGEST_CLASS: Final = 200
 """Characters of a class's name."""
@@ -28,7 +28,7 @@ _NAMES: Final = frozenset({"classes.txt", "obj.names", "_darknet.labels", "readm
 """Text files that are no label files."""
 
 _NAME_TAGS: Final = frozenset({"tag:yaml.org,2002:str", "tag:yaml.org,2002:int"})
-"""What YAML takes a name for; `no` and `1e3` would be something else to other readers."""
+"""Types that count as a name; other readers take `no` and `1e3` for something else."""
 
 _LISTS: Final = re.compile(r"(train|val|valid|test|trainval)\.txt", re.IGNORECASE)
 """Lists of pictures, as Darknet has them."""
@@ -87,7 +87,7 @@ class YoloLayout(LabelLayout):
 
     def _object(self, words: list[str], number: int, names: tuple[str, ...]) -> RawObject:
         """Raises:
-        ValueError: it is no object; the message says why.
+        ValueError: it is no object; the message states the reason.
         """
         is_right = len(words) >= 7 and len(words) % 2 == 1 if self.polygons else len(words) == 5
         if not is_right:

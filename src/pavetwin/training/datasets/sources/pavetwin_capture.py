@@ -12,12 +12,12 @@ from pavetwin.training.datasets.layouts.layout import RawObject
 from pavetwin.training.datasets.sources.registry import SOURCES, DatasetSource
 
 _KEPT = ("visible_fraction", "severity", "width_m", "area_m2")
-"""What the common form keeps of a rendered object."""
+"""Details of a rendered object that the common form keeps."""
 
 
 class CaptureLayout(CocoLayout):
-    """Ignored objects say why. The capture's own split, by streets, is kept: no defect is in two of them. An image
-    without labels is background: a capture labels everything that it shows."""
+    """COCO files of a capture. Ignored objects state the reason. The split of a capture, by streets, is kept: no defect
+    is in two of them. An image without labels is background, since a capture labels everything that it shows."""
 
     def is_picture(self, name: str) -> bool:
         return name.startswith("images/")
@@ -41,7 +41,7 @@ class CaptureLayout(CocoLayout):
 
 
 def _section(image: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    """What an image tells of its camera or light; nothing where it has none.
+    """The values of an image's camera or light; empty if it has none.
 
     Raises:
         CocoEntryError: it is not by name.
@@ -53,7 +53,7 @@ def _section(image: Mapping[str, Any], key: str) -> Mapping[str, Any]:
 
 
 def _shadow(camera: Mapping[str, Any], light: Mapping[str, Any]) -> dict[str, str]:
-    """Where shadows fall in an image that looks straight down, whose top is what lies ahead of the camera."""
+    """Direction of shadows in a nadir image, whose top is ahead of the camera."""
     keys = ("sun_azimuth_deg", "sun_elevation_deg", "cloud_cover")
     values: list[Any] = [camera.get("heading_deg"), *map(light.get, keys)]
     heading_deg, azimuth_deg, elevation_deg, clouds = values

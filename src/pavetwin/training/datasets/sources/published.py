@@ -68,7 +68,7 @@ SOURCES.add(
         home="https://data.mendeley.com/datasets/sywswj7djj/1",
         licence="CC BY 4.0",
         labels=YoloLayout(names=("line", "block", "pit")),
-        # From 50 m a pit can hardly be told from a stain, so no image with one is used.
+        # From 50 m a pit hardly differs from a stain, so no image with one is used.
         classes={"line": "Single Crack", "block": "Crocodile Crack", "pit": DISCARD},
     ),
 )

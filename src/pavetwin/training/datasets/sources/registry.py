@@ -18,11 +18,11 @@ from pavetwin.training.datasets.layouts import AnyLayout
 from pavetwin.training.datasets.layouts.layout import LabelLayout
 
 DROP: Final = "drop"
-"""What it shows stays background."""
+"""Objects of the class stay background."""
 IGNORE: Final = "ignore"
-"""It is neither an object nor background: damage of a class that is not learned, or a thing that may count as one."""
+"""Objects of the class are neither objects nor background: damage of a class that is not learned, or ambiguous."""
 DISCARD: Final = "discard image"
-"""Images with one are left out."""
+"""Images with an object of the class are left out."""
 
 OUTCOMES: Final = (DROP, IGNORE, DISCARD)
 
@@ -51,7 +51,7 @@ ClassRules = Annotated[Mapping[str, str], AfterValidator(_checked)]
 
 
 def outcome(rules: Mapping[str, str], label: str) -> str | None:
-    """What becomes of a class; None where no rule names it."""
+    """Outcome of a class; None if no rule names it."""
     wanted = plain(label)
     return next((becomes for name, becomes in rules.items() if plain(name) == wanted), None)
 
@@ -128,7 +128,7 @@ SOURCES: Final[Registry[DatasetSource]] = Registry(
 
 
 def is_mapping_file(name: str) -> bool:
-    """Whether a source is named by a mapping file."""
+    """Return whether a source is named by a mapping file."""
     return name.lower().endswith((".yaml", ".yml"))
 
 
