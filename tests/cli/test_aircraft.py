@@ -17,7 +17,7 @@ def test_the_list_names_every_aircraft_with_its_makers_times() -> None:
 def test_the_list_marks_what_no_maker_states() -> None:
     """DJI states no hover of the Phantoms, and of the Matrice 350 no time with the P1."""
     said = pavetwin("aircraft", "list").stdout
-    assert "~: the model's time" in said
+    assert "~: time of the model" in said
     marked = {line.split()[0]: [f for f in line.split() if f.startswith("~")] for line in said.splitlines() if line}
     assert marked["phantom4pro"] == ["~27"]
     assert len(marked["matrice350"]) == 2

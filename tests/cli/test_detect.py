@@ -29,7 +29,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = pavetwin("detect", folder / "in", "--model", FILE, "-o", folder / "out")
     assert done.returncode == 0, done.stderr
     assert "2 images, 3 detections: Pothole 1, Person 1, Car 1." in done.stdout
-    assert "Left out: 1 file that cannot be read" in done.stdout
+    assert "Left out: 1 unreadable file" in done.stdout
     return folder / "out"
 
 
@@ -121,7 +121,7 @@ def test_an_overview_is_asked_for(tmp_path: Path) -> None:
         (("in.png", "--model", FILE, "-o", "in.png", "--force"), "--output: 'in.png' is a file, so that nothing can"),
         (("in.png", "--model", FILE, "-o", "in.png/sub"), "into 'in.png/sub'; name a folder."),
         (("in.png", "-o", "new", "--model", "none-1"), "--model: There is no model 'none-1': name one that ships"),
-        (("in.png", "--model", FILE), "Say where the results go"),
+        (("in.png", "--model", FILE), "Missing option '--output'"),
         (("gone", "--model", FILE, "-o", "new"), "There is no picture, video or folder 'gone'"),
         (("empty", "--model", FILE, "-o", "new"), "There is no picture in 'empty'"),
         (("text.jpg", "--model", FILE, "-o", "new"), "'text.jpg' cannot be read as an image"),
@@ -134,7 +134,7 @@ def test_an_overview_is_asked_for(tmp_path: Path) -> None:
         (("in.png", "--model", FILE, "-o", "new", "--every", "-1"), "--every -1: it is 0 or more"),
         (("in.png", "--model", FILE, "-o", "new", "--every", "nan"), "--every nan: it is a finite number"),
         (("in.png", "--model", FILE, "-o", "new", "--gsd-mm", "nan"), "--gsd-mm nan: it is a finite number"),
-        (("in.png", "--model", FILE, "-o", "."), "--output '.' exists and holds something"),
+        (("in.png", "--model", FILE, "-o", "."), "--output '.' exists and is not empty"),
     ],
 )
 def test_what_cannot_be_done_is_said_in_one_line(tmp_path: Path, arguments: tuple[object, ...], words: str) -> None:

@@ -47,7 +47,7 @@ def test_a_design_explains_itself_and_is_not_replaced(place: Path) -> None:
     text = (place / "paper.yaml").read_text()
     assert yaml.safe_load(text)["presets"] == ["paper"]
     assert sum(line.startswith("#") for line in text.splitlines()) >= 8
-    assert "already" in plain_refusal(pavetwin("experiment", "init", "paper.yaml", cwd=place))
+    assert "exists" in plain_refusal(pavetwin("experiment", "init", "paper.yaml", cwd=place))
     assert "did you mean 'paper'" in plain_refusal(
         pavetwin("experiment", "init", "x.yaml", "--preset", "papr", cwd=place)
     )

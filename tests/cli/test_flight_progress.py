@@ -6,7 +6,7 @@ from typing import Any, cast
 import pytest
 
 from pavetwin.cli.console import Bar
-from pavetwin.cli.flight_progress import FlightProgress
+from pavetwin.cli.flight_report import FlightProgress
 from pavetwin.mission.events import ProgressMade
 from pavetwin.mission.replay import FIRST_DURATION_S, Replay, grown_s
 

@@ -138,10 +138,10 @@ def test_a_mission_needs_no_model(tmp_path: Path) -> None:
     assert "pavetwin fly WORLD --save-frames hits" in done.stdout
     assert len(list(csv.DictReader((tmp_path / "m" / "inventory" / "inventory.csv").open()))) == 2
     again = pavetwin("inventory", tmp_path / "m")
-    assert "exists and holds something" in plain_refusal(again)
+    assert "exists and is not empty" in plain_refusal(again)
     assert pavetwin("inventory", tmp_path / "m", "--force").returncode == 0
     assert plain_refusal(pavetwin("inventory", tmp_path / "m", "-o", tmp_path / "o", "--gsd-mm", 2)) == (
-        "Error: --gsd-mm is for photographs; a mission's own detections are listed without it."
+        "Error: --gsd-mm is for photographs; omit it for missions, which hold their detections."
     )
 
 
@@ -164,7 +164,7 @@ def test_several_missions_are_one_inventory_and_one_of_another_version_is_told(t
     assert [int(row["looks"]) for row in rows] == [2 * int(row["looks"]) for row in once]
     refused = pavetwin("inventory", old.parent, "-o", tmp_path / "none")
     assert "is of an earlier version" in plain_refusal(refused)
-    assert "Say where the inventory of several missions goes with --output." in plain_refusal(
+    assert "Name a folder for the inventory of several missions with --output." in plain_refusal(
         pavetwin("inventory", *folders)
     )
     (tmp_path / "photographs").mkdir()

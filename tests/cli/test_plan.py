@@ -112,7 +112,7 @@ def test_a_selection_of_segments_has_the_plan_of_a_mission_that_never_reacts(mis
 
 def test_options_of_a_world_are_refused_with_a_mission(mission: Path) -> None:
     told = plain_refusal(pavetwin("plan", "export", mission, "--altitude", "12"))
-    assert told == f"Error: --altitude is for a world; '{mission}' is a mission, which says it."
+    assert told == f"Error: --altitude is for a world; the mission '{mission}' holds its own."
 
 
 def test_parts_of_a_long_flight_leave_from_the_base_and_return_within_the_flight_domain(

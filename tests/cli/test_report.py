@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 from rich.table import Table
 
-from pavetwin.cli import pictures, report
+from pavetwin.cli import flight_report
 from pavetwin.draw import mission_map
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission import summary
@@ -34,20 +34,20 @@ def names(folder: Path) -> set[str]:
 def save(
     missions: Iterator[MissionResult] | list[MissionResult], folder: Path, *, several: bool
 ) -> list[MissionResult]:
-    results = report.save(missions, folder, several=several)
-    pictures.draw(results, folder, several=several)
+    results = flight_report.save(missions, folder, several=several)
+    flight_report.draw(results, folder, several=several)
     return results
 
 
 def test_what_parked_vehicles_leave_to_be_seen_is_told_beside_what_was_seen() -> None:
     stands, empty = (narrow_street().fly("hover", parking) for parking in (FULL, EMPTY))
     at_most = f"{100 * (1 - stands.rows[0].permanently_hidden):.1f}"
-    for table in (report.segments_table(stands), report.comparison_table([stands, stands])):
+    for table in (flight_report.segments_table(stands), flight_report.comparison_table([stands, stands])):
         (column,) = [column for column in table.columns if column.header == summary.AT_MOST]
         assert at_most in [str(cell) for cell in column.cells]
     assert f"% of the surface seen (of at most {at_most} % beside parked vehicles)" in summary.sentence([stands])
     assert summary.missed_lines([stands]) == ["Missed 1 of 2: 1 under or behind a parked vehicle."]
-    for table in (report.segments_table(empty), report.comparison_table([empty, empty])):
+    for table in (flight_report.segments_table(empty), flight_report.comparison_table([empty, empty])):
         assert summary.AT_MOST not in [column.header for column in table.columns]
     assert "at most" not in summary.sentence([empty])
 
@@ -57,7 +57,9 @@ def test_segments_without_defects_have_no_share_and_are_counted() -> None:
     (row,) = result.rows
     empty = replace(row, defects=0, swept=0, confirmed=0, recovered=0, coverage=None, swath_coverage=None)
     both = replace(result, rows=(row, empty))
-    (found,) = (column for column in report.segments_table(both).columns if str(column.header).startswith("found"))
+    (found,) = (
+        column for column in flight_report.segments_table(both).columns if str(column.header).startswith("found")
+    )
     assert [str(cell) for cell in found.cells] == [f"{100 * row.confirmed / row.defects:.1f}", "–"]
     assert str(found.footer) == f"{100 * row.confirmed / row.defects:.1f}"
     assert summary.without_defects(both.rows) == [
@@ -73,7 +75,7 @@ def test_streets_of_one_policy_are_summed_with_what_was_seen_of_them() -> None:
     result = tiny.result("lively_street", "hover")
     (row,) = result.rows
     half = replace(row, surface_coverage=0.5, area_m2=row.area_m2 * 3, defects=10, confirmed=1, time_s=50.0)
-    table = report.streets_table([replace(result, rows=(replace(row, surface_coverage=1.0), half))])
+    table = flight_report.streets_table([replace(result, rows=(replace(row, surface_coverage=1.0), half))])
     cells = {str(column.header).replace("\n", " "): [str(cell) for cell in column.cells] for column in table.columns}
     assert cells["segments"] == ["2"]
     assert cells["found %"] == [f"{100 * (row.confirmed + 1) / (row.defects + 10):.1f}"]
@@ -82,9 +84,9 @@ def test_streets_of_one_policy_are_summed_with_what_was_seen_of_them() -> None:
     assert "1 of 10 defects found (10 %; 0 to 73 % on streets like these), " in summary.sentence(
         [replace(result, rows=(half,))]
     )
-    headings = [str(column.header) for column in report.comparison_table([result, result]).columns]
+    headings = [str(column.header) for column in flight_report.comparison_table([result, result]).columns]
     assert headings[1] == f"found of\n{row.defects}\ndefects"
-    compared = report.streets_table([result, result])
+    compared = flight_report.streets_table([result, result])
     assert not [column for column in compared.columns if "surface" in str(column.header)]
 
 
@@ -140,10 +142,10 @@ def test_a_mission_has_the_same_bytes_alone_and_among_others(tmp_path: Path) -> 
 
 def test_without_maps_there_is_no_comparison_either(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     missions = [tiny.result("lively_street", policy) for policy in ("baseline", "micro")]
-    report.save(missions, tmp_path, several=True)
-    pictures.draw(missions, tmp_path, several=True, maps=False)
+    flight_report.save(missions, tmp_path, several=True)
+    flight_report.draw(missions, tmp_path, several=True, maps=False)
     assert not [*tmp_path.rglob("*.png")]
-    pictures.tell_files(missions, tmp_path, maps=False, animate=False, frames=False)
+    flight_report.print_files(missions, tmp_path, maps=False, animate=False, frames=False)
     assert ".png" not in capsys.readouterr().out
 
 
@@ -176,7 +178,7 @@ def busy() -> MissionResult:
 
 
 def test_only_the_street_gives_way_on_a_narrow_page() -> None:
-    lines = printed(report.segments_table(busy()))
+    lines = printed(flight_report.segments_table(busy()))
     assert all(len(line) <= 80 for line in lines)
     assert [line.split()[-9:] for line in lines[-3:]] == [
         ["1234", "699/700", "100.0", "100.0", "100.0", "12345", "12345", "23456", "123.4"],
@@ -186,12 +188,12 @@ def test_only_the_street_gives_way_on_a_narrow_page() -> None:
     assert lines[-3].split()[1].startswith("Str")
     assert sum("…" in line for line in lines) == 2
     assert len(lines) == 7
-    assert "Straße des 17. Juni [Ost]" in printed(report.segments_table(busy()), 120)[-3]
+    assert "Straße des 17. Juni [Ost]" in printed(flight_report.segments_table(busy()), 120)[-3]
 
 
 def test_only_the_policy_gives_way_in_a_comparison() -> None:
     missions = [replace(busy(), policy=f"a_very_long_name_of_a_policy_{number}") for number in "ab"]
-    lines = printed(report.comparison_table(missions))
+    lines = printed(flight_report.comparison_table(missions))
     assert all(len(line) <= 80 for line in lines)
     assert len(lines) == 6
     assert all(line.count("…") == 1 for line in lines[4:])
@@ -199,7 +201,7 @@ def test_only_the_policy_gives_way_in_a_comparison() -> None:
 
 
 def test_the_headings_are_words_that_a_stranger_reads() -> None:
-    headings = " ".join(column.header.replace("\n", " ") for column in report.comparison_table([busy()]).columns)
+    headings = " ".join(column.header.replace("\n", " ") for column in flight_report.comparison_table([busy()]).columns)
     assert "found of what the camera passed %" in headings
     assert "found on return %" in headings
 
@@ -208,7 +210,7 @@ def test_a_mission_over_several_batteries_says_how_many_to_bring() -> None:
     tired = replace(tiny.result("queue_that_leaves", "skip"), swaps=2, energy=2.24)
     tired = replace(tired, rows=tuple(replace(row, swaps=2) for row in tired.rows))
     assert summary.sentence([tired]).endswith("with 2 battery changes: bring 3 batteries.")
-    lines = printed(report.comparison_table([tired, tired]))
+    lines = printed(flight_report.comparison_table([tired, tired]))
     assert lines[-1].split()[-2] == "3"
     assert "to bring" in lines[3]
 

@@ -46,8 +46,8 @@ def test_a_sensor_is_fitted_to_missions_and_compared_with_others(tmp_path: Path)
     file = tmp_path / "sensor.json"
     done = pavetwin("sensor", "fit", tmp_path / "missions", "--check", other, "-o", file)
     assert done.returncode == 0, done.stderr
-    assert "Fitted to 480 looks at 160 defects, 160 of them with several looks, in 480 images" in done.stdout
-    assert "in looks that it was not fitted to" in done.stdout
+    assert "Fitted to 480 views of 160 defects, 160 of them with several, in 480 images" in done.stdout
+    assert "in views that the fit does not use" in done.stdout
     model = SensorModel.read(file)
     assert 0.3 < model.correlation < 0.9
     assert model.detector.image_px == 1280
@@ -63,7 +63,7 @@ def test_what_cannot_be_fitted_is_one_plain_line(tmp_path: Path) -> None:
     (tmp_path / "set" / "capture.yaml").write_text("world: {}", encoding="utf-8")
     out = ("-o", tmp_path / "s.json")
     told = {
-        ("sensor", "fit", one): "Say where the file goes with -o",
+        ("sensor", "fit", one): "Missing option '--output'",
         ("sensor", "fit", one, "-o", tmp_path / "s.txt"): "the file is JSON; give a name such as s.json",
         ("sensor", "fit", tmp_path / "none", *out): "There is no folder",
         ("sensor", "fit", tmp_path / "empty", *out): "holds no mission.yaml and no capture.yaml",

@@ -54,7 +54,7 @@ def test_a_quick_answer_loads_nothing_heavy(words: list[str], code: int, unwante
 WHAT_MISSIONS_COMPUTE = """
 import sys
 import numpy as np
-import pavetwin.cli.pictures, pavetwin.cli.report, pavetwin.draw.mission_map, pavetwin.mission
+import pavetwin.cli.flight_report, pavetwin.draw.mission_map, pavetwin.mission
 from pavetwin.defects.severity import Distress
 from pavetwin.mission.metrics import found_share
 from pavetwin.pci.curves import deduct_value

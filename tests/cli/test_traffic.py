@@ -30,7 +30,7 @@ def test_recording_says_what_it_did_and_then_that_it_is_done(world: Path, tmp_pa
     assert load_recording(file).duration_s == 30.0
     assert not (world / "traffic").exists()
     again = pavetwin("traffic", "record", world, "--density", "low", "--seed", 1, "--duration", 10)
-    assert "Recorded before" in again.stdout
+    assert "Taken from the cache" in again.stdout
     own = tmp_path / "mine" / "low.parquet"
     written = pavetwin("traffic", "record", world, "--density", "low", "--seed", 1, "--duration", 10, "-o", own)
     assert f"File: {own}" in written.stdout
@@ -47,7 +47,7 @@ def test_recording_says_what_it_did_and_then_that_it_is_done(world: Path, tmp_pa
         (("--density", "low", "--duration", "0"), "duration"),
         (("--density", "low", "--duration", "-3"), "duration"),
         (("--density", "low", "--seed", "-1"), "seed"),
-        ((), "how much traffic"),
+        ((), "an amount of traffic"),
         (("--density", "low", "--vehicles-per-lane-km", "3"), "Choose one"),
         (("--vehicles-per-lane-km", "-3"), "from 0 up"),
         (("--vehicles-per-lane-km", "500"), "do not fit"),

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from pavetwin.cli import report
+from pavetwin.cli import flight_report
 from pavetwin.config import load_settings
 from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.errors import PaveTwinError
@@ -53,24 +53,24 @@ def test_a_mission_says_its_area_keeps_it_and_is_flown_again(grid: Path, tmp_pat
 
 def test_of_a_large_town_it_is_said_how_much_less_an_area_is(grid: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     world, targets = load_world(grid), [corner(grid)]
-    assert report.whole_town_line(world, targets) == "", "a small one is recorded soon enough"
-    monkeypatch.setattr(report, "CITY_KM", 1.0)
-    monkeypatch.setattr(report, "STATED_AREA_M", 100.0)
+    assert flight_report.whole_town_line(world, targets) == "", "a small one is recorded soon enough"
+    monkeypatch.setattr(flight_report, "CITY_KM", 1.0)
+    monkeypatch.setattr(flight_report, "STATED_AREA_M", 100.0)
     area = TrafficArea.around(world, targets, 100.0)
     assert area is not None
-    said = report.whole_town_line(world, targets)
+    said = flight_report.whole_town_line(world, targets)
     assert f"With --traffic-area 100 it is that of {area.length_km(world):.1f} km around" in said
-    monkeypatch.setattr(report, "STATED_AREA_M", 10_000.0)
-    assert report.whole_town_line(world, targets) == "", "an area that is most of the town is the town"
+    monkeypatch.setattr(flight_report, "STATED_AREA_M", 10_000.0)
+    assert flight_report.whole_town_line(world, targets) == "", "an area that is most of the town is the town"
 
 
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ("-5", "--traffic-area -5: traffic needs 100 m of streets"),
-        ("99", "--traffic-area 99: traffic needs 100 m of streets"),
-        ("nan", "--traffic-area nan: traffic needs 100 m of streets"),
-        ("near", "--traffic-area near: expected metres or 'all'."),
+        ("-5", "--traffic-area: traffic needs 100 m of streets"),
+        ("99", "--traffic-area: traffic needs 100 m of streets"),
+        ("nan", "--traffic-area: traffic needs 100 m of streets"),
+        ("near", "--traffic-area: expected metres or 'all', not 'near'."),
     ],
 )
 def test_what_is_no_distance_is_refused(grid: Path, given: str, said: str) -> None:

@@ -112,7 +112,7 @@ def test_a_mistake_of_ours_is_one_line_that_asks_for_a_report(
         raise KeyError("nobody thought of this")
 
     monkeypatch.delenv("PAVETWIN_DEBUG", raising=False)
-    monkeypatch.setattr("pavetwin.cli.arguments.check_world", broken)
+    monkeypatch.setattr("pavetwin.cli.options.check_world", broken)
     assert run(monkeypatch, "world", "info", "anywhere") == 1
     words = capsys.readouterr().err
     assert words.count("\n") == 1

@@ -8,7 +8,7 @@ import pytest
 
 from pavetwin import _core
 from pavetwin._core import MODES, Battery, FlightSettings, Limits, NadirCamera, Viewpoint
-from pavetwin.cli.report import pace_line
+from pavetwin.cli.flight_report import pace_line
 from pavetwin.config import load_settings
 from pavetwin.config.mission import MissionSettings
 from pavetwin.errors import PaveTwinError

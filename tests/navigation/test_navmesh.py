@@ -289,7 +289,7 @@ def test_targets_are_drawn_by_the_seed_or_toured() -> None:
     assert choose_targets(environment, order="near") == list(range(6))
     assert choose_targets(environment, names=["s4", "s1"]) == [4, 1]
     assert choose_targets(environment, names=["s4", "s1"], order="near") == [1, 4]
-    with pytest.raises(PaveTwinError, match=r"`count` 9: 'tiny' has only 6; `count=None` inspects them all"):
+    with pytest.raises(PaveTwinError, match=r"`count` 9: 'tiny' has only 6; choose fewer, or all"):
         choose_targets(environment, count=9)
     with pytest.raises(PaveTwinError, match="no segment or street 's44'"):
         choose_targets(environment, names=["s44"])

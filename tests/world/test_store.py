@@ -81,7 +81,7 @@ def test_an_edited_world_is_another_world(tmp_path: Path) -> None:
 def test_a_half_deleted_world_names_what_is_missing(saved: World, name: str) -> None:
     assert saved.folder is not None
     (saved.folder / name).unlink()
-    with pytest.raises(PaveTwinError, match=f"{name} is missing.* force`"):
+    with pytest.raises(PaveTwinError, match=f"{name} is missing.* --force`"):
         load_world(saved.folder)
 
 

@@ -218,7 +218,7 @@ def read_description(folder: Path) -> dict[str, Any]:
     path = folder / FILE
     if not path.is_file():
         raise PaveTwinError(
-            f"'{folder}' holds no dataset; make one with `pavetwin capture WORLD output={quote(str(folder))}`."
+            f"'{folder}' holds no dataset; make one with `pavetwin capture WORLD --output {quote(str(folder))}`."
         )
     try:
         found = yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -252,7 +252,7 @@ def _plugins_differ(before: Mapping[str, str], now: Mapping[str, str]) -> str:
 def _as_parameter(key: str, value: Any) -> str:
     """A setting with the name of its parameter."""
     if key == "picture":
-        return f"with `picture={value}`"
+        return f"with {value.upper()} images"
     if key == "parking":
         return f"with `parking` {_parking(value)}"
     if value in (None, []):

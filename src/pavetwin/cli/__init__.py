@@ -10,47 +10,49 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
-from typer.main import get_command, get_group
+from typer.main import get_group
 
-from pavetwin.cli.arguments import LoadedPlugins, NamingCommand
-from pavetwin.cli.console import fail
-from pavetwin.cli.flags import refuse_repeated, with_flags
-from pavetwin.cli.hints import words_of
-from pavetwin.cli.quiet import quiet
+from pavetwin.cli.commands import Commands, usage_message
+from pavetwin.cli.console import fail, quiet
 from pavetwin.errors import PaveTwinError
 
 INTERRUPTED = 130
-"""The exit code after Ctrl-C: of shells, and what typer makes of a KeyboardInterrupt within a command."""
+"""Exit code after Ctrl-C, as in shells and in typer."""
 
 TERMINATED = 143
-"""The exit code after SIGTERM, of shells."""
+"""Exit code after SIGTERM, as in shells."""
 
-COMMANDS = (
-    *("world", "traffic", "fly", "replay", "plan", "aircraft", "policy", "sensor", "defect", "pci", "inventory"),
-    "handover",
-    *(
-        "capture",
-        "data",
-        "evaluate",
-        "compare",
-        "train",
-        "export",
-        "detect",
-        "serve",
-        "app",
-        "experiment",
-        "demo",
-        "doctor",
-    ),
-)
-"""Each a module of this package with a group `app`, or a function of its own name."""
-
-MODULES = {"app": "page", "policy": "registered", "sensor": "registered"}
-"""Of the commands whose module has another name."""
+COMMANDS = {
+    "world": "world:app",
+    "traffic": "traffic:app",
+    "fly": "fly:fly",
+    "replay": "page:replay",
+    "plan": "plan:app",
+    "aircraft": "registered:aircraft",
+    "policy": "registered:policy",
+    "sensor": "registered:sensor",
+    "defect": "defect:app",
+    "pci": "inventory:pci",
+    "inventory": "inventory:inventory",
+    "handover": "handover:handover",
+    "capture": "capture:app",
+    "data": "data:app",
+    "evaluate": "evaluate:evaluate",
+    "compare": "compare:compare",
+    "train": "train:train",
+    "export": "export:export",
+    "detect": "detector:detect",
+    "serve": "detector:serve",
+    "app": "page:app",
+    "experiment": "experiment:app",
+    "demo": "demo:demo",
+    "doctor": "doctor:doctor",
+}
+"""Module of this package and the group or function in it, by command."""
 
 
 class LateGroup(TyperGroup):
-    """Commands whose modules are loaded when they are asked for; until then only their names are known."""
+    """Commands whose modules are loaded on demand; until then only their names are known."""
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
@@ -58,36 +60,15 @@ class LateGroup(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name in COMMANDS:
-            module = import_module(f"{__name__}.{MODULES.get(cmd_name, cmd_name)}")
-            command = getattr(module, "app", None) or getattr(module, cmd_name)
-            held = typer.Typer(rich_markup_mode="rich")
+            module, _, member = COMMANDS[cmd_name].partition(":")
+            command = getattr(import_module(f"{__name__}.{module}"), member)
+            loaded = Commands(rich_markup_mode="rich")
             if isinstance(command, typer.Typer):
-                held.add_typer(command, name=cmd_name)
+                loaded.add_typer(command, name=cmd_name)
             else:
-                held.command(cmd_name, cls=NamingCommand)(command)
-            self.commands[cmd_name] = get_group(held).commands[cmd_name]
-            _accept_plugins(self.commands[cmd_name])
+                loaded.command(cmd_name)(command)
+            self.commands[cmd_name] = get_group(loaded).commands[cmd_name]
         return super().get_command(ctx, cmd_name)
-
-
-def _accept_plugins(command: Any) -> None:
-    """Give a command, or each in a group, `--plugin`; those whose settings name plugins have it already."""
-    for inner in getattr(command, "commands", {}).values():
-        _accept_plugins(inner)
-    if not hasattr(command, "commands") and all(parameter.name != "plugin" for parameter in command.params):
-        command.params.append(_plugin_option())
-
-
-def _plugin_option() -> Any:
-    """The option as typer makes it of a function's parameter. It is acted on as it is read, before the command runs."""
-    held = typer.Typer(add_completion=False)
-
-    @held.command()
-    def _(plugin: LoadedPlugins = None) -> None: ...
-
-    (option,) = get_command(held).params
-    option.expose_value = False
-    return option
 
 
 app = typer.Typer(
@@ -100,8 +81,8 @@ app = typer.Typer(
 )
 
 
-def _say_version(asked: bool) -> None:
-    if asked:
+def _print_version(is_asked: bool) -> None:
+    if is_asked:
         from pavetwin._core import __version__
 
         print(f"PaveTwin {__version__}")
@@ -111,8 +92,8 @@ def _say_version(asked: bool) -> None:
 @app.callback()
 def _options(
     context: typer.Context,
-    asked: Annotated[  # noqa: ARG001 - its callback has answered
-        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version.")
+    version: Annotated[  # noqa: ARG001 - its callback prints it
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
     verbose: Annotated[
         bool, typer.Option("--verbose", help="Show the warnings and messages of libraries, as in --verbose fly …")
@@ -144,14 +125,14 @@ def main() -> None:
 def _run() -> int:
     try:
         signal.signal(signal.SIGTERM, _terminate)
-        refuse_repeated(sys.argv[1:], get_group(app))
         code = app(standalone_mode=False)
     except PaveTwinError as error:
-        fail(with_flags(str(error), sys.argv[1:], get_group(app)))
+        fail(str(error))
         return 2
     except TyperException as error:
-        words = words_of(error)
-        fail(f"{words} `{_command_of(error)} --help` lists what there is." if words else "Give one of these commands.")
+        message = usage_message(error)
+        usage = "" if isinstance(error, typer.BadParameter) else f" See `{_command_of(error)} --help`."
+        fail(f"{message}{usage}" if message else "Give one of these commands.")
         return 2
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED

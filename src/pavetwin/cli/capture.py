@@ -1,7 +1,7 @@
 """`pavetwin capture …`: datasets of labelled images."""
 
 import re
-from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,22 +9,23 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from pavetwin.cli.arguments import (
+from pavetwin.cli.commands import Commands
+from pavetwin.cli.console import out, progress
+from pavetwin.cli.options import (
     CacheFolder,
     DatasetFolder,
     Jobs,
     Mix,
-    NamingCommand,
+    Parking,
     Plugins,
     SheetCount,
     SheetFile,
+    TrafficLevel,
     WorldFolder,
+    grouped,
     paths_of,
     split_shares,
-    traffic_name,
 )
-from pavetwin.cli.console import out, progress
-from pavetwin.cli.parking import Parking, parking_of
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
@@ -46,9 +47,9 @@ class _MakeByDefault(TyperGroup):
         return super().parse_args(ctx, args)
 
 
-app = typer.Typer(
+app = Commands(
     cls=_MakeByDefault,
-    help="""Capture a dataset of labelled images of a world, view it, and count what is in it.
+    help="""Capture a dataset of labelled images of a world, view it, and count its labels.
 
     \b
     pavetwin capture worlds/town -o datasets/town --platform uav --images 500 --altitude 6 --altitude 10
@@ -57,76 +58,158 @@ app = typer.Typer(
 
     [bold]pavetwin capture make --help[/] lists the options; `make` itself may be left out.
 
-    Labels are Single Crack, Crocodile Crack, Pothole, Person, Car, and your own classes with --plugin.""",
+    Labels are Single Crack, Crocodile Crack, Pothole, Person, Car, and your own classes (--plugin).""",
     no_args_is_help=True,
 )
 
-_UAV_ALTITUDES = (6.0, 10.0, 15.0)
+UAV_ALTITUDES_M = (6.0, 10.0, 15.0)
 
 
-@app.command(cls=NamingCommand)
-def make(
-    world: WorldFolder,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the dataset.")] = None,
-    platform: Annotated[
+@dataclass(frozen=True)
+class CameraOptions:
+    """Camera."""
+
+    platforms: Annotated[
         list[str] | None,
-        typer.Option(help="What carries the camera: {platforms}; several with commas. uav unless given."),
-    ] = None,
-    images: Annotated[
-        int, typer.Option(help="Number of images of each platform; a dataset may be extended later.")
-    ] = 100,
-    altitude: Annotated[
-        list[float] | None, typer.Option(help="Of the UAV, in metres; may be repeated. 6, 10 and 15 unless given.")
-    ] = None,
+        typer.Option("--platform", help="Carrier of the camera: {platforms}; several with commas. uav unless given."),
+    ] = None
+    camera: Annotated[str | None, typer.Option(help="Camera of the UAV: {cameras}, or a YAML file.")] = None
+    altitudes_m: Annotated[
+        list[float] | None,
+        typer.Option("--altitude", help="Altitude of the UAV in metres; may be repeated. 6, 10 and 15 unless given."),
+    ] = None
     gsd_mm: Annotated[
         tuple[float, float] | None,
         typer.Option(
             metavar="FINEST COARSEST",
-            help="Ground resolution of the UAV's images, in millimetres a pixel: crops of the camera's whole frame, "
-            "each from the altitude that gives it. With it the camera is phantom4pro unless given.",
+            help="Ground resolution of the UAV's images, in millimetres per pixel: crops of full camera images, each "
+            "from the altitude of that resolution. Then the camera is phantom4pro unless given.",
         ),
-    ] = None,
+    ] = None
+    size_px: Annotated[
+        str,
+        typer.Option("--size", metavar="WxH", help="Size of the images in pixels; with --gsd-mm, of the crops."),
+    ] = "640x640"
+
+    @property
+    def platform_names(self) -> tuple[str, ...]:
+        return tuple(name for given in self.platforms or ["uav"] for name in _split_names(given))
+
+    def values(self) -> dict[str, Any]:
+        """Values of `CaptureSettings`."""
+        return {
+            "platforms": self.platform_names,
+            "camera": self.camera or ("phantom4pro" if self.gsd_mm else "paper"),
+            "altitudes_m": tuple(self.altitudes_m or ()),
+            "gsd_mm": self.gsd_mm,
+            "size_px": _size(self.size_px),
+        }
+
+
+@dataclass(frozen=True)
+class CapturedTraffic:
+    """Traffic."""
+
     los: Annotated[
         list[str] | None,
         typer.Option(metavar="A…F", help="Traffic by level of service; may be repeated. C unless given."),
-    ] = None,
+    ] = None
     hour: Annotated[
         list[int] | None, typer.Option(metavar="0…23", help="Traffic of an hour of a weekday; may be repeated.")
-    ] = None,
+    ] = None
     density: Annotated[
         list[str] | None, typer.Option(help="Traffic by density: low, medium, high, or v12-p40; may be repeated.")
-    ] = None,
-    mix: Mix = None,
-    parking: Parking = None,
-    seed: Annotated[
-        int, typer.Option(help="Random seed of places, light, traffic and parked vehicles; 0 is a seed too.")
-    ] = 0,
-    size: Annotated[
-        str, typer.Option(metavar="WxH", help="Of the images, in pixels; with --gsd-mm of the crops.")
-    ] = "640x640",
-    camera: Annotated[str | None, typer.Option(help="Of the UAV: {cameras}, or a YAML file.")] = None,
+    ] = None
+    mix: Mix = None
+
+    @property
+    def is_given(self) -> bool:
+        """Whether an amount of traffic is asked for."""
+        return bool(self.los or self.hour or self.density)
+
+    def names(self) -> tuple[str, ...]:
+        """Names of all traffic that is asked for."""
+        from pavetwin.traffic.demand import DEFAULT_TRAFFIC
+
+        levels = [
+            *(TrafficLevel(los=each, mix=self.mix) for each in self.los or ()),
+            *(TrafficLevel(hour=each, mix=self.mix) for each in self.hour or ()),
+            *(TrafficLevel(density=each, mix=self.mix) for each in self.density or ()),
+        ]
+        return tuple(dict.fromkeys(level.name or DEFAULT_TRAFFIC for level in levels or [TrafficLevel(mix=self.mix)]))
+
+
+@dataclass(frozen=True)
+class ContentOptions:
+    """Content of the images."""
+
     look: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME|FILE.yaml", help="Of the streets: varied, uniform, or a YAML file. varied unless given."
+            metavar="NAME|FILE.yaml",
+            help="Appearance of the streets: varied, uniform, or a YAML file. varied unless given.",
         ),
-    ] = None,
-    formats: Annotated[
-        str, typer.Option(help="Label files: any of {formats}, with commas.")
-    ] = "yolo,yolo-seg,voc,coco",
-    split: Annotated[str, typer.Option(help="Percent of train/val/test, by whole streets.")] = "70/15/15",
-    empty: Annotated[float, typer.Option(help="Share of images that must show no defect.")] = 0.15,
+    ] = None
+    parking: Parking = None
+    empty: Annotated[float, typer.Option(help="Share of images without any defect.")] = 0.15
     road_users: Annotated[
         float,
         typer.Option(
-            help="Share of the UAV's images without defects that are taken of a person or a vehicle. Few people walk "
+            help="Share of the UAV's images without defects that are centred on a person or a vehicle. Few people walk "
             "where defects are."
         ),
-    ] = 0.0,
-    png: Annotated[bool, typer.Option("--png", help="Store images without loss.")] = False,
-    quality: Annotated[int, typer.Option(help="Of JPEG, 50 to 100.")] = 92,
+    ] = 0.0
+
+    def values(self) -> dict[str, Any]:
+        """Values of `CaptureSettings`."""
+        return {
+            "empty": self.empty,
+            "road_users": self.road_users,
+            **({} if self.look is None else {"look": self.look}),
+            **({} if self.parking is None else {"parking": self.parking.settings()}),
+        }
+
+
+@dataclass(frozen=True)
+class FileOptions:
+    """Files."""
+
+    formats: Annotated[str, typer.Option(help="Label files: any of {formats}, with commas.")] = "yolo,yolo-seg,voc,coco"
+    split: Annotated[str, typer.Option(help="Percentages of train/val/test, by whole streets.")] = "70/15/15"
+    png: Annotated[bool, typer.Option("--png", help="Store images losslessly.")] = False
+    quality: Annotated[int, typer.Option(help="Quality of JPEG images, 50 to 100.")] = 92
+
+    def values(self) -> dict[str, Any]:
+        """Values of `CaptureSettings`."""
+        return {
+            "formats": _split_names(self.formats),
+            "split": split_shares(self.split, "split"),
+            "picture": "png" if self.png else "jpg",
+            "quality": self.quality,
+        }
+
+
+def _split_names(text: str) -> tuple[str, ...]:
+    return tuple(re.split(r"[,\s]+", text.strip()))
+
+
+@app.command()
+@grouped
+def make(
+    world: WorldFolder,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the dataset.")],
+    camera: CameraOptions,
+    traffic: CapturedTraffic,
+    content: ContentOptions,
+    files: FileOptions,
+    images: Annotated[
+        int, typer.Option(help="Number of images of each platform; a dataset may be extended later.")
+    ] = 100,
+    seed: Annotated[
+        int, typer.Option(help="Random seed of places, light, traffic and parked vehicles; 0 is valid.")
+    ] = 0,
     cache: CacheFolder = None,  # noqa: ARG001 - its callback does it
-    plugin: Plugins = None,
+    plugins: Plugins = None,
     jobs: Jobs = None,
 ) -> None:
     """Capture labelled images of a world, or continue an unfinished dataset.
@@ -143,30 +226,17 @@ def make(
     Missing traffic is recorded first. Labels are Single Crack, Crocodile Crack, Pothole, Person and Car, then
     your own defect classes by name, from the file that --plugin gives.
     """
-    if output is None:
-        raise PaveTwinError("Give the folder of the dataset with -o, for example -o datasets/town.")
-    platforms = tuple(name for given in platform or ["uav"] for name in re.split(r"[,\s]+", given.strip()))
     values = {
-        "platforms": platforms,
         "images": images,
-        "altitudes_m": tuple(altitude or ()),
-        "gsd_mm": gsd_mm,
-        "densities": _traffics(los or (), hour or (), density or (), mix),
         "seed": seed,
-        "size_px": _size(size),
-        "camera": camera or ("phantom4pro" if gsd_mm else "paper"),
-        "formats": tuple(re.split(r"[,\s]+", formats.strip())),
-        "split": split_shares(split, option="--split"),
-        "empty": empty,
-        "road_users": road_users,
-        "picture": "png" if png else "jpg",
-        "quality": quality,
-        "plugins": paths_of(plugin),
-        **({} if look is None else {"look": look}),
-        **({} if parking is None else {"parking": parking_of(parking)}),
+        "plugins": paths_of(plugins),
+        **camera.values(),
+        **content.values(),
+        **files.values(),
+        "densities": traffic.names(),
     }
-    with progress("Starting", lines=True) as update:
-        # Inside, since these take seconds to import.
+    with progress("Starting", lines=True) as show:
+        # Inside the progress bar: these imports take seconds.
         from pavetwin.capture.context import check
         from pavetwin.capture.platforms import flying
         from pavetwin.capture.run import capture
@@ -175,17 +245,16 @@ def make(
         from pavetwin.plugins import load_plugins
         from pavetwin.render.adapter import find_adapter
 
-        load_plugins(paths_of(plugin))
-        flies = bool(flying(platforms))
-        if camera is not None and not flies:
-            raise PaveTwinError(f"--camera: a {platforms[0]} has cameras of its own; leave it out.")
-        if flies and not altitude and not gsd_mm:
-            values["altitudes_m"] = _UAV_ALTITUDES
-        settings = settings_of(values, typed={"size_px": size, "split": split})
+        load_plugins(paths_of(plugins))
+        if flying(camera.platform_names):
+            values["altitudes_m"] = values["altitudes_m"] or (() if camera.gsd_mm else UAV_ALTITUDES_M)
+        elif camera.camera is not None:
+            raise PaveTwinError(f"`camera`: a {camera.platform_names[0]} has cameras of its own; leave it out.")
+        settings = settings_of(values, typed={"size_px": camera.size_px, "split": files.split})
         check(settings)
         instead = ""
-        if not (los or hour or density):
-            settings, instead = _in_reach(settings, world, update)
+        if not traffic.is_given:
+            settings, instead = _in_reach(settings, world, show)
         captured = capture(
             world,
             settings,
@@ -193,41 +262,29 @@ def make(
             frame_source_factory=SceneFrameSource,
             adapter=str(find_adapter()),
             jobs=jobs,
-            on_progress=update,
+            on_progress=show,
         )
     if instead:
         out.line(instead)
     _print(captured.statistics)
     there = settings.total_images - captured.taken
     out.line(
-        f"{captured.taken} images taken" + (f", {there} were there" if there else "") + f". Dataset in {output}/. "
+        f"{captured.taken} images taken" + (f", {there} before" if there else "") + f". Dataset in {output}/. "
         f"Next: pavetwin capture show {quote(str(output))}"
     )
 
 
-def _traffics(los: Sequence[str], hours: Sequence[int], densities: Sequence[str], mix: str | None) -> tuple[str, ...]:
-    """The names of all traffic that is asked for."""
-    from pavetwin.traffic.demand import DEFAULT_TRAFFIC
-
-    named = [
-        *(traffic_name(None, each, None, mix) for each in los),
-        *(traffic_name(None, None, each, mix) for each in hours),
-        *(traffic_name(each, None, None, mix) for each in densities),
-    ]
-    return tuple(dict.fromkeys(name or DEFAULT_TRAFFIC for name in named or [traffic_name(None, None, None, mix)]))
-
-
-def _in_reach(settings: "CaptureSettings", folder: Path, update: "OnProgress") -> "tuple[CaptureSettings, str]":
-    """Settings with the nearest level of service if the world cannot reach the usual one, and a line about it, else
-    empty."""
-    from pavetwin.cli.report import nearest_line
+def _in_reach(settings: "CaptureSettings", folder: Path, show: "OnProgress") -> "tuple[CaptureSettings, str]":
+    """Settings with the nearest level of service where the world cannot reach the usual one, and a line about it; empty
+    where it can."""
+    from pavetwin.cli.flight_report import nearest_line
     from pavetwin.traffic.demand import density_named
     from pavetwin.traffic.demand_search import within_reach
     from pavetwin.world.store import load_world
 
     world, (usual,) = load_world(folder), map(density_named, settings.densities)
     search = f"Finding the demand of {usual.name}, kept for the next time"
-    nearest = within_reach(world, usual, lambda _: update(0.0, search))
+    nearest = within_reach(world, usual, lambda _: show(0.0, search))
     if nearest == usual:
         return settings, ""
     return settings.model_copy(update={"densities": (nearest.name,)}), nearest_line(
@@ -240,7 +297,7 @@ def show(
     dataset: DatasetFolder,
     output: SheetFile = None,
     count: SheetCount = 24,
-    split: Annotated[str | None, typer.Option(help="Only of this split: train, val or test.")] = None,
+    split: Annotated[str | None, typer.Option(help="Only images of this split: train, val or test.")] = None,
 ) -> None:
     """Draw a contact sheet of a dataset, with its boxes and masks.
 
@@ -258,7 +315,7 @@ def show(
 
 @app.command()
 def stats(dataset: DatasetFolder) -> None:
-    """Count what is in a dataset: by class, split, severity and size.
+    """Count the labels of a dataset by class, split, severity and size.
 
     \b
     pavetwin capture stats datasets/town
@@ -272,7 +329,7 @@ def stats(dataset: DatasetFolder) -> None:
     settings = description["settings"]
     total, asked = sum(statistics.images.values()), settings["images"] * len(settings["platforms"])
     if total < asked:
-        out.print(f"[yellow]Note:[/] {total} of {asked} images are there; run the same command again to continue.")
+        out.print(f"[yellow]Note:[/] {total} of {asked} images are taken; run the same command again to continue.")
     _print(statistics)
 
 
@@ -290,8 +347,8 @@ def _print(statistics: "Statistics") -> None:
     if statistics.missed_requests:
         of = f"{statistics.missed_requests} of {sum(statistics.images.values())} images"
         out.print(
-            f"\n[yellow]Note:[/] {of} do not show what was requested (a class, or no defect at all): no tried pose "
-            "could. In a world with fewer defects more of the road has none, also for images from high altitudes."
+            f"\n[yellow]Note:[/] {of} do not show what was requested (a class, or no defect at all): no pose was "
+            "found. With fewer defects in a world, more of its roads is free of them, also from high altitudes."
         )
     for split, names in statistics.missing_classes().items():
         out.print(
@@ -302,7 +359,7 @@ def _print(statistics: "Statistics") -> None:
 
 
 def _labels(statistics: "Statistics") -> "Table":
-    """A row a class: labels by split, and the distinct defects behind them."""
+    """One row per class: labels by split, and the number of distinct defects."""
     from pavetwin.labels import SPLITS
 
     splits = [split for split in SPLITS if statistics.images[split]]
@@ -318,7 +375,7 @@ def _labels(statistics: "Statistics") -> "Table":
 
 
 def _kinds(statistics: "Statistics") -> "Table":
-    """A row a class: labels by severity and by size. Together with the splits they would not fit 80 columns."""
+    """One row per class: labels by severity and by size, apart from the splits to fit 80 columns."""
     from pavetwin.capture.record import SIZES
 
     levels, sizes = ("low", "medium", "high"), tuple(name for name, _ in SIZES)
@@ -333,7 +390,7 @@ def _kinds(statistics: "Statistics") -> "Table":
 
 
 def _ignored(statistics: "Statistics") -> "Table":
-    """A row a class: what is seen and not labelled, by reason."""
+    """One row per class: objects that are visible but not labelled, by reason."""
     from pavetwin.capture.truth import Reason
 
     table = _table("Ignored")
@@ -358,5 +415,5 @@ def _table(title: str, footer: str = "") -> "Table":
 def _size(text: str) -> tuple[int, int]:
     found = re.fullmatch(r"(\d+)[x×](\d+)", text.strip())
     if found is None:
-        raise PaveTwinError(f"--size {text}: expected WIDTHxHEIGHT in pixels, for example --size 640x640.")
+        raise PaveTwinError(f"`size_px` {text}: expected WIDTHxHEIGHT in pixels, such as 640x640.")
     return int(found[1]), int(found[2])

@@ -1,22 +1,28 @@
-"""What every command shares on the terminal: the console, the progress bar, and how an error is shown."""
+"""Terminal output of all commands: results, progress, errors, and silence of libraries."""
 
+import logging
 import os
 import re
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import timedelta
 from functools import cached_property
+from io import UnsupportedOperation
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TextIO
+
+from pavetwin.errors import CacheWarning
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
 
     from pavetwin.world.model import World
+
 
 PIPE_COLUMNS = 120
 """Width of what goes into a file or a pipe, which has none of its own."""
@@ -144,6 +150,11 @@ def note_fonts(*worlds: "World") -> None:
         out.line(f"Note: {words}")
 
 
+def counted(count: int, one: str, many: str | None = None) -> str:
+    """`1 mission`, `720 missions`."""
+    return f"{count:,} {one if count == 1 else many or one + 's'}".replace(",", "\u2009")
+
+
 def fail(message: str) -> None:
     """One plain line on the error stream."""
     text = " ".join(message.split())
@@ -152,3 +163,54 @@ def fail(message: str) -> None:
     else:
         sys.stderr.write("Error: ")
     sys.stderr.write(text + "\n")
+
+
+STDERR = 2
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Drop Python's warnings, logs without a handler, and all that native libraries and child processes print on the
+    error stream. The program's own errors, progress and warnings still reach it, as `sys.stderr`; each warning once."""
+    root, handler, own = logging.getLogger(), logging.NullHandler(), sys.stderr
+    sys.stderr.flush()
+    terminal = os.dup(STDERR)
+    if _is_native(own):
+        sys.stderr = os.fdopen(os.dup(STDERR), "w", 1, encoding=own.encoding, errors=own.errors)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    root.addHandler(handler)
+    os.dup2(nowhere, STDERR)
+    os.close(nowhere)
+    try:
+        with warnings.catch_warnings():
+            if not sys.warnoptions:
+                warnings.simplefilter("ignore")
+                warnings.simplefilter("once", CacheWarning)
+                warnings.showwarning = _tell
+            yield
+    finally:
+        os.dup2(terminal, STDERR)
+        os.close(terminal)
+        root.removeHandler(handler)
+        if sys.stderr is not own and _is_native(own):
+            sys.stderr.close()
+            sys.stderr = own
+
+
+def _tell(
+    message: Warning | str,
+    category: type[Warning],  # noqa: ARG001 - the signature of `warnings.showwarning`
+    filename: str,  # noqa: ARG001
+    lineno: int,  # noqa: ARG001
+    file: TextIO | None = None,  # noqa: ARG001
+    line: str | None = None,  # noqa: ARG001
+) -> None:
+    print(message, file=sys.stderr)
+
+
+def _is_native(stream: object) -> bool:
+    """Whether a stream is the process's error stream, and not one that a caller put in its place."""
+    try:
+        return stream.fileno() == STDERR  # type: ignore[attr-defined, no-any-return]
+    except (AttributeError, UnsupportedOperation, ValueError):
+        return False

@@ -8,12 +8,13 @@ from typing import Annotated
 import typer
 
 from pavetwin.cli import data_build
-from pavetwin.cli.arguments import DatasetFolder, NamingCommand, SheetCount, SheetFile, split_shares
+from pavetwin.cli.commands import Commands
 from pavetwin.cli.console import out, progress
 from pavetwin.cli.data_tables import REFUSED_CODE, balance_table, counts_table, print_report, splits_table
+from pavetwin.cli.options import DatasetFolder, SheetCount, SheetFile, split_shares
 from pavetwin.errors import PaveTwinError, naming, no_such
 
-app = typer.Typer(
+app = Commands(
     help="""Convert public datasets and your own images into one form, count them and look at them.
 
     \b
@@ -48,7 +49,9 @@ def list_sources() -> None:
         out.line("  " + "; ".join(f"{', '.join(labels)} → {outcome}" for outcome, labels in becomes.items()))
 
 
-@app.command("import", cls=NamingCommand)
+@app.command(
+    "import",
+)
 def import_folder(
     source: Annotated[str, typer.Argument(help="{sources}, or a mapping file of your own (mine.yaml).")],
     folder: Annotated[Path, typer.Argument(help="Where the source's dataset was unpacked.")],
@@ -217,7 +220,7 @@ def composite(
     with naming(names), progress("Composing", lines=True) as update:
         settings = CompositeSettings.parse(values, where="The composition")
         summary = compose(
-            dataset, output, settings, shares=split_shares(shares, option="--shares"), seed=seed, on_progress=update
+            dataset, output, settings, shares=split_shares(shares, "shares"), seed=seed, on_progress=update
         )
     print_report(summary.report, output)
     cut = " and ".join(f"{count} of {name}" for name, count in sorted(summary.cut_outs.items())) or "none"
@@ -242,7 +245,7 @@ def split(
     from pavetwin.training.datasets.splitting import LISTS, split_dataset
 
     with progress("Splitting"):
-        found = split_dataset(dataset, split_shares(shares, option="--shares"), seed)
+        found = split_dataset(dataset, split_shares(shares, "shares"), seed)
     print_report(found.report, dataset / LISTS)
     out.print(splits_table(found))
 

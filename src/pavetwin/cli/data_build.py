@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pavetwin.cli.arguments import Jobs
 from pavetwin.cli.console import out, progress
-from pavetwin.cli.data_tables import REFUSED_CODE, balance_table, counts_table, splits_table, print_report
+from pavetwin.cli.data_tables import REFUSED_CODE, balance_table, counts_table, print_report, splits_table
+from pavetwin.cli.options import Jobs
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:

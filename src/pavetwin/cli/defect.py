@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pavetwin.cli.commands import Commands
 from pavetwin.cli.console import out
 from pavetwin.errors import PaveTwinError
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from pavetwin.defects import DefectKind
     from pavetwin.defects.registry import TriedShape
 
-app = typer.Typer(help="List defect classes, and check your own.", no_args_is_help=True)
+app = Commands(help="List defect classes, and check your own.", no_args_is_help=True)
 
 ALTITUDES_M = (6.0, 10.0, 15.0)
 CAMERA = "paper"

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pavetwin.cli.arguments import CacheFolder
 from pavetwin.cli.console import err, out, progress
+from pavetwin.cli.options import CacheFolder
 
 if TYPE_CHECKING:
     from pavetwin.world.model import World
@@ -34,7 +34,7 @@ def demo(
     pavetwin demo
     pavetwin demo -o /tmp/demo
     """
-    from pavetwin.cli import pictures, report
+    from pavetwin.cli import flight_report
     from pavetwin.config import load_settings
     from pavetwin.config.mission import UavSettings
     from pavetwin.draw.world_map import save_world_map
@@ -73,12 +73,12 @@ def demo(
     minutes = sum(mission.duration_s for mission in results) / 60
     out.print(f"[3/4] Flown: {len(results)} missions over {SEGMENTS} segments at {ALTITUDE_M:g} m, {minutes:.0f} min.")
     folder = output / "missions"
-    report.save(results, folder, several=True)
-    pictures.draw(
+    flight_report.save(results, folder, several=True)
+    flight_report.draw(
         results, folder, several=True, animated=lambda mission: mission.policy == "hover", title="[4/4] Drawing"
     )
     out.print()
-    out.print(report.comparison_table(results))
+    out.print(flight_report.comparison_table(results))
     for line in (sentence(results), *missed_lines(results)):
         out.line(line)
     out.print(

@@ -1,14 +1,16 @@
 """`pavetwin experiment …`: factorial studies, from a design to a report."""
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from pavetwin.cli.arguments import CacheFolder, Plugins, paths_of
+from pavetwin.cli.commands import Commands
 from pavetwin.cli.console import err, note_fonts, out, progress
+from pavetwin.cli.options import CacheFolder, Plugins, grouped, paths_of
 from pavetwin.cli.published import note_difference
 from pavetwin.errors import PaveTwinError, naming
 
@@ -21,7 +23,7 @@ if TYPE_CHECKING:
     from pavetwin.experiments.statistics import MissionLimits, Objective, Recommendation
     from pavetwin.experiments.store import Store
 
-app = typer.Typer(
+app = Commands(
     help="Fly studies: policies, altitudes and traffic in replicates, with statistics.",
     no_args_is_help=True,
 )
@@ -31,24 +33,53 @@ Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a study."
 FAILED_CODE = 1
 MOST_REASONS, MOST_COLUMNS = 5, 14
 
-MaxTime = Annotated[
-    float | None,
-    typer.Option(
-        metavar="S", min=0.001, help="Longest mean time, in seconds, of a segment; in a study of tours of a mission."
-    ),
-]
-MaxEnergy = Annotated[
-    float | None, typer.Option(metavar="%", min=0.001, help="Largest mean energy of the same, in % of a battery.")
-]
-MinCoverage = Annotated[float | None, typer.Option(metavar="%", min=0, max=100, help="Least mean coverage, in %.")]
-Choose = Annotated[
-    str,
-    typer.Option(
-        help="Of the options within the limits, the one with the best coverage (most-found), the highest altitude "
-        "(highest), the least time (fastest), the least of a battery (least-energy) or, by its detections, the "
-        "smallest error of the condition index (most-accurate-index); all but most-found need --min-coverage."
-    ),
-]
+
+@dataclass(frozen=True)
+class LimitOptions:
+    """Recommendation."""
+
+    max_time_s: Annotated[
+        float | None,
+        typer.Option(
+            "--max-time",
+            metavar="S",
+            min=0.001,
+            help="Longest mean time of a segment, in seconds; in a study of tours, of a mission.",
+        ),
+    ] = None
+    max_energy: Annotated[
+        float | None, typer.Option(metavar="%", min=0.001, help="Largest mean energy of the same, in % of a battery.")
+    ] = None
+    min_coverage: Annotated[
+        float | None, typer.Option(metavar="%", min=0, max=100, help="Smallest mean coverage, in %.")
+    ] = None
+    objective: Annotated[
+        str,
+        typer.Option(
+            "--choose",
+            help="Among the options within the limits, the one with the best coverage (most-found), the highest "
+            "altitude (highest), the shortest time (fastest), the least energy (least-energy) or, by its detections, "
+            "the smallest error of the condition index (most-accurate-index). All except most-found need "
+            "--min-coverage.",
+        ),
+    ] = "most-found"
+
+    def limits(self) -> "MissionLimits":
+        """The limits, with shares in place of per cent."""
+        from pavetwin.experiments.statistics import MissionLimits
+
+        energy, coverage = (
+            None if percent is None else percent / 100 for percent in (self.max_energy, self.min_coverage)
+        )
+        return MissionLimits(max_time_s=self.max_time_s, max_energy=energy, min_coverage=coverage)
+
+    def chosen_objective(self) -> "Objective":
+        """Raises:
+        PaveTwinError: there is no such objective.
+        """
+        from pavetwin.experiments.statistics import Objective
+
+        return Objective.named(self.objective)
 
 
 @app.command()
@@ -56,10 +87,11 @@ def init(
     target: Annotated[Path, typer.Argument(metavar="DESIGN.yaml", help="File to write.")],
     world: Annotated[str, typer.Option(help="Folder of the world, relative to the file.")] = "worlds/town",
     preset: Annotated[
-        str, typer.Option(help="default: a first look, flown as `fly` does; paper: the published study.")
+        str,
+        typer.Option(help="default: a first study, flown as by `pavetwin fly`; paper: the published one."),
     ] = "default",
     force: Annotated[bool, typer.Option("--force", help="Replace the file.")] = False,
-    plugin: Plugins = None,
+    plugins: Plugins = None,
 ) -> None:
     """Write a commented design to start from.
 
@@ -74,20 +106,20 @@ def init(
     from pavetwin.plugins import load_plugins, registered_in
     from pavetwin.policies import POLICIES
 
-    load_plugins(plugin or ())
-    own = [name for path in plugin or () for what, name in registered_in(path) if what == POLICIES.what]
+    load_plugins(plugins or ())
+    own = [name for path in plugins or () for what, name in registered_in(path) if what == POLICIES.what]
     folder = target.absolute().parent
-    beside = [os.path.relpath(path, folder) for path in paths_of(plugin)]
+    beside = [os.path.relpath(path, folder) for path in paths_of(plugins)]
     text, place = preset_text(preset, world, beside, own), folder / world
     if target.exists() and not force:
-        raise PaveTwinError(f"'{target}' exists already; choose another name or add --force to replace it.")
+        raise PaveTwinError(f"'{target}' exists; choose another name or add `force`.")
     with writing(target) as path:
         path.write_text(text, encoding="utf-8")
     if not place.is_dir():
         out.print(
             f"[yellow]Note:[/] there is no world in {place} yet; the path is relative to the design.", soft_wrap=True
         )
-    note_difference([preset], [place], preset)  # its design names the population
+    note_difference([preset], [place], preset)  # the design names the population
     out.line(
         f"Wrote {target} with the preset {preset}. Next: pavetwin experiment run {quote(str(target))} "
         f"-o {quote(str(target.with_suffix('')))}"
@@ -103,16 +135,16 @@ def run(
     jobs: Annotated[
         int | None, typer.Option(min=1, help="Number of worker processes; one per core unless given.")
     ] = None,
-    engine: Annotated[str, typer.Option(help="What distributes the missions: local or dask.")] = "local",
+    engine: Annotated[str, typer.Option(help="Distribution of the missions: local or dask.")] = "local",
     scheduler: Annotated[
         str | None, typer.Option(metavar="tcp://HOST:PORT", help="With dask: address of a running scheduler.")
     ] = None,
-    plugin: Plugins = None,
+    plugins: Plugins = None,
     cache: CacheFolder = None,  # noqa: ARG001 - its callback does it
-    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Fly failed missions again.")] = False,
+    retry: Annotated[bool, typer.Option("--retry-failed", help="Fly failed missions again.")] = False,
 ) -> None:
-    """Fly a study. After an interruption the same command continues where it stopped, and after an edit of a policy of
-    your own it flies the missions of that policy again.
+    """Fly a study. After an interruption the same command continues; after an edit of your own policy it flies the
+    missions of that policy again.
 
     \b
     pavetwin experiment run study.yaml -o studies/first
@@ -125,20 +157,20 @@ def run(
     from pavetwin.plugins import load_plugins
 
     chosen = read_design(design)
-    if plugin:
-        load_plugins(paths_of(plugin))
-        chosen = chosen.model_copy(update={"plugins": (*chosen.plugins, *paths_of(plugin))})
+    if plugins:
+        load_plugins(paths_of(plugins))
+        chosen = chosen.model_copy(update={"plugins": (*chosen.plugins, *paths_of(plugins))})
     works = _engine(engine, scheduler, jobs, chosen)
     of = None if isinstance(chosen.defects, str) else chosen.defects.population
     note_difference(chosen.presets, (Path(entry.path) for entry in chosen.worlds), of)
-    with naming({"the design:": f"the design '{design}':"}), progress("Reading worlds", lines=True) as tell:
+    with naming({"the design:": f"the design '{design}':"}), progress("Reading worlds", lines=True) as show:
         ran = run_study(
             chosen,
             output,
             works,
             image_source_factory=MissionImages,
-            retry=retry_failed,
-            on_progress=tell,
+            retry=retry,
+            on_progress=show,
             on_notice=err.line,
         )
     _print_run(ran, output)
@@ -152,7 +184,7 @@ def query(
     sql: Annotated[str, typer.Argument(metavar="SQL", help="A query of the table `segments`, in DuckDB's SQL.")],
     csv: Annotated[bool, typer.Option("--csv", help="Print everything as CSV instead of a table.")] = False,
 ) -> None:
-    """Query the study's table with SQL; it has one row per segment mission, the part of a mission over one segment.
+    """Query the table of a study with SQL. One row is one segment mission: the part of a mission over one segment.
 
     \b
     pavetwin experiment query studies/first "select policy, avg(coverage) from segments group by all order by 1"
@@ -167,7 +199,7 @@ def query(
         out.rich.file.write(answer.write_csv())
         return
     if answer.width > MOST_COLUMNS:
-        out.print(f"{answer.width} columns, of which the first and last are shown; name those you want, or add --csv.")
+        out.print(f"{answer.width} columns, of which the first and last are shown; select some by name, or add --csv.")
     with pl.Config(
         tbl_rows=60,
         tbl_cols=MOST_COLUMNS,
@@ -180,20 +212,18 @@ def query(
 
 
 @app.command()
+@grouped
 def report(
     folder: Folder,
+    chosen: LimitOptions,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder for the files; the study's own unless given.")
     ] = None,
-    figures: Annotated[bool, typer.Option("--figures", help="Also every figure as a file, SVG or PNG.")] = False,
-    max_time: MaxTime = None,
-    max_energy: MaxEnergy = None,
-    min_coverage: MinCoverage = None,
-    choose: Choose = "most-found",
+    figures: Annotated[bool, typer.Option("--figures", help="Also write every figure as a file, SVG or PNG.")] = False,
 ) -> None:
     """Write report.html, which opens offline, and the table as CSV, Markdown and LaTeX.
 
-    Its first page holds the recommendation, under limits where you give some.
+    The first page holds the recommendation, within any limits given.
 
     \b
     pavetwin experiment report studies/first
@@ -205,12 +235,12 @@ def report(
     from pavetwin.experiments.report.study import gather_folder
     from pavetwin.experiments.store import Store
 
-    limits, objective = limits_of(max_time, max_energy, min_coverage), objective_of(choose)
+    limits, objective = chosen.limits(), chosen.chosen_objective()
     store = Store(folder)
-    with progress("Statistics", lines=True) as tell:
+    with progress("Statistics", lines=True) as show:
         study = gather_folder(store, limits=limits, objective=objective)
         place = output or folder
-        written = write_report(study, place, lambda share: tell(share, "Drawing the report"), figures=figures)
+        written = write_report(study, place, lambda share: show(share, "Drawing the report"), figures=figures)
     _note_unfinished(store)
     note_fonts(*study.worlds.values())
     for each in study.advice:
@@ -221,18 +251,16 @@ def report(
 
 
 @app.command()
+@grouped
 def recommend(
     folder: Folder,
-    max_time: MaxTime = None,
-    max_energy: MaxEnergy = None,
-    min_coverage: MinCoverage = None,
-    choose: Choose = "most-found",
-    traffic: Annotated[str | None, typer.Option(help="In this traffic; else over all that was flown.")] = None,
-    world: Annotated[str | None, typer.Option(help="Over this world; else over all.")] = None,
+    chosen: LimitOptions,
+    traffic: Annotated[str | None, typer.Option(help="Only in this traffic; all of the study unless given.")] = None,
+    world: Annotated[str | None, typer.Option(help="Only over this world; all of the study unless given.")] = None,
 ) -> None:
-    """Name the altitude and policy with the best mean coverage under limits, and how sure that is.
+    """Recommend the altitude and policy with the best mean coverage within limits, with the certainty of the choice.
 
-    Or the highest, the fastest or the one that takes the least energy of those that still find enough.
+    --choose selects the highest, the fastest or the one with the least energy among those that find enough.
 
     Sensor and preset are assumptions of a study: each combination has its own recommendation.
 
@@ -244,14 +272,14 @@ def recommend(
     from pavetwin.experiments.advice import advise
     from pavetwin.experiments.store import Store
 
-    limits, objective = limits_of(max_time, max_energy, min_coverage), objective_of(choose)
+    limits, objective = chosen.limits(), chosen.chosen_objective()
     store = Store(folder)
     table = store.table()
     for option, column, value in (("traffic", "traffic", traffic), ("world", "world", world)):
         if value is not None:
             levels = table[column].unique(maintain_order=True).to_list()
             if value not in levels:
-                raise PaveTwinError(f"--{option} {value}: the study has {', '.join(levels)}.")
+                raise PaveTwinError(f"`{option}` {value}: the study has {', '.join(levels)}.")
             table = table.filter(table[column] == value)
     design = store.design()
     advice = advise(table, limits, objective=objective, seed=design.seed, design=design.model_dump(mode="json"))
@@ -263,20 +291,6 @@ def recommend(
     _note_unfinished(store)
     if any(each.recommendation.best is None and each.recommendation.is_measured for each in advice):
         raise typer.Exit(FAILED_CODE)
-
-
-def limits_of(max_time_s: float | None, max_energy: float | None, min_coverage: float | None) -> "MissionLimits":
-    """Limits from the options, which give shares in per cent."""
-    from pavetwin.experiments.statistics import MissionLimits
-
-    energy, coverage = (None if percent is None else percent / 100 for percent in (max_energy, min_coverage))
-    return MissionLimits(max_time_s=max_time_s, max_energy=energy, min_coverage=coverage)
-
-
-def objective_of(name: str) -> "Objective":
-    from pavetwin.experiments.statistics import Objective
-
-    return Objective.named(name)
 
 
 def _note_unfinished(store: "Store") -> None:
@@ -317,9 +331,9 @@ def _engine(name: str, scheduler: str | None, jobs: int | None, design: "Design"
 
         return Cluster(scheduler=scheduler, jobs=workers)
     if name != "local":
-        raise PaveTwinError(f"--engine {name}: known are local and dask.")
+        raise PaveTwinError(f"`engine` {name}: known are local and dask.")
     if scheduler is not None:
-        raise PaveTwinError("--scheduler: only with --engine dask.")
+        raise PaveTwinError("`scheduler`: only with --engine dask.")
     units = len(design.worlds) * design.replicates
     return Single() if min(workers, units) == 1 else Pool(workers)
 

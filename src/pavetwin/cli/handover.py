@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pavetwin.cli.console import note_fonts, out, progress
-from pavetwin.cli.experiment import Choose, MaxEnergy, MaxTime, MinCoverage, limits_of, objective_of
-from pavetwin.cli.plan import Drone, FromBuildings, Highest, NoFly, PlanFormats, TriggerName, checked, tell_plan
+from pavetwin.cli.experiment import LimitOptions
+from pavetwin.cli.options import grouped
+from pavetwin.cli.plan import PlanOptions, print_plan
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
@@ -22,8 +23,11 @@ DESIGN = "design.yaml"
 """In the folder of a study."""
 
 
+@grouped
 def handover(
     folder: Annotated[Path, typer.Argument(metavar="MISSION|STUDY", help="Folder of a mission or of a study.")],
+    chosen: LimitOptions,
+    plans: PlanOptions,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder for the files; handover in that one unless given.")
     ] = None,
@@ -35,16 +39,6 @@ def handover(
     traffic: Annotated[str | None, typer.Option(help="Of a study in several kinds of traffic, the one.")] = None,
     sensor: Annotated[str | None, typer.Option(help="Of a study with several sensors, the one.")] = None,
     preset: Annotated[str | None, typer.Option(help="Of a study with several presets, the one.")] = None,
-    max_time: MaxTime = None,
-    max_energy: MaxEnergy = None,
-    min_coverage: MinCoverage = None,
-    choose: Choose = "most-found",
-    format_: PlanFormats = None,
-    trigger: TriggerName = "distance",
-    drone: Drone = None,
-    highest: Highest = None,
-    from_buildings: FromBuildings = 0.0,
-    no_fly: NoFly = None,
     force: Annotated[bool, typer.Option("--force", help="Replace a handover that is there.")] = False,
 ) -> None:
     """Make one folder that an agency can file and a pilot can take along.
@@ -60,13 +54,12 @@ def handover(
     It holds a page (handover.pdf and handover.html), a map, a plan for each set of batteries, the defects found and
     missed, and the condition index of sample units and streets (CSV, handover.gpkg for QGIS, handover.xlsx).
     """
-    from pavetwin.flightplan import PlanLimits
     from pavetwin.handover import advice_of, check_target
     from pavetwin.mission.folder import mission_file
     from pavetwin.mission.saving import MISSION
 
-    released_by, formats = checked(trigger, drone, format_, no_fly)
-    objective, within = objective_of(choose), limits_of(max_time, max_energy, min_coverage)
+    released_by, formats = plans.checked()
+    objective, within = chosen.chosen_objective(), chosen.limits()
     levels = {"world": world, "traffic": traffic, "sensor": sensor, "preset": preset}
     is_study = (folder / DESIGN).is_file()
     source = _source(folder, study, levels, is_study=is_study)
@@ -75,7 +68,7 @@ def handover(
     target = output or (folder if is_study else mission_file(folder).parent) / "handover"
     check_target(target, force=force)
     advice = None if source is None else advice_of(source, levels, within, objective)
-    limits = PlanLimits(highest, from_buildings, no_fly)
+    limits = plans.limits()
     if is_study:
         assert advice is not None
         _of_study(folder, advice, target, released_by, formats, limits, force=force)
@@ -166,7 +159,7 @@ def _tell(given: "Handover", target: Path, plans: list[str]) -> None:
         f"{found} of {defects} defects found; PCI of what was found {given.pci_found:.1f}, it is "
         f"{given.condition.pci:.1f}, over {len(given.condition.true)} sample units of {given.streets.height} streets."
     )
-    tell_plan(given.plan)
+    print_plan(given.plan)
     if parts := remark_on_parts([target / name for name in plans]):
         out.line(parts)
     listed = ["inventory/"] if (target / INVENTORY).is_dir() else []

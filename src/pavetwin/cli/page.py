@@ -1,15 +1,17 @@
-"""`pavetwin app`: the page."""
+"""`pavetwin app` and `pavetwin replay`: missions in a browser, from a server or as one file."""
 
 import signal
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pavetwin.cli.arguments import CacheFolder
-from pavetwin.cli.console import out
+from pavetwin.cli.console import out, progress
+from pavetwin.cli.options import CacheFolder, Host, Port
+from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
     from pavetwin.app.task_pool import TaskPool
@@ -20,15 +22,15 @@ def app(
         list[Path] | None,
         typer.Argument(
             metavar="[WORLD|STUDY|DATASET]…",
-            help="Folders of worlds, those in worlds/ unless any is given; and of studies and datasets to look at.",
+            help="Folders of worlds (those in worlds/ unless any is given), and of studies and datasets to show.",
         ),
     ] = None,
-    host: Annotated[str, typer.Option(help="Address to listen at; 0.0.0.0: for every machine.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="To listen at; 0 takes a free one.")] = 8765,
-    no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address, and open no browser.")] = False,
+    host: Host = "127.0.0.1",
+    port: Port = 8765,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Only print the address.")] = False,
     cache: CacheFolder = None,  # noqa: ARG001 - its callback does it
 ) -> None:
-    """Open a page to pick streets on a map, fly over them, and play what was flown.
+    """Open a page to select streets on a map, fly over them, and play missions.
 
     \b
     pavetwin app worlds/town
@@ -36,8 +38,8 @@ def app(
     pavetwin app studies/first datasets/town
     pavetwin app worlds/town --host 0.0.0.0 --no-browser
 
-    What the page flies is written where `pavetwin fly` writes it. Only this machine is answered unless --host says
-    otherwise, and only who has the token in the printed address; there is no encryption.
+    The page writes missions where `pavetwin fly` writes them. Only this machine can connect unless --host opens the
+    page to others, and only with the token in the printed address; there is no encryption.
     """
     from pavetwin.listening import run_until_terminated
 
@@ -46,7 +48,7 @@ def app(
 
 
 async def _serve(folders: Sequence[Path], host: str, port: int, *, opens_browser: bool) -> None:
-    """The process that reads the first town is started before the server is loaded: it has the more to load."""
+    """Serve the page. The process that reads the first town starts before the server is loaded, since it loads more."""
     from pavetwin.app.task_pool import TaskPool
 
     tasks = TaskPool()
@@ -65,15 +67,83 @@ async def _serve_with(tasks: "TaskPool", folders: Sequence[Path], host: str, por
 
     session, guard = Session.of(folders, tasks), Guard(host)
 
-    def tell(at: int) -> None:
-        address = f"http://{own_name(host)}:{at}/?token={guard.token}"
+    def print_address(bound: int) -> None:
+        address = f"http://{own_name(host)}:{bound}/?token={guard.token}"
         out.line(f"The page is at {address}; Ctrl-C ends it.")
         if name := name_for_others(host):
-            out.line(f"Other machines open http://{name}:{at}/?token={guard.token}")
-        sys.stdout.flush()  # whoever started it with a pipe waits for this line
+            out.line(f"Other machines open http://{name}:{bound}/?token={guard.token}")
+        sys.stdout.flush()  # a caller with a pipe waits for this line
         if opens_browser:
             import webbrowser
 
             webbrowser.open(address)
 
-    await serve_forever(session, guard, host, port, tell)
+    await serve_forever(session, guard, host, port, print_address)
+
+
+SUFFIXES = (".html", ".rrd")
+
+
+def replay(
+    folder: Annotated[
+        Path,
+        typer.Argument(metavar="MISSION", help="Folder of a mission, or of missions under several policies."),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="A .html file, replay.html in the folder unless given; or .rrd for Rerun, if that is installed.",
+        ),
+    ] = None,
+    cache: CacheFolder = None,  # noqa: ARG001 - its callback does it
+) -> None:
+    """Write a mission as one HTML file that plays in any browser, without a server or a network.
+
+    \b
+    pavetwin replay worlds/town/missions/hover-los-C-1-10m-default-seed1
+    pavetwin replay missions/monday -o monday.html
+    pavetwin replay missions/monday -o monday.rrd
+
+    This flies the mission again for its traffic. A recording (.rrd) needs `pip install rerun-sdk`.
+    """
+    target = output or folder / "replay.html"
+    if target.suffix not in SUFFIXES:
+        raise PaveTwinError(f"`output` '{target}': name a file that ends in {' or '.join(SUFFIXES)}.")
+    if target.is_dir():
+        raise PaveTwinError(f"`output` '{target}' is a folder; name a file.")
+
+    from pavetwin.app.flights import again, descriptions, write_played
+    from pavetwin.app.replay_page import replay_page
+    from pavetwin.app.rerun_file import check_installed, write_rerun
+    from pavetwin.app.street_map import packed_map
+    from pavetwin.files import writing
+    from pavetwin.mission.folder import MissionFolder
+    from pavetwin.mission.inputs import world_of
+
+    files = descriptions(folder)
+    if not files:
+        raise PaveTwinError(f"'{folder}' holds no mission.yaml; name the folder of a mission.")
+    if target.suffix == ".rrd":
+        check_installed()
+    formers = [MissionFolder(file) for file in files]
+    world = world_of(formers[0].spec.world)
+    with progress("Flying it again") as show:
+        results, inputs = again(files, world, show)
+        if target.suffix == ".rrd":
+            write_rerun(results, target)
+        else:
+            with tempfile.TemporaryDirectory() as made:
+                played = Path(made)
+                write_played(results, inputs, played)
+                town = played / "town.json"
+                town.write_bytes(packed_map(world))
+                content = replay_page(played, town, folder.absolute().name)
+            with writing(target) as temporary:
+                temporary.write_bytes(content)
+    for former, result in zip(formers, results, strict=True):
+        if former.is_contradicted_by(result):
+            out.line(f"{former.file}: {former.verdict(result)}")
+    out.line(f"Written: {target}.")

@@ -1,21 +1,24 @@
 """`pavetwin plan …`: plans that a real drone flies."""
 
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pavetwin.cli.arguments import NamingCommand
+from pavetwin.cli.commands import Commands
 from pavetwin.cli.console import out, progress
+from pavetwin.cli.options import grouped, was_given
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
 
-    from pavetwin.flightplan import FlightPlan, PlanFormat, Trigger
+    from pavetwin.config import MissionSettings
+    from pavetwin.flightplan import FlightPlan, PlanFormat, PlanLimits, Trigger
     from pavetwin.world.model import World
 
-app = typer.Typer(help="Take a mission to a real drone.", no_args_is_help=True)
+app = Commands(help="Take a mission to a real drone.", no_args_is_help=True)
 
 
 @app.callback()
@@ -23,61 +26,107 @@ def _only_a_group() -> None:
     """A group, although it has one command."""
 
 
-PlanFormats = Annotated[
-    list[str] | None, typer.Option("--format", help="{planformats}; may be repeated. qgc unless given.")
-]
-TriggerName = Annotated[
-    str, typer.Option(metavar="distance|time", help="What releases the camera: metres flown, or seconds.")
-]
-Drone = Annotated[
-    str | None, typer.Option(help="For wpml: mavic3e, matrice30 or matrice350. The mission's own unless given.")
-]
-Highest = Annotated[
-    float | None, typer.Option(metavar="METRES", min=0, help="Refuse a plan that goes higher above take-off.")
-]
-FromBuildings = Annotated[
-    float, typer.Option(metavar="METRES", min=0, help="Refuse a plan that comes nearer to a building.")
-]
-NoFly = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE", help="Refuse a plan that enters one of these polygons (GeoJSON, GeoPackage …)."),
-]
+@dataclass(frozen=True)
+class PlanOptions:
+    """Plans."""
+
+    formats: Annotated[
+        list[str] | None, typer.Option("--format", help="{planformats}; may be repeated. qgc unless given.")
+    ] = None
+    trigger: Annotated[
+        str, typer.Option(metavar="distance|time", help="Release of the camera: by metres flown, or by seconds.")
+    ] = "distance"
+    drone: Annotated[
+        str | None, typer.Option(help="Drone for wpml: mavic3e, matrice30 or matrice350; the mission's unless given.")
+    ] = None
+    highest: Annotated[
+        float | None, typer.Option(metavar="METRES", min=0, help="Refuse plans that go higher above take-off.")
+    ] = None
+    from_buildings: Annotated[
+        float, typer.Option(metavar="METRES", min=0, help="Refuse plans that come nearer to a building.")
+    ] = 0.0
+    no_fly: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Refuse plans that enter one of these polygons (GeoJSON, GeoPackage …)."),
+    ] = None
+
+    def checked(self) -> "tuple[Trigger, list[PlanFormat]]":
+        """The trigger and the formats.
+
+        Raises:
+            PaveTwinError: there is no such trigger, drone, format or file.
+        """
+        from pavetwin.flightplan import PLAN_FORMATS, Trigger
+        from pavetwin.flightplan.formats.wpml import drone_named
+        from pavetwin.flightplan.limits import check_file
+
+        if self.trigger not in list(Trigger):
+            raise PaveTwinError(f"`trigger` {self.trigger}: expected {' or '.join(Trigger)}.")
+        if self.drone is not None:
+            drone_named(self.drone)
+        if self.no_fly is not None:
+            check_file(self.no_fly)
+        names = dict.fromkeys(self.formats or ["qgc"])
+        return Trigger(self.trigger), [PLAN_FORMATS.get(name)(self.drone) for name in names]
+
+    def limits(self) -> "PlanLimits":
+        """The limits that a plan has to keep."""
+        from pavetwin.flightplan import PlanLimits
+
+        return PlanLimits(self.highest, self.from_buildings, self.no_fly)
 
 
-@app.command(cls=NamingCommand)
+@dataclass(frozen=True)
+class SelectionOptions:
+    """Plans of a world."""
+
+    names: Annotated[
+        list[str] | None,
+        typer.Option("--segment", help="Id of a segment or name of a street; may be repeated. All unless given."),
+    ] = None
+    order: Annotated[
+        str | None, typer.Option(metavar="near|random", help="Order of the segments; near unless given.")
+    ] = None
+    altitude_m: Annotated[float | None, typer.Option("--altitude", help="Metres above ground; 10 unless given.")] = None
+    aircraft: Annotated[str | None, typer.Option(metavar="NAME|FILE.yaml", help="{aircraft}, or your own.")] = None
+    base: Annotated[
+        str | None, typer.Option(metavar="LAT,LON|x,y", help="Take-off place; as in `pavetwin fly` unless given.")
+    ] = None
+    preset: Annotated[str | None, typer.Option(help="default or paper.")] = None
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a setting; may be repeated.")
+    ] = None
+
+    def settings(self) -> "MissionSettings":
+        """Raises:
+        PaveTwinError: a value does not fit.
+        """
+        from pavetwin.config import load_settings
+        from pavetwin.config.mission import check_altitude
+
+        if self.altitude_m is not None:
+            check_altitude(self.altitude_m)
+        given = {"altitude_m": self.altitude_m, "aircraft": self.aircraft}
+        values = {name: value for name, value in given.items() if value is not None}
+        return load_settings(self.preset or "default", self.overrides or (), **values)
+
+
+@app.command()
+@grouped
 def export(
+    context: typer.Context,
     folder: Annotated[
         Path, typer.Argument(metavar="MISSION|WORLD", help="Folder of a mission, or its mission.yaml; or of a world.")
     ],
-    format_: PlanFormats = None,
+    plans: PlanOptions,
+    selection: SelectionOptions,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder for the files; plan in that one unless given.")
     ] = None,
-    trigger: TriggerName = "distance",
-    drone: Drone = None,
-    highest: Highest = None,
-    from_buildings: FromBuildings = 0.0,
-    no_fly: NoFly = None,
-    segment: Annotated[
-        list[str] | None,
-        typer.Option(help="Of a world, a segment's id or a street's name; may be repeated. All unless given."),
-    ] = None,
-    order: Annotated[str | None, typer.Option(metavar="near|random", help="Of a world: near unless given.")] = None,
-    altitude: Annotated[float | None, typer.Option(help="Of a world: metres above ground; 10 unless given.")] = None,
-    aircraft: Annotated[
-        str | None, typer.Option(metavar="NAME|FILE.yaml", help="Of a world: {aircraft}, or your own.")
-    ] = None,
-    base: Annotated[
-        str | None, typer.Option(metavar="LAT,LON|x,y", help="Of a world: where to take off; as in fly unless given.")
-    ] = None,
-    preset: Annotated[str | None, typer.Option(help="Of a world: default or paper.")] = None,
-    set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Of a world: override a setting.")
-    ] = None,
 ) -> None:
-    """Write a plan for QGroundControl, DJI Pilot 2 or Litchi, a file for each set of batteries.
+    """Write a plan for QGroundControl, DJI Pilot 2 or Litchi, one file per set of batteries.
 
-    Of a mission that was flown; or of segments of a world, which need no mission: the plan of the policy baseline.
+    A plan of a flown mission; or of segments of a world, which need no mission: the plan of the policy baseline.
 
     \b
     pavetwin plan export missions/monday/baseline --format qgc
@@ -87,103 +136,75 @@ def export(
 
     Heights are above the take-off point. The pilot is responsible for the flight: check every plan before you fly it.
     """
-    from pavetwin.flightplan import PlanLimits, check_limits, save_plan
+    from pavetwin.flightplan import check_limits, save_plan
     from pavetwin.flightplan.formats.plan_files import check_folder, remark_on_parts
     from pavetwin.mission.folder import mission_file
     from pavetwin.world.folder import DESCRIPTION
 
-    released_by, formats = checked(trigger, drone, format_, no_fly)
+    released_by, formats = plans.checked()
     if output is not None:
         check_folder(output)
-    chosen: dict[str, Any] = {
-        **{"segment": segment, "order": order, "altitude": altitude, "aircraft": aircraft},
-        **{"base": base, "preset": preset, "set": set_},
-    }
-    with progress("Planning") as tell:
+    with progress("Planning") as show:
         if (folder / DESCRIPTION).is_file():
-            plan, world = _of_selection(folder, chosen, released_by, tell)
+            plan, world = _of_selection(folder, selection, released_by, show)
             target = output or folder / "plan"
         else:
-            plan, world = _of_mission(folder, chosen, released_by)
+            _refuse_selection(context, folder)
+            plan, world = _of_mission(folder, released_by)
             target = output or mission_file(folder).parent / "plan"
-        limits = PlanLimits(highest, from_buildings, no_fly)
-        check_limits(plan, world, limits, [each.most_waypoints for each in formats])
+        check_limits(plan, world, plans.limits(), [each.most_waypoints for each in formats])
         files = save_plan(plan, target, formats)
-    tell_plan(plan)
+    print_plan(plan)
     if parts := remark_on_parts(files):
         out.line(parts)
     out.line(f"Written: {', '.join(map(str, files))}.")
 
 
-def _of_mission(folder: Path, chosen: "Mapping[str, Any]", trigger: "Trigger") -> "tuple[FlightPlan, World]":
+def _refuse_selection(context: typer.Context, mission: Path) -> None:
     """Raises:
-    PaveTwinError: an option is for a world, or the mission cannot be read or has changed.
+    PaveTwinError: an option for worlds is given with a mission.
+    """
+    for field in fields(SelectionOptions):
+        if was_given(context, field.name):
+            raise PaveTwinError(f"`{field.name}` is for a world; the mission '{mission}' holds its own.")
+
+
+def _of_mission(folder: Path, trigger: "Trigger") -> "tuple[FlightPlan, World]":
+    """Raises:
+    PaveTwinError: the mission cannot be read or has changed.
     """
     from pavetwin.flightplan import plan_of
     from pavetwin.mission.folder import MissionFolder
     from pavetwin.mission.inputs import check_unchanged, world_of
 
     former = MissionFolder(folder, other_policy=True)
-    if given := [name for name, value in chosen.items() if value is not None]:
-        raise PaveTwinError(f"--{given[0]} is for a world; '{folder}' is a mission, which says it.")
     world = world_of(former.spec.world)
     check_unchanged(former.spec.with_policy("baseline"), world)  # the track needs no file of its policy
     return plan_of(former, world, trigger=trigger), world
 
 
 def _of_selection(
-    folder: Path, chosen: "Mapping[str, Any]", trigger: "Trigger", tell: "Callable[[float], None]"
+    folder: Path, selection: SelectionOptions, trigger: "Trigger", show: "Callable[[float], None]"
 ) -> "tuple[FlightPlan, World]":
-    from pavetwin.config import load_settings
-    from pavetwin.config.mission import check_altitude
     from pavetwin.flightplan import plan_of_selection
     from pavetwin.mission.planning import base_point
     from pavetwin.world.store import load_world
 
-    given = {"altitude_m": chosen["altitude"], "aircraft": chosen["aircraft"]}
-    if chosen["altitude"] is not None:
-        check_altitude(chosen["altitude"])
-    settings = load_settings(
-        chosen["preset"] or "default",
-        chosen["set"] or (),
-        **{name: value for name, value in given.items() if value is not None},
-    )
-    world = load_world(folder)
+    settings, world = selection.settings(), load_world(folder)
     plan = plan_of_selection(
         world,
         settings,
-        segments=chosen["segment"] or (),
-        order=chosen["order"] or "near",
-        base=base_point(chosen["base"], world),
+        segments=selection.names or (),
+        order=selection.order or "near",
+        base=base_point(selection.base, world),
         trigger=trigger,
-        on_progress=tell,
+        on_progress=show,
     )
     return plan, world
 
 
-def checked(
-    trigger: str, drone: str | None, formats: list[str] | None, no_fly: Path | None
-) -> "tuple[Trigger, list[PlanFormat]]":
-    """What the options of plans name.
-
-    Raises:
-        PaveTwinError: there is no such trigger, drone, format or file.
-    """
-    from pavetwin.flightplan import PLAN_FORMATS, Trigger
-    from pavetwin.flightplan.formats.wpml import drone_named
-    from pavetwin.flightplan.limits import check_file
-
-    if trigger not in list(Trigger):
-        raise PaveTwinError(f"`trigger` {trigger}: expected {' or '.join(Trigger)}.")
-    if drone is not None:
-        drone_named(drone)
-    if no_fly is not None:
-        check_file(no_fly)
-    return Trigger(trigger), [PLAN_FORMATS.get(name)(drone) for name in dict.fromkeys(formats or ["qgc"])]
-
-
-def tell_plan(plan: "FlightPlan") -> None:
-    """Print the flights of a plan, and what a pilot must know."""
+def print_plan(plan: "FlightPlan") -> None:
+    """Print the flights of a plan, and the duties of the pilot."""
     for number, flight in enumerate(plan.flights, 1):
         home = flight.home
         out.line(

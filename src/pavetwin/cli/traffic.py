@@ -6,43 +6,43 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pavetwin.cli.arguments import CacheFolder, Hour, Los, Mix, WorldFolder, traffic_name
+from pavetwin.cli.commands import Commands
 from pavetwin.cli.console import out, progress
+from pavetwin.cli.options import CacheFolder, TrafficLevel, WorldFolder, grouped
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
     from pavetwin.traffic.demand import Density
     from pavetwin.traffic.recording import Recording
 
-app = typer.Typer(help="Record traffic over a world with SUMO.", no_args_is_help=True)
+app = Commands(help="Record traffic over a world with SUMO.", no_args_is_help=True)
 
 
 @app.command()
+@grouped
 def record(
     world: WorldFolder,
-    los: Los = None,
-    hour: Hour = None,
-    density: Annotated[str | None, typer.Option(help="Traffic by density: low, medium, high, or v12-p40.")] = None,
+    level: TrafficLevel,
     vehicles_per_lane_km: Annotated[
-        float | None, typer.Option(help="Vehicles per kilometre of driving lane, instead.")
+        float | None, typer.Option(help="Instead: vehicles per kilometre of driving lane.")
     ] = None,
     pedestrians_per_sidewalk_km: Annotated[
-        float | None, typer.Option(help="Pedestrians per kilometre of sidewalk, instead.")
+        float | None, typer.Option(help="Instead: pedestrians per kilometre of sidewalk.")
     ] = None,
-    mix: Mix = None,
     routes: Annotated[
         list[Path] | None,
         typer.Option(metavar="FILE.rou.xml", help="Your own SUMO demand, unchanged; may be repeated."),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Random seed of the traffic; 0 is a seed like any other.")] = 0,
-    duration: Annotated[float, typer.Option(help="How long to record, in seconds.")] = 600.0,
+    seed: Annotated[int, typer.Option(help="Random seed of the traffic; 0 is valid.")] = 0,
+    duration: Annotated[float, typer.Option(help="Length of the recording, in seconds.")] = 600.0,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE.parquet", help="Also write the recording there.")
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE.parquet", help="Also write this file."),
     ] = None,
     cache: CacheFolder = None,  # noqa: ARG001 - its callback does it
-    force: Annotated[bool, typer.Option("--force", help="Record again, even if this traffic exists.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Record again even if this traffic is in the cache.")] = False,
 ) -> None:
-    """Record traffic over a world; a recording of the same inputs is reused.
+    """Record traffic over a world, or use the recording of the same inputs from the cache.
 
     \b
     pavetwin traffic record worlds/town --los E --mix east_asia --seed 1 --duration 600 -o busy.parquet
@@ -55,16 +55,16 @@ def record(
     from pavetwin.traffic.recording_file import save_recording
     from pavetwin.world.store import load_world
 
-    if routes and mix is not None:
-        raise PaveTwinError("--mix: routes name the types of their vehicles; omit it.")
-    asked = _density(density, los, hour, vehicles_per_lane_km, pedestrians_per_sidewalk_km, mix, routes or [])
+    if routes and level.mix is not None:
+        raise PaveTwinError("`mix`: routes name the types of their vehicles; leave it out.")
+    asked = _density(level, vehicles_per_lane_km, pedestrians_per_sidewalk_km, routes or [])
     loaded = load_world(world)
     started, simulated = time.perf_counter(), [False]
-    with progress(f"Recording {duration:g} s of traffic") as report:
+    with progress(f"Recording {duration:g} s of traffic") as show:
 
         def advance(share: float) -> None:
             simulated[0] = True
-            report(share)
+            show(share)
 
         search = f"Finding the demand of {asked.name}, kept for the next time" if asked else ""
         recording = record_traffic(
@@ -75,7 +75,7 @@ def record(
             routes=routes or (),
             force=force,
             on_progress=advance,
-            on_search=lambda share: report(share, search),
+            on_search=lambda share: show(share, search),
         )
         if output is not None:
             recording = save_recording(recording, output)
@@ -84,14 +84,14 @@ def record(
     if simulated[0]:
         out.print(f"Recorded in {taken_s:.1f} s, {recording.duration_s / taken_s:.0f} × real time.")
     else:
-        out.print("Recorded before from the same inputs; --force records again.")
+        out.print("Taken from the cache; --force records it again.")
 
 
 @app.command()
 def info(
     file: Annotated[Path, typer.Argument(metavar="FILE.parquet", help="A recording.")],
 ) -> None:
-    """Show the contents and the traffic flow of a recording.
+    """Summarise a recording and the flow of its traffic.
 
     \b
     pavetwin traffic info high.parquet
@@ -105,11 +105,11 @@ def info(
 def export(
     file: Annotated[Path, typer.Argument(metavar="FILE.parquet", help="A recording.")],
     target: Annotated[Path, typer.Argument(help="The file to write, ending in .parquet or .csv.")],
-    start: Annotated[float, typer.Option("--from", help="First moment, in seconds of the recording.")] = 0.0,
-    end: Annotated[float | None, typer.Option("--to", help="Last moment; default: the recording's end.")] = None,
+    start: Annotated[float, typer.Option("--from", help="Start, in seconds of the recording.")] = 0.0,
+    end: Annotated[float | None, typer.Option("--to", help="End; that of the recording unless given.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the file.")] = False,
 ) -> None:
-    """Write a stretch of a recording as a table with a row for each agent and moment, as SUMO's floating car data.
+    """Write part of a recording as a table with one row per agent and time step, as in SUMO's floating car data.
 
     \b
     pavetwin traffic export high.parquet high-fcd.parquet
@@ -120,39 +120,36 @@ def export(
     if target.exists() and not force:
         raise PaveTwinError(f"`target` '{target}' exists; choose another name, or add `force`.")
     recording = load_recording(file)
-    with progress("Writing") as report:
-        count = export_fcd(recording, target, start, end, report)
+    with progress("Writing") as show:
+        count = export_fcd(recording, target, start, end, show)
     out.line(f"{count} rows in {target}.")
 
 
 def _density(
-    name: str | None,
-    los: str | None,
-    hour: int | None,
+    level: TrafficLevel,
     vehicles: float | None,
     pedestrians: float | None,
-    mix: str | None,
     routes: list[Path],
 ) -> "Density | None":
-    """The requested density; None for the user's own routes.
+    """The density that options ask for; None for the user's own routes.
 
     Raises:
-        PaveTwinError: the options contradict each other, or none gives the amount of traffic.
+        PaveTwinError: the options contradict each other, or none gives an amount of traffic.
     """
     from pavetwin.traffic.demand import density_named, density_of
 
     own = vehicles is not None or pedestrians is not None
-    named = any(option is not None for option in (name, los, hour))
+    named = any(option is not None for option in (level.density, level.los, level.hour))
     if sum((named, own, bool(routes))) > 1:
         raise PaveTwinError("Choose one: --los, --hour, --density, the two densities of your own, or --routes.")
     if routes:
         return None
     if own:
-        return density_named(density_of(vehicles or 0.0, pedestrians or 0.0).name, mix or "")
-    asked = traffic_name(name, los, hour, mix)
+        return density_named(density_of(vehicles or 0.0, pedestrians or 0.0).name, level.mix or "")
+    asked = level.name
     if asked is None:
         raise PaveTwinError(
-            "Give a demand: --los A to F, --hour 0 to 23, --density low, medium, high or v12-p40 (vehicles "
+            "Give an amount of traffic: --los A to F, --hour 0 to 23, --density low, medium, high or v12-p40 (vehicles "
             "per kilometre of lane, pedestrians per kilometre of sidewalk), or --routes."
         )
     return density_named(asked)
@@ -168,7 +165,7 @@ def _print(recording: "Recording") -> None:
     flow = flow_of(recording)
     origin, (vehicles, pedestrians) = recording.origin, recording.counts
     table = Table(box=None, pad_edge=False)
-    for heading in ("", "asked", "achieved", "at a time", "in all"):
+    for heading in ("", "requested", "achieved", "at a time", "in total"):
         table.add_column(heading, justify="left" if not heading else "right")
     walks = int(recording.agents.is_pedestrian.sum())
     asked = origin.asked

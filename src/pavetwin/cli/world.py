@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pavetwin.cli import world_export, world_maps
-from pavetwin.cli.arguments import WorldFolder
+from pavetwin.cli.commands import Commands
 from pavetwin.cli.console import out, progress
+from pavetwin.cli.options import WorldFolder
 from pavetwin.errors import PaveTwinError, naming
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from pavetwin.world.build import BuildRecord
     from pavetwin.world.model import Segment, World
 
-app = typer.Typer(help="Build, inspect and draw worlds: streets, buildings, furniture, defects.", no_args_is_help=True)
+app = Commands(help="Build, inspect and draw worlds: streets, buildings, furniture, defects.", no_args_is_help=True)
 
 
 @app.command()
@@ -29,20 +30,24 @@ def build(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the new world.")] = None,
     generate: Annotated[str | None, typer.Option(help="Generate streets: town, grid, spider or random.")] = None,
     seed: Annotated[int, typer.Option(help="Random seed of the world; 0 is a seed like any other.")] = 0,
-    segment_length: Annotated[float, typer.Option(help="Longest segment, in metres.")] = 135.0,
-    damage: Annotated[
+    segment_length_m: Annotated[float, typer.Option("--segment-length", help="Longest segment, in metres.")] = 135.0,
+    population: Annotated[
         str | None,
         typer.Option(
+            "--damage",
             metavar="POPULATION",
             help="Numbers, classes, sizes and positions of the defects: survey (as in surveys of city streets), "
             "paper (30 per segment), or a YAML file of your own.",
             show_default="survey",
         ),
     ] = None,
-    defects_per_segment: Annotated[
-        float | None, typer.Option(help="Equal number of defects on every segment, instead of the population's.")
+    per_segment: Annotated[
+        float | None,
+        typer.Option(
+            "--defects-per-segment", help="The same number of defects on every segment, in place of the population's."
+        ),
     ] = None,
-    defects_per_100_m2: Annotated[
+    per_100_m2: Annotated[
         float | None,
         typer.Option("--defects-per-100-m2", help="Mean number of defects per 100 m², instead of the population's."),
     ] = None,
@@ -90,12 +95,12 @@ def build(
         )
     if output is None:
         raise PaveTwinError("Name the folder of the world with -o, for example -o worlds/town.")
-    values: dict[str, Any] = {"seed": seed, "segment_length_m": segment_length, "left_hand": left_hand}
+    values: dict[str, Any] = {"seed": seed, "segment_length_m": segment_length_m, "left_hand": left_hand}
     values["parking_rule"] = parking_rule
     if anchor is not None:
         values["anchor"] = parse_anchor(anchor)
     options = BuildOptions.parse(values, where="")
-    asked = {"population": damage, "per_segment": defects_per_segment, "per_100_m2": defects_per_100_m2}
+    asked = {"population": population, "per_segment": per_segment, "per_100_m2": per_100_m2}
     given = {name: value for name, value in asked.items() if value is not None}
     mix = {} if defect_mix is None else {"mix": _weights(defect_mix)}
     defects = DefectOptions.parse({**given, **mix}, where="")

@@ -6,25 +6,33 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pavetwin.cli.arguments import Plugins, WorldFolder, paths_of
-from pavetwin.cli.conditions import Clouds, Date, Time, conditions_of
 from pavetwin.cli.console import out, progress
-from pavetwin.cli.parking import Parking, parking_of
+from pavetwin.cli.options import (
+    DaylightOptions,
+    Parking,
+    Plugins,
+    WorldFolder,
+    grouped,
+    paths_of,
+)
 from pavetwin.errors import PaveTwinError, about
 
 if TYPE_CHECKING:
+    from pavetwin.cli.options import ParkedVehicles as ParkedShare
     from pavetwin.scene.export import TrafficSnapshot
     from pavetwin.scene.scene import Scene
     from pavetwin.traffic.parked import ParkedVehicles
     from pavetwin.world.model import World
 
 SEGMENT_AROUND_M = 25.0
-"""Shown surroundings of a requested segment."""
+"""What is shown around a segment that is asked for."""
 
 
+@grouped
 def export(
     world: WorldFolder,
     target: Annotated[Path, typer.Argument(help="The file to write, ending in .glb; with --web a folder.")],
+    daylight: DaylightOptions,
     web: Annotated[
         bool, typer.Option("--web", help="A folder of tiles that browsers load by distance, in place of one file.")
     ] = False,
@@ -35,27 +43,28 @@ def export(
         str | None,
         typer.Option(metavar="ID|STREET", help='Only the surroundings of a segment or street: s0003, "Bell Lane".'),
     ] = None,
-    detail: Annotated[str | None, typer.Option(help="Level of detail: low, medium or high; default medium.")] = None,
-    texel: Annotated[
-        float | None, typer.Option(help="Size of the ground's texels, in metres; default by the level of detail.")
+    detail: Annotated[
+        str | None, typer.Option(help="Level of detail: low, medium or high; medium unless given.")
     ] = None,
-    traffic: Annotated[
-        Path | None, typer.Option(metavar="FILE.parquet", help="A recording whose traffic is shown at one moment.")
+    texel_m: Annotated[
+        float | None,
+        typer.Option("--texel", help="Size of ground texels in metres; by the level of detail unless given."),
+    ] = None,
+    recording: Annotated[
+        Path | None,
+        typer.Option("--traffic", metavar="FILE.parquet", help="A recording, for traffic at one moment."),
     ] = None,
     at: Annotated[
-        float | None, typer.Option(help="Moment of the traffic, in seconds from the recording's beginning; default 0.")
+        float | None, typer.Option(help="That moment, in seconds from the recording's beginning; 0 unless given.")
     ] = None,
     parking: Parking = None,
-    date: Date = None,
-    time: Time = None,
-    clouds: Clouds = None,
     look: Annotated[
-        str, typer.Option(metavar="NAME|FILE.yaml", help="Appearance of the streets: varied, uniform, or a YAML file.")
+        str, typer.Option(metavar="NAME|FILE.yaml", help="Of the streets: varied, uniform, or a YAML file.")
     ] = "varied",
     seed: Annotated[
         int, typer.Option(help="Random seed of the appearance (colours, wear, leaves) and of parked vehicles.")
     ] = 0,
-    plugin: Plugins = None,
+    plugins: Plugins = None,
     jobs: Annotated[int, typer.Option(help="Number of worker processes; the file does not depend on it.")] = min(
         4, os.cpu_count() or 1
     ),
@@ -79,25 +88,26 @@ def export(
 
     if bounds is not None and segment is not None:
         raise PaveTwinError("Give either --bounds or --segment, not both.")
-    plugins = paths_of(plugin)
-    load_plugins(plugins)
+    paths = paths_of(plugins)
+    load_plugins(paths)
     loaded = load_world(world)
     part = _segment_bounds(loaded, segment) if segment is not None else _parsed(bounds)
     if web:
-        of_one_file = {"detail": detail, "texel": texel, "traffic": traffic, "at": at, "parking": parking}
+        of_one_file = {"detail": detail, "texel": texel_m, "traffic": recording, "at": at, "parking": parking}
         of_one_file["dry-run"] = dry_run or None
         if wrong := [name for name, value in of_one_file.items() if value is not None]:
-            raise PaveTwinError(f"--{wrong[0]} applies to an export to one file; omit it or --web.")
-        _to_folder(Scene(loaded, seed=seed, look=look), target, part, date, time, clouds, jobs, force, plugins)
+            raise PaveTwinError(f"--{wrong[0]} applies to exports to one file; leave out that or --web.")
+        _to_folder(Scene(loaded, seed=seed, look=look), target, part, daylight, jobs, force, paths)
         return
-    if clouds is not None or force:
-        raise PaveTwinError(f"--{'force' if clouds is None else 'clouds'} applies only with --web.")
+    if daylight.clouds is not None or force:
+        option = "force" if daylight.clouds is None else "clouds"
+        raise PaveTwinError(f"`{option}` applies to exports with --web only.")
     detail = detail or USUAL
-    moment = _moment(loaded, traffic, at)
-    parked = _parked(loaded, parking, date, time, seed, moment)
+    moment = _moment(loaded, recording, at)
+    parked = _parked(loaded, parking, daylight, seed, moment)
     scene = Scene(loaded, seed=seed, look=look)
     keys = tiles_of(scene, part)
-    expected = estimate(scene, keys, detail=detail, texel_m=texel, jobs=jobs)
+    expected = estimate(scene, keys, detail=detail, texel_m=texel_m, jobs=jobs)
     out.line(
         f"{len(keys)} tiles of 32 m at {detail} detail: about {expected.bytes / 1e6:.0f} MB, "
         f"{_duration(expected.seconds)} on an idle machine."
@@ -110,25 +120,23 @@ def export(
             target,
             bounds=part,
             detail=detail,
-            texel_m=texel,
+            texel_m=texel_m,
             moment=moment,
             parked=parked,
             jobs=jobs,
-            plugins=plugins,
+            plugins=paths,
             on_progress=report,
         )
     held = f"{made.tiles} tiles of 32 m, {made.defects} defects, {made.buildings} buildings"
     held += f", {made.agents} agents and parked vehicles" if made.agents else ""
-    out.line(f"Written to {target}: {made.bytes / 1e6:.1f} MB; {held}; {made.texel_m * 100:g} cm per texel.")
+    out.line(f"Written to {target}: {made.bytes / 1e6:.1f} MB; {held}; {made.texel_m * 100:g} cm a texel.")
 
 
 def _to_folder(
     scene: "Scene",
     target: Path,
     bounds: tuple[float, float, float, float] | None,
-    date: str | None,
-    time: str | None,
-    clouds: float | None,
+    daylight: DaylightOptions,
     jobs: int,
     force: bool,
     plugins: tuple[str, ...],
@@ -136,7 +144,7 @@ def _to_folder(
     from pavetwin.config import Conditions
     from pavetwin.scene.web import export_web
 
-    conditions = Conditions.model_validate(conditions_of(date, time, clouds, None))
+    conditions = Conditions.model_validate(daylight.conditions())
     with progress("Exporting tiles", lines=True) as report:
         made = export_web(
             scene,
@@ -179,35 +187,39 @@ def _segment_bounds(world: "World", segment: str) -> tuple[float, float, float, 
 
 
 def _parked(
-    world: "World", parking: str | None, date: str | None, time: str | None, seed: int, moment: "TrafficSnapshot | None"
+    world: "World",
+    parking: "ParkedShare | None",
+    daylight: DaylightOptions,
+    seed: int,
+    moment: "TrafficSnapshot | None",
 ) -> "ParkedVehicles | None":
-    """Parked vehicles, of the mix of the traffic; None unless requested."""
+    """Parked vehicles of the mix of the traffic; None unless they are asked for."""
     from pavetwin.config import Conditions
     from pavetwin.config.mission import ParkingSettings
     from pavetwin.traffic.demand import DEFAULT_MIX
     from pavetwin.traffic.parked import parked_vehicles
 
-    conditions = conditions_of(date, time, None, None)
+    conditions = daylight.conditions()
     if parking is None:
         if conditions:
-            raise PaveTwinError(f"--{next(iter(conditions))}: add parked vehicles with --parking, such as by-time.")
+            raise PaveTwinError(f"--{next(iter(conditions))}: add --parking, such as --parking by-time.")
         return None
-    settings = ParkingSettings.model_validate(parking_of(parking))
+    settings = ParkingSettings.model_validate(parking.settings())
     mix = moment.recording.origin.mix if moment else DEFAULT_MIX
     return parked_vehicles(world, settings, Conditions.model_validate(conditions), seed, mix)
 
 
-def _moment(world: "World", traffic: Path | None, at: float | None) -> "TrafficSnapshot | None":
+def _moment(world: "World", file: Path | None, at: float | None) -> "TrafficSnapshot | None":
     from pavetwin.scene.export import TrafficSnapshot
     from pavetwin.traffic.recording_file import load_recording
 
-    if traffic is None:
+    if file is None:
         if at is not None:
-            raise PaveTwinError(f"--at {at:g}: name its recording with --traffic.")
+            raise PaveTwinError(f"--at {at:g}: add a recording, --traffic FILE.parquet.")
         return None
     at_s = at or 0.0
     with about("recording"):
-        recording = load_recording(traffic, world)
+        recording = load_recording(file, world)
     if not 0 <= at_s <= recording.duration_s:
         raise PaveTwinError(f"--at {at_s:g}: the recording lasts from 0 to {recording.duration_s:g} s.")
     return TrafficSnapshot(recording, at_s)

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pavetwin.cli.arguments import WorldFolder
 from pavetwin.cli.console import note_fonts, out, progress
+from pavetwin.cli.options import WorldFolder
 from pavetwin.errors import PaveTwinError
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def show(
 
 def navmesh(
     world: WorldFolder,
-    altitude: Annotated[float, typer.Option(help="Metres above ground.")] = 10.0,
+    altitude_m: Annotated[float, typer.Option("--altitude", help="Metres above ground.")] = 10.0,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", help="Image file: .png, .svg or .pdf; default WORLD/navmesh-10m.png."),
@@ -90,14 +90,14 @@ def navmesh(
     from pavetwin.navigation.navmesh import save_geopackage
     from pavetwin.world.store import load_world
 
-    check_altitude(altitude)
+    check_altitude(altitude_m)
     if geopackage is not None and geopackage.suffix.lower() != ".gpkg":
         raise PaveTwinError(f"--geopackage {geopackage}: end its name in .gpkg.")
     settings = load_settings("default")
     loaded = load_world(world)
-    picture = output if output is not None else world / f"navmesh-{altitude:g}m.png"
+    picture = output if output is not None else world / f"navmesh-{altitude_m:g}m.png"
     with progress("Baking the NavMesh") as report:
-        baked = bake(loaded, altitude, settings.uav.radius_m)
+        baked = bake(loaded, altitude_m, settings.uav.radius_m)
         report(0.5)
         save_navmesh_map(baked, picture)
         if geopackage is not None:

@@ -138,7 +138,7 @@ class Store:
         if not path.is_file():
             raise PaveTwinError(
                 f"'{self.folder}' holds no study; make one with "
-                f"`pavetwin experiment run DESIGN.yaml output={quote(str(self.folder))}`."
+                f"`pavetwin experiment run DESIGN.yaml --output {quote(str(self.folder))}`."
             )
         try:
             found = yaml.safe_load(path.read_text(encoding="utf-8"))

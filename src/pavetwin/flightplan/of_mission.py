@@ -126,7 +126,7 @@ def check_place(world: World) -> None:
     if world.georeference == anchored(*DEFAULT_ANCHOR_DEG):
         raise PaveTwinError(
             f"The world '{world.name}' has no place on the earth, so no drone can fly there; build it with one, as in "
-            "`pavetwin world build SOURCE anchor=52.47,13.44`, or from a map."
+            "`pavetwin world build SOURCE --anchor 52.47,13.44`, or from a map."
         )
 
 

@@ -31,7 +31,7 @@ from pavetwin.world.georeference import GeoReference, anchored, from_wgs84
 
 FRAMES: Final = "frames"
 
-NO_CROPS: Final = "There are no crops; `pavetwin fly WORLD save_frames=hits` saves the images for them."
+NO_CROPS: Final = "There are no crops; `pavetwin fly WORLD --save-frames hits` saves the images for them."
 
 _OF_IMAGES: Final = {"capture": pl.Int64, "image": pl.String}
 """Columns of the table of images."""
@@ -151,7 +151,7 @@ def _images(folder: Path) -> Mapping[int, Path]:
 def _damaged(path: Path) -> PaveTwinError:
     return PaveTwinError(
         f"'{path}' is damaged; remove it for an inventory without crops, or fly the mission again by "
-        "`pavetwin fly WORLD save_frames=hits`."
+        "`pavetwin fly WORLD --save-frames hits`."
     )
 
 

@@ -51,7 +51,7 @@ def entry_model(detector: str | None, fitted: str | None = None) -> EntryModel |
     if model.entries is None:
         raise PaveTwinError(
             f"`fitted` '{fitted}' tells nothing of entries; fit it to missions of the sensor 'detector' with "
-            "`pavetwin sensor fit MISSIONS output=sensor.json`."
+            "`pavetwin sensor fit MISSIONS --output sensor.json`."
         )
     return model.entries
 

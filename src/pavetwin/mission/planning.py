@@ -165,7 +165,7 @@ def choose_targets(
             else f"only {len(reachable)} of the {len(world.segments)} segments of '{world.name}' can be reached at "
             f"{environment.altitude_m:g} m"
         )
-        raise PaveTwinError(f"`count` {count}: {there_are}; `count=None` inspects them all.")
+        raise PaveTwinError(f"`count` {count}: {there_are}; choose fewer, or all.")
     if order == "near":
         return short_tour(world, reachable)[:count]
     drawn = child(seed, Stream.ORDER).permutation(len(reachable))

@@ -32,7 +32,7 @@ def model_path(model: str | Path) -> Path:
         return FOLDER / f"{model}.onnx"
     raise PaveTwinError(
         f"There is no model '{model}': name one that ships ({', '.join(shipped_models())}), or a file of "
-        f"`pavetwin export RUN output=model.onnx`."
+        f"`pavetwin export RUN --output model.onnx`."
     )
 
 

@@ -47,5 +47,5 @@ def sensor_path(fitted: str | Path) -> Path:
         return FOLDER / f"{fitted}.json"
     raise PaveTwinError(
         f"There is no fitted sensor '{fitted}': name one that ships ({', '.join(shipped_sensors())}), or a file of "
-        f"`pavetwin sensor fit MISSIONS output=sensor.json`."
+        f"`pavetwin sensor fit MISSIONS --output sensor.json`."
     )

@@ -186,7 +186,7 @@ class Recorder:
             if not recording.until(shared_s).same_traffic(known.until(shared_s)):
                 raise PaveTwinError(
                     f"SUMO did not repeat the traffic of '{self._inputs.path}', so it cannot be extended; record it "
-                    "again with `pavetwin traffic record WORLD force`."
+                    "again with `pavetwin traffic record WORLD --force`."
                 )
         if known is None or known.frames < recording.frames:
             self._longest = recording

@@ -199,7 +199,7 @@ def _failure(job: SimulationJob, code: int, printed: str) -> str:
     if damage := _damage(Path(job.network)):
         return (
             f"The world's network '{job.network}' is damaged ({damage}); build the world again with "
-            "`pavetwin world build SOURCE force`."
+            "`pavetwin world build SOURCE --force`."
         )
     if code < 0:
         return f"SUMO crashed while recording (signal {-code}); its last message: {message}"

@@ -43,7 +43,7 @@ def check_world(folder: Path) -> None:
         suffix = next((end for end in (*NET_SUFFIXES, *OSM_SUFFIXES) if folder.name.lower().endswith(end)), "")
         target = folder.with_name(folder.name[: -len(suffix)] or "world") if suffix else folder
         source = quote(str(folder)) if suffix else "SOURCE"
-        build = f"`pavetwin world build {source} output={quote(str(target))}`"
+        build = f"`pavetwin world build {source} --output {quote(str(target))}`"
         if suffix and folder.is_file():
             raise PaveTwinError(f"'{folder}' is a map, not a world yet; build one from it with {build}.")
         what = "is not a folder" if folder.exists() else "does not exist"
@@ -78,4 +78,4 @@ def read_description(folder: Path) -> dict[str, Any]:
 
 def rebuild_hint(folder: Path) -> str:
     """The end of a message about a world that cannot be read."""
-    return f"build it again with `pavetwin world build SOURCE output={quote(str(folder))} force`."
+    return f"build it again with `pavetwin world build SOURCE --output {quote(str(folder))} --force`."

@@ -155,7 +155,7 @@ def test_a_run_that_came_to_no_image_is_no_obstacle(
         ({"split": (0.8, 0.1, 0.1)}, "with `split` 70/15/15, not with `split` 80/10/10;"),
         ({"formats": ("yolo",)}, "with `formats` yolo,yolo-seg,voc,coco, not with `formats` yolo;"),
         ({"empty": 0.0}, r"with `empty` 0\.15, not with `empty` 0;"),
-        ({"picture": "png"}, "begun with `picture=jpg`, not with `picture=png`;"),
+        ({"picture": "png"}, "begun with JPG images, not with PNG images;"),
         ({"images": 59}, "`images` 60, more than 59"),
     ],
 )

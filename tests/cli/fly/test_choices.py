@@ -101,7 +101,7 @@ def test_a_mission_takes_off_beside_the_road_or_where_it_is_told(world: Path, tm
         (("--altitude", "3000"), "120 m or lower"),
         (("--density", "hihg"), "did you mean 'high'"),
         (("--segments", "0"), "at least one"),
-        (("--segments", "99"), "--segments all inspects them all"),
+        (("--segments", "99"), "choose fewer, or all"),
         (("--segments", "few"), "'all'"),
         (("--segment", "s9999"), "--segment: no segment or street 's9999'"),
         (("--segment", "Bogn"), "did you mean 'Bogen'"),
@@ -119,44 +119,15 @@ def test_a_mission_takes_off_beside_the_road_or_where_it_is_told(world: Path, tm
         (("--airspace", "nowhere.csv"), "nowhere.csv"),
         (("--density", "low", "--again", "nowhere.yaml"), "--density"),
         (("--segment", "s0001", "--segments", "2"), "exclude each other"),
-        (("--date", "2026-02-30"), "--date 2026-02-30: expected a date of the calendar"),
-        (("--wind", "west"), "--wind west"),
-        (("--parking", "1.5"), "--parking 1.5: expected a share of the places (0 to 1)"),
-        (("--parking", "few"), "--parking few: expected a share of the places (0 to 1)"),
     ],
 )
-def test_what_is_wrong_is_said_in_one_line(world: Path, tmp_path: Path, arguments: tuple[str, ...], words: str) -> None:
+def test_errors_take_one_line(world: Path, tmp_path: Path, arguments: tuple[str, ...], words: str) -> None:
     missions = world / "missions"
     density = () if {"--density", "--traffic"} & set(arguments) else ("--density", "low")
     line = plain_refusal(pavetwin("fly", world, *density, *arguments, cwd=tmp_path))
     assert words in line
     assert not missions.exists()
     assert not list(tmp_path.iterdir())
-
-
-def test_date_time_clouds_and_wind_are_the_missions_conditions(world: Path) -> None:
-    options = ("--date", "2026-06-21", "--time", "10:30", "--clouds", "0.4", "--wind", "5@90")
-    settings = yaml.safe_load(pavetwin("fly", world, *options, "--settings").stdout)
-    expected = {"date": "2026-06-21", "time": "10:30:00", "clouds": 0.4, "wind_mps": 5.0, "wind_from_deg": 90.0}
-    assert settings["conditions"] == {**expected, "gust_factor": 1.0, "temperature_c": 20.0, "turbidity": 3.0}
-
-
-@pytest.mark.parametrize(
-    ("options", "enabled", "occupancy"),
-    [
-        ((), True, None),
-        (("--parking", "by-time"), True, None),
-        (("--preset", "paper"), False, None),
-        (("--parking", "none"), False, None),
-        (("--parking", "0.9"), True, 0.9),
-        (("--preset", "paper", "--parking", "0.9"), True, 0.9),
-    ],
-)
-def test_vehicles_park_unless_that_is_turned_off(
-    world: Path, options: tuple[str, ...], enabled: bool, occupancy: float | None
-) -> None:
-    settings = yaml.safe_load(pavetwin("fly", world, *options, "--settings").stdout)
-    assert settings["parking"] == {"enabled": enabled, "occupancy": occupancy}
 
 
 def test_the_detector_needs_a_model_that_is_there(world: Path, tmp_path: Path) -> None:

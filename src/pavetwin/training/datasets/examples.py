@@ -197,7 +197,7 @@ def read_coco(folder: Path, splits: tuple[str, ...]) -> ExampleSet:
     if not found:
         raise PaveTwinError(
             f"'{folder}' holds no annotations/instances_{splits[0]}.json; make one with "
-            "`pavetwin data export DATASET output=FOLDER formats=coco` or `pavetwin capture`."
+            "`pavetwin data export DATASET --output FOLDER --formats coco` or `pavetwin capture`."
         )
     digest, examples = sha256(), []
     for split, path in found.items():
