@@ -45,7 +45,7 @@ def test_what_parked_vehicles_leave_to_be_seen_is_told_beside_what_was_seen() ->
     for table in (flight_report.segments_table(stands), flight_report.comparison_table([stands, stands])):
         (column,) = [column for column in table.columns if column.header == summary.AT_MOST]
         assert at_most in [str(cell) for cell in column.cells]
-    assert f"% of the surface seen (of at most {at_most} % beside parked vehicles)" in summary.sentence([stands])
+    assert f"% of the surface seen (of at most {at_most} % next to parked vehicles)" in summary.sentence([stands])
     assert summary.missed_lines([stands]) == ["Missed 1 of 2: 1 under or behind a parked vehicle."]
     for table in (flight_report.segments_table(empty), flight_report.comparison_table([empty, empty])):
         assert summary.AT_MOST not in [column.header for column in table.columns]
