@@ -62,7 +62,7 @@ def normal_map(heightfield: Heightfield) -> UInt8Array:
 
 
 def albedo_factor(heightfield: Heightfield) -> Float32Array:
-    """(rows, cols, 3) what the road's albedo (linear red, green, blue) is multiplied by; 1 where there is no defect."""
+    """(rows, cols, 3) factor of the road's albedo (linear red, green, blue); 1 where there is no defect."""
     stains = heightfield.stains
     contrast = 1 + STONE_CONTRAST * stains.tone[..., None]
     factor = np.ones((*heightfield.shape, 3), dtype=np.float32)

@@ -176,7 +176,7 @@ class ClassPopulation(Settings):
         return positioned(rng, list(self.positions)[index], road, count)
 
     def neighbour(self, rng: np.random.Generator) -> tuple[str, Beside] | None:
-        """Near which class one defect lies, and how; None for one that lies anywhere."""
+        """Class near which one defect lies, and its distances; None for anywhere."""
         number = float(rng.random())
         for name, near in self.near.items():
             if number < near.share:
@@ -185,7 +185,7 @@ class ClassPopulation(Settings):
         return None
 
     def host(self, seed: int) -> str | None:
-        """Within which class one defect is tried to lie; None for anywhere.
+        """Class within which one defect is tried; None for anywhere.
 
         Args:
             seed: of its shape; other defects do not depend on what is drawn here.

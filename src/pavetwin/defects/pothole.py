@@ -247,7 +247,7 @@ class PotholeParameters(Settings):
 
 
 def sample_pothole_poses(rng: np.random.Generator, road: poses.RoadSection, count: int) -> poses.Poses:
-    """Mostly in wheel paths, some near the edges, in any direction."""
+    """Sample poses: mostly in wheel paths, some near the edges, in any direction."""
     where = rng.random()
     if where < IN_WHEEL_PATH:
         offsets = poses.wheel_paths(rng, road, count)

@@ -316,7 +316,7 @@ def defect_class(
     parameters: type[Settings] | None = None,
     distress: Distress | str | None = None,
 ) -> Callable[[Generate], Generate]:
-    """Register what is decorated, which makes the shapes of a class, under the name of the class.
+    """Register the decorated function, which makes the shapes of a class, under the name of the class.
 
     Args:
         name: a lower-case identifier.
@@ -327,8 +327,8 @@ def defect_class(
         weight: its share among all defects, relative to the weights of the other classes.
         label: least size in an image for a label.
         is_thin: its outlines are so thin that boxes around them hardly overlap; detections match by other rules.
-        parameters: settings that what is decorated takes as its second argument, or None for their defaults; damage
-            populations give some of them.
+        parameters: settings that the decorated function takes as its second argument, or None for their defaults;
+            damage populations give some of them.
         distress: its distress in the Pavement Condition Index, a name of `Distress`; it does not count without one.
 
     Raises:

@@ -37,7 +37,7 @@ def crack_severity(measures: Measures) -> Severity:
 
 
 def severity_of_width(width_m: float) -> Severity:
-    """Severity of a single crack that opens as wide."""
+    """Severity of a single crack of this width."""
     if width_m < CRACK_MEDIUM_M:
         return Severity.LOW
     return Severity.MEDIUM if width_m <= CRACK_HIGH_M else Severity.HIGH
@@ -49,8 +49,8 @@ def pothole_severity(measures: Measures) -> Severity:
 
 
 def severities_of_diameter(diameter_m: float) -> tuple[Severity, ...]:
-    """Severities of a pothole as wide, for each class of depth (`POTHOLE_DEPTHS_M`); above 750 mm across it is medium
-    up to 25 mm deep and high beyond."""
+    """Severities of a pothole of this diameter, for each class of depth (`POTHOLE_DEPTHS_M`); above 750 mm across it is
+    medium up to 25 mm deep and high beyond."""
     column = sum(diameter_m > limit for limit in POTHOLE_DIAMETERS_M)
     if column == len(POTHOLE_DIAMETERS_M):
         return Severity.MEDIUM, Severity.HIGH, Severity.HIGH

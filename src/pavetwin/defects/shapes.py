@@ -38,7 +38,7 @@ Range = Annotated[tuple[float, float], AfterValidator(_ordered)]
 
 
 def counts(least: int, most: int) -> AfterValidator:
-    """Refuse ranges of numbers that are not whole within these."""
+    """Refuse ranges beyond these limits or of numbers that are not whole."""
 
     def check(limits: tuple[int, int]) -> tuple[int, int]:
         if not least <= limits[0] <= limits[1] <= most:

@@ -92,7 +92,7 @@ class SingleCrackParameters(Settings):
 
 
 def sample_single_crack_poses(rng: np.random.Generator, road: poses.RoadSection, count: int) -> poses.Poses:
-    """Along the street in wheel paths, at joints and edges; across it; or obliquely."""
+    """Sample poses: along the street in wheel paths, at joints and edges; across it; or obliquely."""
     manner = rng.random()
     if manner < ACROSS:
         position = Position.ACROSS

@@ -80,8 +80,10 @@ def level_of(ratio: float) -> LevelOfService:
 
 
 def level_named(name: str) -> LevelOfService:
-    """Raises:
-    PaveTwinError: there is no such class.
+    """The level of service called `name`.
+
+    Raises:
+        PaveTwinError: there is no such level.
     """
     if name.upper() not in LevelOfService.__members__:
         raise PaveTwinError(no_such("level of service", name, LevelOfService, key="`los`"))
@@ -95,7 +97,7 @@ _FOLDER: Final = files("pavetwin.traffic") / "mixes"
 
 
 class Mix(Settings):
-    """A mix as its file holds it."""
+    """Contents of the file of a mix."""
 
     what: str
     """Short description."""
@@ -128,8 +130,10 @@ def mix_names() -> list[str]:
 
 @cache
 def mix_named(name: str) -> Mix:
-    """Raises:
-    PaveTwinError: there is no such mix; the message gives the nearest name.
+    """The mix called `name`.
+
+    Raises:
+        PaveTwinError: there is no such mix; the message gives the nearest name.
     """
     if name not in mix_names():
         raise PaveTwinError(no_such("mix of vehicles", name, mix_names(), key="`mix`"))
@@ -209,13 +213,13 @@ class Density:
 
     @property
     def level(self) -> LevelOfService | None:
-        """The level of service that is asked for."""
+        """The requested level of service."""
         name = self._base
         return LevelOfService(name.removeprefix(_LEVEL)) if name.startswith(_LEVEL) else None
 
     @property
     def hour(self) -> int | None:
-        """The hour of a weekday that is asked for, 0 … 23."""
+        """The requested hour of a weekday, 0 … 23."""
         name = self._base
         return int(name.removeprefix(_HOUR)) if name.startswith(_HOUR) else None
 

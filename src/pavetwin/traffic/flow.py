@@ -34,7 +34,7 @@ MOST_REMOVALS_PER_HOUR: Final = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Flow:
-    """Means over a recording, of its vehicles. None where there is no vehicle, or the world is not known."""
+    """Means over a recording, of its vehicles. None without vehicles, or in a world without lanes."""
 
     vehicle_hours: float
     speed_kmh: float | None

@@ -163,7 +163,7 @@ class SpeedLimits:
 
 
 def _key(x: npt.ArrayLike, y: npt.ArrayLike, yaw_rad: npt.ArrayLike) -> Float64Array:
-    """(n, 4): what is near in place and direction is near here."""
+    """(n, 4) keys; close places and directions have close keys."""
     yaw = np.asarray(yaw_rad, dtype=np.float64)
     key: Float64Array = np.stack(
         [np.asarray(x, np.float64), np.asarray(y, np.float64), TURNED_M * np.cos(yaw), TURNED_M * np.sin(yaw)], axis=-1

@@ -72,7 +72,7 @@ def left_out(streets: Path, network: Path) -> LeftOut:
 
 
 def _length_m(line: list[Degrees]) -> float:
-    """Along great circles."""
+    """Length along great circles."""
     return float(SPHERE.line_length([lon for lon, _ in line], [lat for _, lat in line]))
 
 
@@ -173,7 +173,7 @@ def copy_without_stamp(made: Path, target: Path) -> None:
 
 
 def write_streets(source: Path, target: Path) -> int:
-    """Copy the streets of an OSM file, their nodes and turn restrictions to a plain `.osm`; return how many ways.
+    """Copy the streets of an OSM file, their nodes and turn restrictions to a plain `.osm`; return the number of ways.
 
     Raises:
         PaveTwinError: the file cannot be read to its end.

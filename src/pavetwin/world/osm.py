@@ -45,7 +45,7 @@ NO_BUILDING = frozenset({"no", "bridge", "construction", "proposed", "demolished
 
 @dataclass(frozen=True, slots=True)
 class MappedPoint:
-    """Something upright; sizes are None when the map has none."""
+    """Upright object; sizes are None when they are not mapped."""
 
     kind: FurnitureKind
     position: Point

@@ -59,7 +59,7 @@ def streets_of(net: RoadNet) -> tuple[StreetSurface, ...]:
 
 
 def pair_edges(edges: Iterable[Edge]) -> list[tuple[Edge, ...]]:
-    """Each street's directed edges: two when the reverse one runs beside it (a median of at most 3 m), else one."""
+    """Each street's directed edges: two when the reverse one runs next to it (a median of at most 3 m), else one."""
     open_edges = {edge.id: edge for edge in edges if edge.for_cars and edge.carriageway}
     between: dict[tuple[str, str], list[Edge]] = {}
     for edge in open_edges.values():
@@ -315,6 +315,6 @@ def segment_key(segment: Segment) -> int:
 
 
 def outside_words(world: World) -> str:
-    """Area of the carriageway that belongs to no segment."""
+    """Area of the carriageway outside all segments, as text."""
     outside_m2, whole_m2 = world.outside_segments_m2, world.carriageway.area
     return f"{outside_m2:.0f} m² of junctions and crossings, {100 * outside_m2 / whole_m2:.0f} % of the carriageway"

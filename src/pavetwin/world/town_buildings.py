@@ -339,7 +339,7 @@ def build_town(seed: int, parking_m: Mapping[str, float] = MappingProxyType({}))
 
 @lru_cache(maxsize=1)
 def _planned(seed: int) -> tuple[TownPlan, RoadPlan]:
-    """Asked for twice while a town is built: without parking lanes and with them."""
+    """Plan of a town; used twice while a town is built: without parking lanes and with them."""
     plan = plan_town(seed)
     return plan, plan_roads(plan, seed)
 

@@ -73,7 +73,7 @@ class Road:
 
     @property
     def half_width_m(self) -> float:
-        """From the centre line to the back of the wider sidewalk."""
+        """Distance from the centre line to the back of the wider sidewalk."""
         return self.carriageway_m / 2 + self.parking_m + self.sidewalk_m
 
 

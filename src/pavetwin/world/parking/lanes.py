@@ -135,7 +135,7 @@ class _Section:
             yield kerb, (self._after_m - self._before_m) / 2 if self._centred else alone
 
     def edges(self, left_hand: bool) -> dict[str, EdgeLanes]:
-        """Width of both directions."""
+        """Widths of the edges of both directions."""
         outer = 1 if left_hand else -1
         kerb_m = {kerb.edge: depth for kerb, depth in self._parked if kerb.outward == outer}
         far_m = {kerb.edge: depth for kerb, depth in self._parked if kerb.outward != outer}

@@ -61,7 +61,7 @@ def _in_span(minute: int, start: int, end: int) -> bool:
 
 
 def _rules(hours: str) -> list[HoursRule] | None:
-    """Closed hours; None where a part is not understood."""
+    """Rules of a text of hours; None where a part is not understood."""
     rules: list[HoursRule] = []
     for part in filter(None, (part.strip() for part in hours.split(";"))):
         match = _RULE.fullmatch(part)
