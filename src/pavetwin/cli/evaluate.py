@@ -85,7 +85,7 @@ def evaluate(
     from pavetwin.training.evaluation.evaluate import check_evaluation, compare_in_pairs
     from pavetwin.training.evaluation.evaluate import evaluate as evaluated
     from pavetwin.training.evaluation.labelled import read_split
-    from pavetwin.training.report.write import write_detector_report
+    from pavetwin.training.report.page import write_detector_report
 
     if output is None:
         raise PaveTwinError("Say where the report goes with -o, for example -o evaluation.")
@@ -117,7 +117,7 @@ def evaluate(
             with about("regions"):
                 told = read_subtypes(regions, chosen)
         elif true_regions or detections.suffix.lower() == WEIGHTS:
-            from pavetwin.training.evaluation.running import subtypes_by
+            from pavetwin.training.evaluation.detections import subtypes_by
 
             weights = detections if detections.suffix.lower() == WEIGHTS else model_path(detections)
             told = subtypes_by(_of_weights(weights), chosen)
@@ -161,7 +161,7 @@ def _found(
             raise PaveTwinError(f"`overview`: '{path}' holds detections, which say what was found already.")
         return read_detections(path, tuple(each for each in splits if not each.is_renumbered))
     from pavetwin.perception.inference import Detector
-    from pavetwin.training.evaluation.running import LEAST_CONFIDENCE, found_by
+    from pavetwin.training.evaluation.detections import LEAST_CONFIDENCE, found_by
 
     looked_at = [splits[0], *(each for each in splits[1:models_in] if each.name == VALIDATION)]
     if kind == WEIGHTS:
@@ -171,7 +171,7 @@ def _found(
 
 def _of_weights(path: Path, *, overview: bool = False) -> "WeightsDetector":
     from pavetwin.cli.train import check_torch
-    from pavetwin.training.evaluation.running import LEAST_CONFIDENCE
+    from pavetwin.training.evaluation.detections import LEAST_CONFIDENCE
 
     check_torch("Evaluating weights")
     from pavetwin.training.trainer.weights_detector import WeightsDetector
@@ -209,7 +209,7 @@ def _tell(result: "DetectorEvaluation") -> None:
     """A row a class, then the metrics of all with their intervals."""
     from pavetwin.reports.words import counted
     from pavetwin.training.evaluation.matching import HALF
-    from pavetwin.training.report.sections import METRICS
+    from pavetwin.training.report.page import METRICS
 
     table = _table("per cent", "objects", "AP@0.5", "AP@0.5:0.95", "precision", "recall", "F1")
     for matched, scores in zip(result.five.classes, result.at_stated.classes, strict=True):
@@ -242,7 +242,7 @@ def _tell(result: "DetectorEvaluation") -> None:
 
 
 def _tell_differences(found: "PairedComparison") -> None:
-    from pavetwin.training.report.sections import METRICS
+    from pavetwin.training.report.page import METRICS
 
     table = _table("less the others, points", "these", "others", "difference", "95 % interval", "p")
     for name, words in METRICS.items():

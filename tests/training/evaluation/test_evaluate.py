@@ -11,12 +11,12 @@ from pycocotools.coco import COCO
 from pycocotools.cocoeval import COCOeval
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.training.evaluation.breakdowns import SeverityAgreement
 from pavetwin.training.evaluation.detections import FoundBox, read_detections, read_subtypes
 from pavetwin.training.evaluation.evaluate import DetectorEvaluation, compare_in_pairs, evaluate
 from pavetwin.training.evaluation.labelled import read_split
 from pavetwin.training.evaluation.resampling import metrics_of
 from pavetwin.training.evaluation.scores import weighted_precision
-from pavetwin.training.evaluation.severities import SeverityAgreement
 from scenes.detections import (
     BOX,
     CAR,

@@ -9,9 +9,9 @@ import pytest
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.inference import Detector
+from pavetwin.training.evaluation.detections import LEAST_CONFIDENCE, found_by
 from pavetwin.training.evaluation.evaluate import evaluate
 from pavetwin.training.evaluation.labelled import read_split
-from pavetwin.training.evaluation.running import LEAST_CONFIDENCE, found_by
 from scenes.command_line import pavetwin
 from scenes.detections import CAR, CRACK, POTHOLE, true, write_labels
 from scenes.drawn_detector import FILE, SIDE_PX, drawn

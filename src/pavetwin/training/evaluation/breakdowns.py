@@ -1,10 +1,9 @@
-"""Results by what is known of images and of objects.
+"""Results by properties of images and objects, and errors of the sizes and severities of defects.
 
-By a property of the image there is average precision, precision and recall. A detection has no visible share and no
-contrast, so by properties of objects there is recall alone.
-"""
+By a property of the image there are average precision, precision and recall; by a property of an object only recall,
+since a false alarm has no such property."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from math import inf, sqrt
 from typing import Final
@@ -13,9 +12,13 @@ import numpy as np
 
 from pavetwin.arrays import BoolArray
 from pavetwin.labels.boxes import area
+from pavetwin.perception.classes import SIZES
+from pavetwin.perception.results.visible_severity import possible_ranks
+from pavetwin.training.evaluation.detections import FoundBox
 from pavetwin.training.evaluation.labelled import LabelledImage, LabelledRegion
 from pavetwin.training.evaluation.matching import HALF, Matched
 from pavetwin.training.evaluation.scores import weighted_precision
+from pavetwin.world.model import Severity
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,3 +148,92 @@ def _value(name: str) -> Callable[[LabelledRegion], float]:
     if name == "size_px":
         return lambda region: sqrt(area(region.true.box))
     return lambda region: region.facts.get(name, np.nan)
+
+
+WHOLE: Final = 0.99
+"""A defect counts where so much of it lies within the image, and so much of that is seen: its true size is that of all
+of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class SizeError:
+    """Of one size, over defects of one class that are found whole."""
+
+    size: str
+    name: str
+    """Of the class."""
+    defects: int
+    mean_absolute_percentage: float
+    bias_percentage: float
+    """The mean of (said − true) / true; above 0 where sizes are too large."""
+
+
+def size_errors(five: Matched, confidence: float) -> list[SizeError]:
+    """A row for each size and class with defects whose true and said size are known, matched at IoU 0.5."""
+    rows = []
+    hits = found_whole(five, confidence)
+    for size in SIZES:
+        for name, pairs in hits.items():
+            errors = [
+                100 * (said.sizes[size] / true.facts[size] - 1)
+                for true, said in pairs
+                if true.facts.get(size, 0.0) > 0 and size in said.sizes
+            ]
+            if errors:
+                rows.append(SizeError(size, name, len(errors), float(np.abs(errors).mean()), float(np.mean(errors))))
+    return rows
+
+
+def found_whole(five: Matched, confidence: float) -> dict[str, list[tuple[LabelledRegion, FoundBox]]]:
+    """Name of each class → the whole defects and road users that were found, each with its detection."""
+    regions = {region.number: region for image in five.images for region in image.regions}
+    hits = {}
+    for each in five.classes:
+        told = zip(each.true_number, each.true_found, each.true_confidence, strict=True)
+        pairs = [
+            (regions[int(number)], five.found[int(at)]) for number, at, sure in told if at >= 0 and sure >= confidence
+        ]
+        hits[each.name] = [(true, said) for true, said in pairs if _is_whole(true.facts)]
+    return hits
+
+
+def _is_whole(facts: Mapping[str, float]) -> bool:
+    return all(facts.get(name, 0.0) >= WHOLE for name in ("visible_fraction", "inside_fraction"))
+
+
+@dataclass(frozen=True, slots=True)
+class SeverityAgreement:
+    """Over the defects of one class that are found whole."""
+
+    name: str
+    """Of the class."""
+    defects: int
+    right: int
+    """One severity was said, and is the true one."""
+    within: int
+    """Two were said, as `low to medium`, and one of them is the true one."""
+    too_low: int
+    """What was said is less severe than the true one; of two, both."""
+    too_high: int
+    not_resolvable: int
+
+
+def severity_agreements(five: Matched, confidence: float) -> list[SeverityAgreement]:
+    """A row for each class with defects whose true and said severity are known, matched at IoU 0.5."""
+    order = tuple(Severity)
+    rows = []
+    for name, pairs in found_whole(five, confidence).items():
+        right = within = too_low = too_high = not_resolvable = 0
+        for region, said in pairs:
+            ranks = possible_ranks(said.severity)
+            if ranks is None or not region.severity:
+                continue
+            true = order.index(Severity(region.severity))
+            not_resolvable += not ranks
+            right += ranks == (true,)
+            within += len(ranks) == 2 and true in ranks
+            too_low += bool(ranks) and max(ranks) < true
+            too_high += bool(ranks) and min(ranks) > true
+        if defects := right + within + too_low + too_high + not_resolvable:
+            rows.append(SeverityAgreement(name, defects, right, within, too_low, too_high, not_resolvable))
+    return rows

@@ -17,9 +17,9 @@ import numpy as np
 from pavetwin.arrays import UInt8Array
 from pavetwin.perception.inference.detector import Detector
 from pavetwin.perception.shipped import model_path
+from pavetwin.training.evaluation.detections import LEAST_CONFIDENCE, Detects, found_by
 from pavetwin.training.evaluation.evaluate import evaluate
 from pavetwin.training.evaluation.labelled import LabelledSplit
-from pavetwin.training.evaluation.running import LEAST_CONFIDENCE, Detects, found_by
 from pavetwin.training.evaluation.ultralytics_models import open_ultralytics
 
 FRAME_PX: Final = (640, 480)

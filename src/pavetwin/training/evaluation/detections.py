@@ -1,25 +1,24 @@
-"""A file of detections: COCO's form of results, a list with an entry for each box.
-
-    [{"image_id": 7, "category_id": 3, "bbox": [left, top, width, height],
-      "score": 0.81, "attributes": {"det_conf": 0.9, "cls_conf": 0.9}}, …]
-
-`image_id` and `category_id` are those of the dataset's own files. The final confidence is detection × subtype
-confidence for defects, and the detection confidence for persons and cars. `score` alone is taken as the final one.
-"""
+"""Detections of an evaluation: read from a file of COCO results, or made by a detector on the images of a dataset."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from io import BytesIO
 from math import isfinite
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol
+
+from PIL import Image
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import FloatBox
-from pavetwin.perception.classes import NO_SUBTYPE, ROAD_DEFECT, SIZES, class_of
+from pavetwin.perception.classes import NO_SUBTYPE, ROAD_DEFECT, SIZES, class_of, coarse_of_classes
+from pavetwin.perception.inference.detections import Detections
+from pavetwin.perception.inference.pictures import Picture
+from pavetwin.perception.results.detected_image import sizes_of
 from pavetwin.perception.results.measuring import NOT_RESOLVABLE
 from pavetwin.perception.results.visible_severity import possible_ranks
-from pavetwin.training.evaluation.labelled import LabelledSplit
+from pavetwin.training.evaluation.labelled import LabelledImage, LabelledSplit
 
 _ROUNDING: Final = 2e-3
 """By how much `score` may differ from the product of its parts, which are often rounded to three digits."""
@@ -185,3 +184,79 @@ def _number(row: Any, key: str, where: str) -> float:
     if not isinstance(value, int | float) or isinstance(value, bool) or not isfinite(value):
         raise PaveTwinError(f"{where} has no finite number as `{key}`.")
     return float(value)
+
+
+LEAST_CONFIDENCE: Final = 0.001
+"""Of the detector of an evaluation: average precision reads the whole curve."""
+
+
+class Detects(Protocol):
+    """What finds things in pictures."""
+
+    def detect(self, images: Iterable[Picture]) -> list[Detections]:
+        """The detections of each image."""
+
+
+def found_by(
+    detector: Detects, splits: Sequence[LabelledSplit], tell: Callable[[float], None] | None = None
+) -> tuple[FoundBox, ...]:
+    """The detections in all images of some splits of a dataset.
+
+    Raises:
+        PaveTwinError: a picture is missing, or no image.
+    """
+    images = [(split, image) for split in splits for image in split.images]
+    found: list[FoundBox] = []
+    for at, (split, image) in enumerate(images):
+        found += _found_in(detector, split, image)
+        if tell is not None:
+            tell((at + 1) / len(images))
+    return tuple(found)
+
+
+class AsksRegions(Protocol):
+    """What says the subtype of given regions."""
+
+    def subtypes_at(self, image: Picture, boxes: Sequence[FloatBox]) -> list[int]:
+        """The number in `SUBTYPES` of each region of an image."""
+
+
+def subtypes_by(detector: AsksRegions, split: LabelledSplit) -> dict[int, int]:
+    """What the subtype head says at the true boxes of defects: number of the annotation → number in `SUBTYPES`.
+
+    Raises:
+        PaveTwinError: a picture is missing, or no image.
+    """
+    told: dict[int, int] = {}
+    for image in split.images:
+        regions = [each for each in image.regions if each.has_subtype]
+        if regions:
+            said = detector.subtypes_at(_picture(split, image), [each.true.box for each in regions])
+            told |= zip((each.number for each in regions), said, strict=True)
+    return told
+
+
+def _picture(split: LabelledSplit, image: LabelledImage) -> Image.Image:
+    try:
+        picture = Image.open(BytesIO(split.data.encoded(image.example)))
+        picture.load()
+    except OSError as error:
+        raise PaveTwinError(f"The picture of '{image.example.name}' cannot be read as an image ({error}).") from error
+    return picture
+
+
+def _found_in(detector: Detects, split: LabelledSplit, image: LabelledImage) -> list[FoundBox]:
+    (said,) = detector.detect([_picture(split, image)])
+    gsd_mm = image.facts.get("gsd_mm", image.example.gsd_mm)
+    coarse = coarse_of_classes(said.classes)
+    rows = []
+    for at in range(len(said)):
+        told = sizes_of(said, at, gsd_mm) if gsd_mm else {}
+        number, severity = int(said.classes[at]), str(told.get("severity", ""))
+        sizes = {name: value for name, value in told.items() if not isinstance(value, str) and value > 0}
+        detection = float(said.detection[at])
+        confidence = detection * float(said.subtype[at])
+        rows.append(
+            FoundBox(image.number, int(coarse[at]), number, said.box(at), detection, confidence, sizes, severity)
+        )
+    return rows

@@ -8,13 +8,13 @@ import numpy as np
 
 from pavetwin.arrays import Int64Array
 from pavetwin.errors import PaveTwinError
-from pavetwin.training.evaluation.breakdowns import Breakdown, breakdowns
-from pavetwin.training.evaluation.calibration import Reliability, reliability
-from pavetwin.training.evaluation.confusion import (
-    SubtypeScores,
-    confusion_matrix,
-    subtypes_of_matched,
-    subtypes_of_true,
+from pavetwin.training.evaluation.breakdowns import (
+    Breakdown,
+    SeverityAgreement,
+    SizeError,
+    breakdowns,
+    severity_agreements,
+    size_errors,
 )
 from pavetwin.training.evaluation.detections import FoundBox
 from pavetwin.training.evaluation.labelled import LabelledSplit
@@ -27,9 +27,17 @@ from pavetwin.training.evaluation.resampling import (
     intervals,
     metrics_of,
 )
-from pavetwin.training.evaluation.scores import ScoresAt, best_confidence, scores_at
-from pavetwin.training.evaluation.severities import SeverityAgreement, severity_agreements
-from pavetwin.training.evaluation.sizes import SizeError, size_errors
+from pavetwin.training.evaluation.scores import (
+    Reliability,
+    ScoresAt,
+    SubtypeScores,
+    best_confidence,
+    confusion_matrix,
+    reliability,
+    scores_at,
+    subtypes_of_matched,
+    subtypes_of_true,
+)
 
 CONFIDENCE: Final = 0.25
 """At which precision, recall and F1 are stated unless told otherwise."""

@@ -8,12 +8,10 @@ from math import isfinite
 from typing import Any
 
 from pavetwin.perception.classes import CLASSES, SUBTYPES
-from pavetwin.training.evaluation.calibration import Reliability
-from pavetwin.training.evaluation.confusion import SubtypeScores
 from pavetwin.training.evaluation.evaluate import DetectorEvaluation
 from pavetwin.training.evaluation.matching import HALF, THRESHOLDS, Matched
 from pavetwin.training.evaluation.resampling import Metrics, ResampledDifference, ResampledInterval
-from pavetwin.training.evaluation.scores import ScoresAt
+from pavetwin.training.evaluation.scores import Reliability, ScoresAt, SubtypeScores
 
 
 def as_values(found: DetectorEvaluation) -> dict[str, Any]:

@@ -14,11 +14,11 @@ from pavetwin.labels.classes import colours
 from pavetwin.perception.classes import CLASSES
 from pavetwin.reports import canvas
 from pavetwin.reports.blocks import ReportFigure
-from pavetwin.training.evaluation.confusion import overlap
 from pavetwin.training.evaluation.detections import FoundBox
 from pavetwin.training.evaluation.evaluate import DetectorEvaluation
 from pavetwin.training.evaluation.labelled import LabelledImage, LabelledRegion
 from pavetwin.training.evaluation.matching import HALF
+from pavetwin.training.evaluation.scores import overlap
 
 SHOWN: Final = 9
 """Of a kind of error."""
