@@ -355,7 +355,7 @@ def test_no_file_names_a_package_registry() -> None:
     assert named == []
 
 
-TRAINING = PACKAGE / "training" / "trainer"
+TRAINING = (PACKAGE / "training" / "network", PACKAGE / "training" / "trainer")
 
 OTHER_LICENCE = {"ultralytics"}
 """What a user may have installed beside, of a licence that keeps it out of the extras (AGPL-3.0)."""
@@ -397,10 +397,10 @@ def test_what_a_user_installs_is_what_the_package_imports() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     required = distributions_in(project["dependencies"])
     extras = {name: distributions_in(specs) for name, specs in project["optional-dependencies"].items()}
-    training = set(TRAINING.rglob("*.py"))
+    training = {path for folder in TRAINING for path in folder.rglob("*.py")}
     to_train = extras.pop("train")
-    # PyTorch imports onnxscript when it exports; int8 is made by onnxruntime, which another extra installs.
-    assert imported_packages(training) == (to_train - {"onnxscript"} | {"numpy", "pillow"}, {"onnxruntime"})
+    # PyTorch imports onnxscript when it exports, and the evaluation imports pycocotools by name.
+    assert imported_packages(training) == (to_train - {"onnxscript", "pycocotools"} | {"numpy", "pillow"}, set())
     extra = set().union(*extras.values())
     stated, named = imported_packages(set(PACKAGE.rglob("*.py")) - training)
     assert sorted(required - stated - named) == [], "required, and never imported"

@@ -74,7 +74,7 @@ def test_what_ships_is_compared_by_name(place: Path) -> None:
     [
         ((), "Error: Name models to compare, or --sizes of untrained networks"),
         (("--ultralytics", "yolo11x"), "Error: --ultralytics: no network 'yolo11x' (did you mean"),
-        (("--ultralytics", "yolo11n"), "Error: Ultralytics is not installed, and is no part of PaveTwin: it is AGPL"),
+        (("--ultralytics", "yolo11n"), "Error: Ultralytics is not installed. It is not part of PaveTwin"),
         (("--weights", "a=gone.pt"), "Error: --weights: there is no file 'gone.pt'."),
         (("--sizes", "n,x"), "Error: --sizes: no size 'x'; known are n, s, m, l."),
         (("--sizes", "n"), "Error: Untrained networks need PyTorch, an extra; install it with `pip install"),

@@ -67,7 +67,7 @@ def test_a_report_is_written(place: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        (("found.json", "town"), "Error: Say where the report goes with -o"),
+        (("found.json", "town"), "Error: Name the folder of the report with -o"),
         (("best.pt", "town", "-o", "n"), "Error: Evaluating weights needs PyTorch, which is an extra; install it with"),
         (("nosuch.json", "town", "-o", "n"), "Error: 'nosuch.json' cannot be read (No such file or directory)."),
         (("render", "town", "-o", "n"), "Error: There is no model 'render': name one that ships"),
@@ -79,17 +79,17 @@ def test_a_report_is_written(place: Path) -> None:
         (("rendered", "bare", "-o", "n", "--confidence", "25"), "Error: --confidence 25: it is above 0 and below"),
         (("rendered", "bare", "-o", "n", "--seed", "-3"), "Error: --seed -3: it is 0 or more."),
         (("rendered", "bare", "-o", "found.json"), "Error: --output: 'found.json' is a file, so that nothing can"),
-        (("found.json", "town", "-o", "n", "--overview"), "Error: --overview: 'found.json' holds detections"),
+        (("found.json", "town", "-o", "n", "--overview"), "Error: --overview: 'found.json' is a file of detections"),
         (("found.json", "town", "-o", "n", "--against", "no.json"), "Error: --against: 'no.json' cannot be read"),
-        (("found.json", "town", "-o", "n", "--run", "no.json"), "Error: --run: other runs take part in differences"),
+        (("found.json", "town", "-o", "n", "--run", "no.json"), "Error: --run: further runs are for differences"),
         (
             ("found.json", "town", "-o", "n", "--against", "found.json", "--run", "no.json"),
             "Error: --run: 'no.json' cannot be read",
         ),
         (("found.json", "town", "-o", "n", "--regions", "found.json"), "Error: --regions: 'found.json': entry 1"),
-        (("rendered", "bare", "-o", "n", "--true-regions"), "Error: Asking at true regions needs PyTorch, which is"),
-        (("found.json", "town", "-o", "n", "--true-regions"), "Error: --true-regions: a file of detections cannot be"),
-        (("a.onnx", "town", "-o", "n", "--true-regions", "--regions", "b.json"), "Error: --regions: the file says"),
+        (("rendered", "bare", "-o", "n", "--true-regions"), "Error: Classifying true regions needs PyTorch, which is"),
+        (("found.json", "town", "-o", "n", "--true-regions"), "Error: --true-regions: a file of detections"),
+        (("a.onnx", "town", "-o", "n", "--true-regions", "--regions", "b.json"), "Error: --regions and --true"),
         (("found.json", "bare", "-o", "n"), "Error: The picture of '001.png' in 'bare' cannot be"),
     ],
 )  # fmt: skip

@@ -20,7 +20,7 @@ def compare(
         typer.Argument(metavar="[NAME=]MODEL", help="Files of `pavetwin export`, or detectors that ship, by name."),
     ] = None,
     sizes: Annotated[
-        str, typer.Option(help="Untrained networks beside them, as in --sizes n,s,m,l: size, FPS and GFLOPs only.")
+        str, typer.Option(help="Untrained networks to add, as in --sizes n,s,m,l: size, FPS and GFLOPs only.")
     ] = "",
     ultralytics: Annotated[
         str, typer.Option(help="Untrained networks of Ultralytics (AGPL-3.0), as in yolo11n,yolo12s, if installed.")
@@ -46,7 +46,7 @@ def compare(
     pavetwin compare --sizes n,s --ultralytics yolov8n,yolo11n,yolo12n --weights eleven=runs/eleven/best.pt
 
     A cell that was not measured is empty. FPS: one image of 640 × 480, from pixels to detections, seen as `detect`
-    sees it unless told otherwise. GFLOPs: one image of 640 × 640. Needs onnxruntime (`pip install pavetwin\\[detect]`);
+    sees it by default. GFLOPs: one image of 640 × 640. Needs onnxruntime (`pip install pavetwin\\[detect]`);
     untrained networks and GFLOPs need PyTorch too (`pavetwin\\[train]`), accuracy pycocotools
     (`pavetwin\\[evaluate]`). Ultralytics is not part of PaveTwin: it is AGPL-3.0, runs in PyTorch here, and its sizes
     are those of its parameters in single precision.
@@ -71,11 +71,11 @@ def compare(
         HEADINGS,
         ComparedModel,
         as_csv,
-        beside,
         cells,
         compared,
         compared_ultralytics,
         processor,
+        with_speeds,
     )
     from pavetwin.training.evaluation.labelled import read_split
     from pavetwin.training.evaluation.ultralytics_models import LICENCE, check_ultralytics
@@ -102,24 +102,24 @@ def compare(
         from pavetwin.training.trainer.export import export_untrained, gflops_of
 
         count = gflops_of
-    with TemporaryDirectory() as folder, progress("Comparing") as tell:
+    with TemporaryDirectory() as folder, progress("Comparing") as report:
         for name, path in files:
             rows.append(compared(name, path, split=labels, frames=frames, threads=threads, count=count))
-            tell(len(rows) / total)
+            report(len(rows) / total)
         for size in wanted:
             path = Path(folder) / f"{size}.onnx"
             export_untrained(size, path)
             name = f"{size}, untrained"
             rows.append(compared(name, path, split=None, frames=frames, threads=threads, count=count))
-            tell(len(rows) / total)
+            report(len(rows) / total)
         for name, given in foreign:
             from pavetwin.training.network.network import gflops
 
-            told = name if isinstance(given, Path) else f"{name}, untrained"
-            row = compared_ultralytics(told, given, split=labels, frames=frames, threads=threads, count=gflops)
+            title = name if isinstance(given, Path) else f"{name}, untrained"
+            row = compared_ultralytics(title, given, split=labels, frames=frames, threads=threads, count=gflops)
             rows.append(row)
-            tell(len(rows) / total)
-    rows = beside(rows, "n, untrained")
+            report(len(rows) / total)
+    rows = with_speeds(rows, "n, untrained")
     _tell(HEADINGS, [cells(row) for row in rows])
     out.line(f"\nFPS on {processor()}, {threads or os.cpu_count()} threads.")
     if output is not None:

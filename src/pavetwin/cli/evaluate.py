@@ -53,17 +53,15 @@ def evaluate(
             help="The model (and --run) looks in tiles and as a whole, as of `detect`; --against does not.",
         ),
     ] = False,
-    regions: Annotated[
-        Path | None, typer.Option(help="What the subtype head says at true regions, see the how-to.")
-    ] = None,
+    regions: Annotated[Path | None, typer.Option(help="File with subtypes of true regions, see the how-to.")] = None,
     true_regions: Annotated[
         bool,
-        typer.Option("--true-regions", help="Ask a model's subtype head at true regions too; needs PyTorch and onnx."),
+        typer.Option("--true-regions", help="Also classify true regions with a model; needs PyTorch and onnx."),
     ] = False,
-    resamples: Annotated[int, typer.Option(help="Of the bootstrap over images; 0 for no intervals.")] = 1000,
-    seed: Annotated[int, typer.Option(help="Random seed of the bootstrap; 0 is a seed too.")] = 0,
+    resamples: Annotated[int, typer.Option(help="Resamples of the bootstrap over images; 0 for no intervals.")] = 1000,
+    seed: Annotated[int, typer.Option(help="Random seed of the bootstrap.")] = 0,
 ) -> None:
-    """Measure a model, or detections, against a dataset's labels: average precision, errors, what they depend on.
+    """Evaluate a model or detections against a dataset's labels: average precision, errors, and their dependencies.
 
     \b
     pavetwin evaluate model.onnx datasets/streets -o evaluation
@@ -73,11 +71,11 @@ def evaluate(
     pavetwin evaluate mixed.json datasets/china-coco -o evaluation --against real-only.json
     pavetwin evaluate m0.onnx china-coco -o report --run m1.onnx --run m2.onnx --against r0.onnx --against r1.onnx
 
-    The dataset is a capture, or what `pavetwin data export --formats coco` writes. The file may hold detections of the
-    split val too: the confidence with the best F1 is chosen there.
+    The dataset is a capture, or a result of `pavetwin data export --formats coco`. A file may hold detections of the
+    split val too, on which the confidence with the best F1 is chosen.
 
-    Needs pycocotools: pip install 'pavetwin\\[evaluate]'; a model needs onnxruntime too, and no PyTorch but for
-    --true-regions. Weights need PyTorch, and are asked for the subtypes of true regions too.
+    Needs pycocotools (`pip install 'pavetwin\\[evaluate]'`), for a model onnxruntime too, and for weights and
+    --true-regions PyTorch. Evaluating weights always classifies true regions.
     """
     from pavetwin.labels import SPLITS
     from pavetwin.perception.shipped import model_path
@@ -88,31 +86,31 @@ def evaluate(
     from pavetwin.training.report.page import write_detector_report
 
     if output is None:
-        raise PaveTwinError("Say where the report goes with -o, for example -o evaluation.")
+        raise PaveTwinError("Name the folder of the report with -o, for example -o evaluation.")
     if split not in SPLITS:
         raise PaveTwinError(no_such("split", split, SPLITS, key="`split`"))
     with about("output"):
         check_folder(output)
     check_evaluation(confidence, resamples, seed)
     if true_regions and regions is not None:
-        raise PaveTwinError("`regions`: the file says what `true_regions` would ask; give one of them.")
+        raise PaveTwinError("`regions` and `true_regions` exclude each other; give one of them.")
     if true_regions and detections.suffix.lower() == ".json":
-        raise PaveTwinError("`true_regions`: a file of detections cannot be asked; give what it says with `regions`.")
+        raise PaveTwinError("`true_regions`: a file of detections has no subtype head; give `regions` instead.")
     if true_regions:
         from pavetwin.cli.train import check_torch
 
-        check_torch("Asking at true regions")  # before all images are looked at
+        check_torch("Classifying true regions")  # before the detector runs
     if runs and not against:
-        raise PaveTwinError("`run`: other runs take part in differences only; name what to compare with (`against`).")
-    with progress("Evaluating") as tell:
+        raise PaveTwinError("`run`: further runs are for differences only; name the other detections with `against`.")
+    with progress("Evaluating") as report:
         chosen = read_split(dataset, split)
         splits = (chosen, *_others(dataset, chosen))
-        found = _found(detections, splits, tell, overview=overview)
+        found = _found(detections, splits, report, overview=overview)
         told = differences = None
         with about("against"):
-            others = [_found(each, splits, tell, models_in=1) for each in against or ()]
+            others = [_found(each, splits, report, models_in=1) for each in against or ()]
         with about("run"):
-            same = [found, *(_found(each, splits, tell, models_in=1, overview=overview) for each in runs or ())]
+            same = [found, *(_found(each, splits, report, models_in=1, overview=overview) for each in runs or ())]
         if regions is not None:
             with about("regions"):
                 told = read_subtypes(regions, chosen)
@@ -124,31 +122,31 @@ def evaluate(
         validation = next((each for each in splits[1:] if each.name == VALIDATION), None)
         how: dict[str, Any] = {"confidence": confidence, "resamples": resamples, "seed": seed}
         result = evaluated(chosen, found, validation=validation, subtypes=told, **how)
-        tell(0.5)
+        report(0.5)
         if others:
             differences = compare_in_pairs(chosen, others, same, **how)
-        tell(0.7)
+        report(0.7)
         title = f"{detections.stem}, in tiles and as a whole" if overview else detections.stem
         files = write_detector_report(result, output, title=title, differences=differences)
-    _tell(result)
+    _print_result(result)
     if differences is not None:
-        _tell_differences(differences)
+        _print_differences(differences)
     out.line(f"Report: {files[0]}")
 
 
 def _found(
     path: Path,
     splits: "tuple[LabelledSplit, ...]",
-    tell: "Callable[[float], None]",
+    report: "Callable[[float], None]",
     models_in: int | None = None,
     *,
     overview: bool = False,
 ) -> "tuple[FoundBox, ...]":
-    """What a model says of the splits, or what a file of detections holds.
+    """Detections of a model in the splits, or those of a file.
 
     Args:
-        models_in: number of the splits, the first ones, that a model has to look at; None: those it is measured by.
-        overview: whether a model looks in tiles and as a whole.
+        models_in: number of the first splits in which a model detects; None for those needed by its evaluation.
+        overview: whether a model detects in tiles and in the whole image.
     """
     from pavetwin.perception.shipped import model_path
     from pavetwin.training.evaluation.detections import read_detections
@@ -158,15 +156,15 @@ def _found(
     kind = path.suffix.lower()
     if kind not in (".onnx", WEIGHTS):
         if overview:
-            raise PaveTwinError(f"`overview`: '{path}' holds detections, which say what was found already.")
+            raise PaveTwinError(f"`overview`: '{path}' is a file of detections, which has no detector to run.")
         return read_detections(path, tuple(each for each in splits if not each.is_renumbered))
     from pavetwin.perception.inference import Detector
     from pavetwin.training.evaluation.detections import LEAST_CONFIDENCE, found_by
 
     looked_at = [splits[0], *(each for each in splits[1:models_in] if each.name == VALIDATION)]
     if kind == WEIGHTS:
-        return found_by(_of_weights(path, overview=overview), looked_at, tell)
-    return found_by(Detector(path, confidence=LEAST_CONFIDENCE, overview=overview), looked_at, tell)
+        return found_by(_of_weights(path, overview=overview), looked_at, report)
+    return found_by(Detector(path, confidence=LEAST_CONFIDENCE, overview=overview), looked_at, report)
 
 
 def _of_weights(path: Path, *, overview: bool = False) -> "WeightsDetector":
@@ -180,7 +178,7 @@ def _of_weights(path: Path, *, overview: bool = False) -> "WeightsDetector":
 
 
 def _others(dataset: Path, chosen: "LabelledSplit") -> "list[LabelledSplit]":
-    """The splits of which a file of detections may hold some too, if the dataset has them, numbered apart."""
+    """Other splits of the dataset that a file of detections may cover, with distinct image numbers."""
     from pavetwin.training.evaluation.labelled import numbered_after, read_split
 
     names = [name for name in (VALIDATION, "test") if name != chosen.name]
@@ -205,8 +203,8 @@ def _interval(low: float, high: float) -> str:
     return "" if isnan(low) else f"{100 * low:.1f} – {100 * high:.1f}"
 
 
-def _tell(result: "DetectorEvaluation") -> None:
-    """A row a class, then the metrics of all with their intervals."""
+def _print_result(result: "DetectorEvaluation") -> None:
+    """Print a row for each class, and the metrics of all with their intervals."""
     from pavetwin.reports.words import counted
     from pavetwin.training.evaluation.matching import HALF
     from pavetwin.training.report.page import METRICS
@@ -241,7 +239,7 @@ def _tell(result: "DetectorEvaluation") -> None:
         out.line(f"Left out: {left} of classes that an image's source does not label.")
 
 
-def _tell_differences(found: "PairedComparison") -> None:
+def _print_differences(found: "PairedComparison") -> None:
     from pavetwin.training.report.page import METRICS
 
     table = _table("less the others, points", "these", "others", "difference", "95 % interval", "p")

@@ -1,4 +1,4 @@
-"""The adapter for Ultralytics, with a stand-in of a package that is not installed here: what it is asked and told."""
+"""The adapter for Ultralytics, with a fake of the package, which is not installed."""
 
 import sys
 from importlib.machinery import ModuleSpec
@@ -12,7 +12,7 @@ import pytest
 from pavetwin.errors import PaveTwinError
 from pavetwin.perception.classes import CLASSES
 from pavetwin.training.evaluation import ultralytics_models
-from pavetwin.training.evaluation.comparison import ComparedModel, beside, cells, processor
+from pavetwin.training.evaluation.comparison import ComparedModel, cells, processor, with_speeds
 from pavetwin.training.evaluation.ultralytics_models import check_ultralytics, open_ultralytics
 
 NAMES = {0: "pothole", 1: "dog", 2: "Single_Crack", 3: "car"}
@@ -24,7 +24,7 @@ class Rows(np.ndarray):  # type: ignore[type-arg]
 
 
 class Network:
-    """Says of each picture what it is given, and remembers how it was asked."""
+    """A fake network that returns fixed rows and records its calls."""
 
     asked: ClassVar[list[dict[str, Any]]] = []
 
@@ -94,12 +94,12 @@ def test_weights_that_are_of_no_use_are_refused(tmp_path: Path) -> None:
         check_ultralytics(tmp_path / "gone.pt")
 
 
-def test_the_processor_is_named_and_speeds_stand_beside_that_of_n() -> None:
+def test_speeds_are_relative_to_the_untrained_network_n() -> None:
     rows = [
         ComparedModel(name, None, None, None, None, 1.0, speed, None)
         for name, speed in (("n, untrained", 40.0), ("mine", 10.0))
     ]
-    assert [row.speed for row in beside(rows, "n, untrained")] == [1.0, 0.25]
-    assert cells(beside(rows, "n, untrained")[1])[6:8] == ("10.0", "0.25")
-    assert [row.speed for row in beside(rows[1:], "n, untrained")] == [None]
+    assert [row.speed for row in with_speeds(rows, "n, untrained")] == [1.0, 0.25]
+    assert cells(with_speeds(rows, "n, untrained")[1])[6:8] == ("10.0", "0.25")
+    assert [row.speed for row in with_speeds(rows[1:], "n, untrained")] == [None]
     assert len(processor()) > 2

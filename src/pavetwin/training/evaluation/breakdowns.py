@@ -23,7 +23,7 @@ from pavetwin.world.model import Severity
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """Something by which results are told apart, in ranges: each from an edge up to the next."""
+    """A property by which results are broken down, in ranges between successive edges."""
 
     name: str
     words: str
@@ -71,18 +71,18 @@ class Breakdown:
     hits: int
     """Found at the confidence, IoU 0.5."""
     precision: float | None
-    """Of all classes together; None by properties of objects, and where nothing was said."""
+    """Precision of all classes together; None for properties of objects, and without detections."""
     average_precision: float | None
     """Mean at IoU 0.5 over classes that have objects here; None by properties of objects."""
 
     @property
     def recall(self) -> float | None:
-        """Of all classes together."""
+        """Recall of all classes together."""
         return self.hits / self.objects if self.objects else None
 
 
 def breakdowns(five: Matched, confidence: float) -> list[Breakdown]:
-    """A row for each property and range of which something is known and there."""
+    """A row for each property and range with images or objects."""
     return [*_by_image(five, confidence), *_by_object(five, confidence)]
 
 
@@ -96,13 +96,13 @@ def _by_image(five: Matched, confidence: float) -> Iterator[Breakdown]:
 
 
 def _of_images(five: Matched, confidence: float, there: BoolArray, of: Known, limits: tuple[float, float]) -> Breakdown:
-    objects = hits = said = 0
+    objects = hits = reported = 0
     values = []
     for each in five.classes:
         used = (each.confidence >= confidence) & there[each.image]
         objects += int(there[each.true_image].sum())
         hits += int((each.hit[HALF] & used).sum())
-        said += int((used & ~each.left_out[HALF]).sum())
+        reported += int((used & ~each.left_out[HALF]).sum())
         values.append(weighted_precision(each, there.astype(np.float64), slice(HALF, HALF + 1))[0])
     known = [float(value) for value in values if not np.isnan(value)]
     return Breakdown(
@@ -114,7 +114,7 @@ def _of_images(five: Matched, confidence: float, there: BoolArray, of: Known, li
         images=int(there.sum()),
         objects=objects,
         hits=hits,
-        precision=hits / said if said else None,
+        precision=hits / reported if reported else None,
         average_precision=sum(known) / len(known) if known else None,
     )
 
@@ -123,8 +123,8 @@ def _by_object(five: Matched, confidence: float) -> Iterator[Breakdown]:
     regions = {region.number: (image, region) for image in five.images for region in image.regions}
     objects: list[tuple[LabelledImage, LabelledRegion, bool]] = []
     for each in five.classes:
-        for number, told in zip(each.true_number.tolist(), each.true_confidence.tolist(), strict=True):
-            objects.append((*regions[number], told >= confidence))
+        for number, confident in zip(each.true_number.tolist(), each.true_confidence.tolist(), strict=True):
+            objects.append((*regions[number], confident >= confidence))
     for of in OF_OBJECTS:
         values = np.array([_value(of.name)(region) for _, region, _ in objects], dtype=np.float64)
         for low, high in of.ranges():
@@ -157,27 +157,27 @@ of it."""
 
 @dataclass(frozen=True, slots=True)
 class SizeError:
-    """Of one size, over defects of one class that are found whole."""
+    """Error of one size over the defects of one class that are found whole."""
 
     size: str
     name: str
-    """Of the class."""
+    """Name of the class."""
     defects: int
     mean_absolute_percentage: float
     bias_percentage: float
-    """The mean of (said − true) / true; above 0 where sizes are too large."""
+    """Mean of (measured − true) / true; positive where sizes are too large."""
 
 
 def size_errors(five: Matched, confidence: float) -> list[SizeError]:
-    """A row for each size and class with defects whose true and said size are known, matched at IoU 0.5."""
+    """A row for each size and class with defects whose true and measured sizes are known, matched at IoU 0.5."""
     rows = []
     hits = found_whole(five, confidence)
     for size in SIZES:
         for name, pairs in hits.items():
             errors = [
-                100 * (said.sizes[size] / true.facts[size] - 1)
-                for true, said in pairs
-                if true.facts.get(size, 0.0) > 0 and size in said.sizes
+                100 * (found.sizes[size] / true.facts[size] - 1)
+                for true, found in pairs
+                if true.facts.get(size, 0.0) > 0 and size in found.sizes
             ]
             if errors:
                 rows.append(SizeError(size, name, len(errors), float(np.abs(errors).mean()), float(np.mean(errors))))
@@ -189,11 +189,13 @@ def found_whole(five: Matched, confidence: float) -> dict[str, list[tuple[Labell
     regions = {region.number: region for image in five.images for region in image.regions}
     hits = {}
     for each in five.classes:
-        told = zip(each.true_number, each.true_found, each.true_confidence, strict=True)
+        matches = zip(each.true_number, each.true_found, each.true_confidence, strict=True)
         pairs = [
-            (regions[int(number)], five.found[int(at)]) for number, at, sure in told if at >= 0 and sure >= confidence
+            (regions[int(number)], five.found[int(at)])
+            for number, at, sure in matches
+            if at >= 0 and sure >= confidence
         ]
-        hits[each.name] = [(true, said) for true, said in pairs if _is_whole(true.facts)]
+        hits[each.name] = [(true, found) for true, found in pairs if _is_whole(true.facts)]
     return hits
 
 
@@ -203,29 +205,29 @@ def _is_whole(facts: Mapping[str, float]) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class SeverityAgreement:
-    """Over the defects of one class that are found whole."""
+    """Agreement of severities over the defects of one class that are found whole."""
 
     name: str
-    """Of the class."""
+    """Name of the class."""
     defects: int
     right: int
-    """One severity was said, and is the true one."""
+    """One severity is stated, and it is the true one."""
     within: int
-    """Two were said, as `low to medium`, and one of them is the true one."""
+    """Two severities are stated, as `low to medium`, and one of them is the true one."""
     too_low: int
-    """What was said is less severe than the true one; of two, both."""
+    """All stated severities are below the true one."""
     too_high: int
     not_resolvable: int
 
 
 def severity_agreements(five: Matched, confidence: float) -> list[SeverityAgreement]:
-    """A row for each class with defects whose true and said severity are known, matched at IoU 0.5."""
+    """A row for each class with defects whose true and stated severities are known, matched at IoU 0.5."""
     order = tuple(Severity)
     rows = []
     for name, pairs in found_whole(five, confidence).items():
         right = within = too_low = too_high = not_resolvable = 0
-        for region, said in pairs:
-            ranks = possible_ranks(said.severity)
+        for region, found in pairs:
+            ranks = possible_ranks(found.severity)
             if ranks is None or not region.severity:
                 continue
             true = order.index(Severity(region.severity))

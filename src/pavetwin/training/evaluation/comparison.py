@@ -26,7 +26,7 @@ FRAME_PX: Final = (640, 480)
 """Width and height of the image that is timed: the paper's frame, scaled."""
 
 CONFIDENCE: Final = 0.25
-"""Of the detections of an image that is timed."""
+"""Minimum confidence of detections in timed runs."""
 
 _UNCOUNTED: Final = 3
 """Runs before the time counts: the first ones reserve memory."""
@@ -34,7 +34,7 @@ _UNCOUNTED: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class ComparedModel:
-    """One row. What was not measured is None, and an empty cell."""
+    """A row of the table; None and an empty cell for values that were not measured."""
 
     name: str
     map50: float | None
@@ -43,12 +43,12 @@ class ComparedModel:
     precision: float | None
     recall: float | None
     size_mb: float
-    """Of the file."""
+    """Size of the file."""
     frames_per_s: float
     """Of one image of `FRAME_PX`, from pixels to detections: the inverse of the median time. A model's file sees it as
     it sees the images that its accuracy is of: at the size that it was trained on, and in tiles where it takes some."""
     gflops: float | None
-    """Of convolutions, for one image of 640 × 640 px, as published figures are."""
+    """Billions of operations of convolutions for one image of 640 × 640 px, as in published figures."""
     speed: float | None = None
     """Frames a second, as a multiple of those of the untrained network n in the same table."""
 
@@ -101,7 +101,7 @@ def compared_ultralytics(
         PaveTwinError: as `open_ultralytics` does, or a picture of the split cannot be read.
     """
     detector = open_ultralytics(given, confidence=CONFIDENCE, image_px=max(FRAME_PX))
-    # The package leaves one core out unless told.
+    # By default the package leaves one core unused.
     torch: Any = import_module("torch")
     torch.set_num_threads(threads or os.cpu_count() or 1)
     # Before the first prediction, which joins batch normalisation and convolutions.
@@ -119,8 +119,8 @@ _NOT_MEASURED: Final[Accuracy] = (None, None, None, None)
 
 def _accuracy(detector: Detects, split: LabelledSplit) -> Accuracy:
     """mAP@0.5, mAP@0.5:0.95, precision and recall."""
-    told = evaluate(split, found_by(detector, (split,)), resamples=0).intervals
-    values = (told[key].value for key in ("map50", "map50_95", "precision", "recall"))
+    intervals = evaluate(split, found_by(detector, (split,)), resamples=0).intervals
+    values = (intervals[key].value for key in ("map50", "map50_95", "precision", "recall"))
     one, two, three, four = (None if np.isnan(value) else value for value in values)
     return one, two, three, four
 
@@ -155,7 +155,7 @@ def timed_picture() -> UInt8Array:
     return np.clip(pixels, 0, 255).astype(np.uint8)[:, :, None].repeat(3, axis=2)
 
 
-def beside(rows: Sequence[ComparedModel], name: str) -> list[ComparedModel]:
+def with_speeds(rows: Sequence[ComparedModel], name: str) -> list[ComparedModel]:
     """The rows with their speed as a multiple of that of one of them; without it where there is none of the name."""
     base = next((row.frames_per_s for row in rows if row.name == name), None)
     return [replace(row, speed=row.frames_per_s / base) for row in rows] if base else list(rows)
@@ -175,7 +175,7 @@ HEADINGS: Final = ("model", "mAP@0.5", "mAP@0.5:0.95", "precision", "recall", "s
 
 
 def cells(row: ComparedModel) -> tuple[str, ...]:
-    """As a table shows them: accuracies in per cent, and nothing for what was not measured."""
+    """Cells of a row: accuracies in per cent, empty where not measured."""
     shares = (
         "" if each is None else f"{100 * each:.1f}" for each in (row.map50, row.map50_95, row.precision, row.recall)
     )

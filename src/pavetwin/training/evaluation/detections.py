@@ -21,7 +21,7 @@ from pavetwin.perception.results.visible_severity import possible_ranks
 from pavetwin.training.evaluation.labelled import LabelledImage, LabelledSplit
 
 _ROUNDING: Final = 2e-3
-"""By how much `score` may differ from the product of its parts, which are often rounded to three digits."""
+"""Tolerance between `score` and the product of its parts, which are often rounded to three digits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,25 +29,30 @@ class FoundBox:
     """One detection."""
 
     image: int
-    """As the dataset numbers its images."""
+    """Number of the image in the dataset."""
     coarse: int
-    """In `COARSE`."""
+    """Index into `COARSE`."""
     number_of_class: int
-    """In `CLASSES`."""
+    """Index into `CLASSES`."""
     box: FloatBox
-    """In pixels of the image."""
+    """Left, top, right, bottom in pixels of the image."""
     detection: float
-    """Confidence in the coarse class, 0 … 1; the final one where the file does not tell them apart."""
+    """Confidence in the coarse class, 0 … 1; the final one if the file has only that."""
     confidence: float
     """The final one, 0 … 1."""
     sizes: Mapping[str, float] = field(default_factory=dict)
-    """Those of `SIZES` that were said."""
+    """Measured sizes, by their names in `SIZES`."""
     severity: str = ""
-    """What was said of it, see `visible_severity`; empty where nothing was."""
+    """Stated severity, see `visible_severity`; empty if none."""
 
 
 def read_detections(path: Path, splits: tuple[LabelledSplit, ...]) -> tuple[FoundBox, ...]:
-    """The detections of a file.
+    """Detections of a file in COCO's format of results.
+
+    An entry is `{"image_id": 1, "category_id": 3, "bbox": [left, top, width, height], "score": 0.81, "attributes":
+    {"det_conf": 0.9, "cls_conf": 0.9}}`, with the numbers of the dataset's own files. The final confidence is detection
+    × subtype confidence for defects, and the detection confidence for persons and cars. `score` alone is taken as the
+    final one.
 
     Args:
         splits: of the dataset; an image that is in none of them is refused.
@@ -70,7 +75,7 @@ def read_detections(path: Path, splits: tuple[LabelledSplit, ...]) -> tuple[Foun
 
 
 def read_subtypes(path: Path, split: LabelledSplit) -> dict[int, int]:
-    """What a subtype head says at true regions: number of the annotation → number in `SUBTYPES`.
+    """Subtypes reported for true regions: number of the annotation → index into `SUBTYPES`.
 
     The file is a list of `{"annotation_id": 70001, "category_id": 3}`. Each defect of the split that counts is in it.
 
@@ -79,7 +84,7 @@ def read_subtypes(path: Path, split: LabelledSplit) -> dict[int, int]:
     """
     asked = {region.number for image in split.images for region in image.regions if region.has_subtype}
     every = {region.number for image in split.images for region in image.regions}
-    told: dict[int, int] = {}
+    reported: dict[int, int] = {}
     for at, row in enumerate(_list(path), start=1):
         where = f"'{path}': entry {at}"
         number = _number(row, "annotation_id", where)
@@ -88,10 +93,10 @@ def read_subtypes(path: Path, split: LabelledSplit) -> dict[int, int]:
         coarse, subtype = _kind(row, where, split.categories)
         if coarse != ROAD_DEFECT:
             raise PaveTwinError(f"{where} has a category that is no subtype of defects.")
-        told[int(number)] = subtype
-    if missing := sorted(asked - told.keys()):
-        raise PaveTwinError(f"'{path}' says nothing of {len(missing)} of {len(asked)} defects, such as {missing[0]}.")
-    return {number: told[number] for number in asked}
+        reported[int(number)] = subtype
+    if missing := sorted(asked - reported.keys()):
+        raise PaveTwinError(f"'{path}' has no entry for {len(missing)} of {len(asked)} defects, such as {missing[0]}.")
+    return {number: reported[number] for number in asked}
 
 
 def _list(path: Path) -> list[Any]:
@@ -111,9 +116,11 @@ def _found(row: Any, image: int, where: str, categories: Mapping[int, tuple[int,
     number = class_of(coarse, subtype)
     assert number is not None
     detection, confidence = _confidences(row, coarse, where)
-    said = row.get("attributes") or {}
-    sizes = {name: _positive(said, name, where) for name in SIZES if said.get(name) not in (None, NOT_RESOLVABLE)}
-    severity = said.get("severity") or ""
+    attributes = row.get("attributes") or {}
+    sizes = {
+        name: _positive(attributes, name, where) for name in SIZES if attributes.get(name) not in (None, NOT_RESOLVABLE)
+    }
+    severity = attributes.get("severity") or ""
     if severity and (not isinstance(severity, str) or possible_ranks(severity) is None):
         raise PaveTwinError(
             f"{where} has a severity '{severity}'; it is low, medium, high, low to medium or medium to high."
@@ -132,20 +139,20 @@ def _kind(row: Any, where: str, categories: Mapping[int, tuple[int, int]]) -> tu
 
 
 def _confidences(row: Any, coarse: int, where: str) -> tuple[float, float]:
-    """Of the detection, and the final one."""
-    said = row.get("attributes") or {}
-    if not isinstance(said, dict):
+    """Detection confidence and final confidence."""
+    attributes = row.get("attributes") or {}
+    if not isinstance(attributes, dict):
         raise PaveTwinError(f"{where} has `attributes` that are no mapping.")
     score = _share(row, "score", where) if "score" in row else None
-    if "det_conf" not in said:
+    if "det_conf" not in attributes:
         if score is None:
             raise PaveTwinError(f"{where} has neither `score` nor the attribute `det_conf`.")
         return score, score
-    detection = final = _share(said, "det_conf", where)
+    detection = final = _share(attributes, "det_conf", where)
     if coarse == ROAD_DEFECT:
-        if "cls_conf" not in said:
-            raise PaveTwinError(f"{where} is of a defect and has no attribute `cls_conf` beside `det_conf`.")
-        final = detection * _share(said, "cls_conf", where)
+        if "cls_conf" not in attributes:
+            raise PaveTwinError(f"{where} is of a defect and has no attribute `cls_conf` with its `det_conf`.")
+        final = detection * _share(attributes, "cls_conf", where)
     if score is not None and abs(score - final) > _ROUNDING:
         raise PaveTwinError(f"{where} has the score {score:g}, and its parts make {final:.3g}.")
     return detection, final
@@ -187,18 +194,18 @@ def _number(row: Any, key: str, where: str) -> float:
 
 
 LEAST_CONFIDENCE: Final = 0.001
-"""Of the detector of an evaluation: average precision reads the whole curve."""
+"""Confidence limit of an evaluated detector: average precision reads the whole curve."""
 
 
 class Detects(Protocol):
-    """What finds things in pictures."""
+    """A detector of objects in images."""
 
     def detect(self, images: Iterable[Picture]) -> list[Detections]:
         """The detections of each image."""
 
 
 def found_by(
-    detector: Detects, splits: Sequence[LabelledSplit], tell: Callable[[float], None] | None = None
+    detector: Detects, splits: Sequence[LabelledSplit], on_progress: Callable[[float], None] | None = None
 ) -> tuple[FoundBox, ...]:
     """The detections in all images of some splits of a dataset.
 
@@ -209,31 +216,31 @@ def found_by(
     found: list[FoundBox] = []
     for at, (split, image) in enumerate(images):
         found += _found_in(detector, split, image)
-        if tell is not None:
-            tell((at + 1) / len(images))
+        if on_progress is not None:
+            on_progress((at + 1) / len(images))
     return tuple(found)
 
 
 class AsksRegions(Protocol):
-    """What says the subtype of given regions."""
+    """A classifier of given regions."""
 
     def subtypes_at(self, image: Picture, boxes: Sequence[FloatBox]) -> list[int]:
         """The number in `SUBTYPES` of each region of an image."""
 
 
 def subtypes_by(detector: AsksRegions, split: LabelledSplit) -> dict[int, int]:
-    """What the subtype head says at the true boxes of defects: number of the annotation → number in `SUBTYPES`.
+    """Subtypes of the true boxes of defects: number of the annotation → index into `SUBTYPES`.
 
     Raises:
         PaveTwinError: a picture is missing, or no image.
     """
-    told: dict[int, int] = {}
+    subtypes: dict[int, int] = {}
     for image in split.images:
         regions = [each for each in image.regions if each.has_subtype]
         if regions:
-            said = detector.subtypes_at(_picture(split, image), [each.true.box for each in regions])
-            told |= zip((each.number for each in regions), said, strict=True)
-    return told
+            reported = detector.subtypes_at(_picture(split, image), [each.true.box for each in regions])
+            subtypes |= zip((each.number for each in regions), reported, strict=True)
+    return subtypes
 
 
 def _picture(split: LabelledSplit, image: LabelledImage) -> Image.Image:
@@ -246,17 +253,17 @@ def _picture(split: LabelledSplit, image: LabelledImage) -> Image.Image:
 
 
 def _found_in(detector: Detects, split: LabelledSplit, image: LabelledImage) -> list[FoundBox]:
-    (said,) = detector.detect([_picture(split, image)])
+    (detected,) = detector.detect([_picture(split, image)])
     gsd_mm = image.facts.get("gsd_mm", image.example.gsd_mm)
-    coarse = coarse_of_classes(said.classes)
+    coarse = coarse_of_classes(detected.classes)
     rows = []
-    for at in range(len(said)):
-        told = sizes_of(said, at, gsd_mm) if gsd_mm else {}
-        number, severity = int(said.classes[at]), str(told.get("severity", ""))
-        sizes = {name: value for name, value in told.items() if not isinstance(value, str) and value > 0}
-        detection = float(said.detection[at])
-        confidence = detection * float(said.subtype[at])
+    for at in range(len(detected)):
+        measured = sizes_of(detected, at, gsd_mm) if gsd_mm else {}
+        number, severity = int(detected.classes[at]), str(measured.get("severity", ""))
+        sizes = {name: value for name, value in measured.items() if not isinstance(value, str) and value > 0}
+        detection = float(detected.detection[at])
+        confidence = detection * float(detected.subtype[at])
         rows.append(
-            FoundBox(image.number, int(coarse[at]), number, said.box(at), detection, confidence, sizes, severity)
+            FoundBox(image.number, int(coarse[at]), number, detected.box(at), detection, confidence, sizes, severity)
         )
     return rows

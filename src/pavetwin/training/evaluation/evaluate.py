@@ -40,33 +40,33 @@ from pavetwin.training.evaluation.scores import (
 )
 
 CONFIDENCE: Final = 0.25
-"""At which precision, recall and F1 are stated unless told otherwise."""
+"""Default confidence for precision, recall and F1."""
 
 RESAMPLES: Final = 1000
 
 
 @dataclass(frozen=True)
 class DetectorEvaluation:
-    """What was found out about a detector."""
+    """Results of the evaluation of a detector."""
 
     split: LabelledSplit
     five: Matched
     coarse: Matched
-    told: int
+    total: int
     """Detections of this split in the file."""
     at_stated: ScoresAt
     at_best: ScoresAt | None
     """At the confidence that is best on the validation split; None without detections of that split."""
     subtypes_matched: SubtypeScores
     subtypes_true: SubtypeScores | None
-    """None where nothing was said of true regions."""
+    """None without reported subtypes of true regions."""
     confusion: Int64Array
     """See `confusion_matrix`."""
     breakdowns: tuple[Breakdown, ...]
     reliability: Reliability
-    """Of all detections."""
+    """Calibration of all detections."""
     reliability_in_use: Reliability
-    """Of those from the stated confidence on."""
+    """Calibration of the detections from the stated confidence on."""
     intervals: dict[str, ResampledInterval]
     sizes: tuple[SizeError, ...]
     severities: tuple[SeverityAgreement, ...]
@@ -74,7 +74,7 @@ class DetectorEvaluation:
     @property
     def unlabelled(self) -> int:
         """Detections left out since their class is not labelled in the image's source."""
-        return self.told - len(self.five.found)
+        return self.total - len(self.five.found)
 
 
 def evaluate(
@@ -92,7 +92,7 @@ def evaluate(
     Args:
         found: of this split and, for the best confidence, of the validation split; others are not looked at.
         validation: the split on which the best confidence is chosen.
-        subtypes: what was said at true regions, see `read_subtypes`.
+        subtypes: reported subtypes of true regions, see `read_subtypes`.
         confidence: at which precision, recall, F1 and what rests on single detections are stated.
         resamples: of the bootstrap.
 
@@ -109,7 +109,7 @@ def evaluate(
         split=split,
         five=five,
         coarse=coarse,
-        told=len(mine),
+        total=len(mine),
         at_stated=scores_at(five, confidence),
         at_best=scores_at(five, best) if best is not None else None,
         subtypes_matched=subtypes_of_matched(coarse, confidence),
@@ -131,7 +131,7 @@ class PairedComparison:
     differences: dict[str, ResampledDifference]
     """Metric → the second less the first."""
     first: tuple[Metrics, ...]
-    """Of each run."""
+    """Metrics of each run."""
     second: tuple[Metrics, ...]
 
 
@@ -171,7 +171,7 @@ def compare_in_pairs(
 
 
 def check_evaluation(confidence: float, resamples: int, seed: int) -> None:
-    """What can be known before the detector looks at the first image.
+    """Check values and packages before the detector runs.
 
     Raises:
         PaveTwinError: a value is out of its bounds, or pycocotools is not installed.

@@ -26,11 +26,11 @@ from pavetwin.training.datasets.examples import Example, ExampleSet, TrueObject,
 from pavetwin.world.model import Severity
 
 IMAGE_FACTS: Final = ("altitude_m", "gsd_mm", "sun_elevation_deg", "cloud_cover")
-"""What may be known of an image: height of the camera above the road, millimetres of the road that a pixel covers, the
+"""Facts of an image: height of the camera above the road, millimetres of the road that a pixel covers, the
 sun's elevation, and the share of the sky with clouds."""
 
 OBJECT_FACTS: Final = ("visible_fraction", "inside_fraction", "contrast", "area_m2", "length_m")
-"""What may be known of an object: see docs/explanation/labels.md. Sizes of defects only. A single crack's mean width
+"""Facts of an object, see docs/explanation/labels.md. Sizes are those of defects. A single crack's mean width
 follows from its area and length, and the diameter of others from their area."""
 
 _SEVERITIES: Final = frozenset(each.value for each in Severity)
@@ -38,41 +38,41 @@ _SEVERITIES: Final = frozenset(each.value for each in Severity)
 
 @dataclass(frozen=True, slots=True)
 class LabelledRegion:
-    """One labelled thing of an image."""
+    """A labelled object of an image."""
 
     number: int
-    """Of the annotation in its file."""
+    """Number of the annotation in its file."""
     true: TrueObject
     facts: Mapping[str, float]
-    """Those of `OBJECT_FACTS` that are known."""
+    """Known facts, by their names in `OBJECT_FACTS`."""
     severity: str = ""
-    """Of a defect, as `Severity` has it; empty where it is not known."""
+    """Severity of a defect, a value of `Severity`; empty if unknown."""
 
     @property
     def number_of_class(self) -> int | None:
-        """In `CLASSES`; None for a defect of a class of the user's own."""
+        """Index into `CLASSES`; None for a defect of a custom class."""
         return class_of(self.true.coarse, self.true.subtype)
 
     @property
     def has_subtype(self) -> bool:
-        """Whether it is a defect of a known subtype that counts."""
+        """Whether it is a defect of a known subtype and not ignored."""
         is_defect = self.true.coarse == ROAD_DEFECT and not self.true.is_ignored
         return is_defect and self.true.subtype != NO_SUBTYPE
 
 
 @dataclass(frozen=True, slots=True)
 class LabelledImage:
-    """One image of a split. It may have no object: then every detection in it is a false alarm."""
+    """An image of a split, with or without objects."""
 
     number: int
-    """By which detections name it."""
+    """Number by which detections refer to it."""
     example: Example
     group: str
     """Images of one group show one place, and are drawn together in a bootstrap."""
     known: frozenset[int]
     """Coarse classes that its source labels; of others it may show some without a label."""
     facts: Mapping[str, float]
-    """Those of `IMAGE_FACTS` that are known."""
+    """Known facts, by their names in `IMAGE_FACTS`."""
     regions: tuple[LabelledRegion, ...]
 
 
@@ -86,7 +86,7 @@ class LabelledSplit:
     """Number of a class in the file → coarse class and subtype."""
     images: tuple[LabelledImage, ...]
     is_renumbered: bool = False
-    """Whether its images have other numbers than in the file, by which a file of detections cannot name them."""
+    """Whether image numbers differ from those in the file, so that a file of detections cannot refer to them."""
 
 
 def numbered_after(split: LabelledSplit, other: LabelledSplit) -> LabelledSplit:
@@ -135,24 +135,24 @@ def _categories(rows: list[dict[str, Any]]) -> dict[int, tuple[int, int]]:
 
 
 def _image_facts(image: dict[str, Any]) -> dict[str, float]:
-    """A capture says them of its camera and light, other datasets in the image's attributes."""
-    told = {**_mapping(image, "attributes"), **_mapping(image, "camera"), **_mapping(image, "light")}
-    return _numbers({**told, "gsd_mm": image.get("gsd_mm")}, IMAGE_FACTS)
+    """Facts of an image, from camera and light of a capture, or from the attributes of other datasets."""
+    given = {**_mapping(image, "attributes"), **_mapping(image, "camera"), **_mapping(image, "light")}
+    return _numbers({**given, "gsd_mm": image.get("gsd_mm")}, IMAGE_FACTS)
 
 
 def _region(row: dict[str, Any], true: TrueObject) -> LabelledRegion:
     known = {**_mapping(row, "attributes"), **row}
-    told = _numbers(known, OBJECT_FACTS)
+    facts = _numbers(known, OBJECT_FACTS)
     if true.coarse != ROAD_DEFECT:
-        told.pop("length_m", None)
-        told.pop("area_m2", None)
-    elif "area_m2" in told and told["area_m2"] > 0:
+        facts.pop("length_m", None)
+        facts.pop("area_m2", None)
+    elif "area_m2" in facts and facts["area_m2"] > 0:
         if true.subtype != SUBTYPES.index(CRACKS[0]):
-            told["diameter_mm"] = 2000 * sqrt(told["area_m2"] / pi)
-        elif told.get("length_m", 0.0) > 0:
-            told["mean_width_mm"] = 1000 * told["area_m2"] / told["length_m"]
+            facts["diameter_mm"] = 2000 * sqrt(facts["area_m2"] / pi)
+        elif facts.get("length_m", 0.0) > 0:
+            facts["mean_width_mm"] = 1000 * facts["area_m2"] / facts["length_m"]
     severity = known.get("severity") if true.coarse == ROAD_DEFECT else None
-    return LabelledRegion(int(row["id"]), true, told, severity if severity in _SEVERITIES else "")
+    return LabelledRegion(int(row["id"]), true, facts, severity if severity in _SEVERITIES else "")
 
 
 def _mapping(row: dict[str, Any], key: str) -> dict[str, Any]:
@@ -160,12 +160,12 @@ def _mapping(row: dict[str, Any], key: str) -> dict[str, Any]:
     return held if isinstance(held, dict) else {}
 
 
-def _numbers(told: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, float]:
-    """What is a finite number among these; the common form of datasets has numbers as text."""
+def _numbers(values: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, float]:
+    """Finite numbers among these values; the common form of datasets has numbers as text."""
     found = {}
     for name in names:
         try:
-            value = float(told[name])
+            value = float(values[name])
         except (KeyError, TypeError, ValueError):
             continue
         if isfinite(value):

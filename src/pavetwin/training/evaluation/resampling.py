@@ -16,7 +16,7 @@ from pavetwin.training.evaluation.matching import HALF, Matched
 from pavetwin.training.evaluation.scores import weighted_precision
 
 SHARE: Final = 0.95
-"""Of an interval: between the quantiles that leave out half of the rest on either side."""
+"""Coverage of an interval, between symmetric quantiles."""
 
 Metrics = Mapping[str, float]
 """Name → value, NaN where it is undefined."""
@@ -33,7 +33,7 @@ class ResampledInterval:
 
 @dataclass(frozen=True, slots=True)
 class ResampledDifference:
-    """Of a metric: the second recipe's value less the first's, each the mean over its runs."""
+    """Difference in a metric: the second recipe's value minus the first's, each the mean over its runs."""
 
     value: float
     low: float
@@ -54,10 +54,10 @@ def metrics_of(five: Matched, coarse: Matched, confidence: float) -> Callable[[F
         found["coarse_map50"] = _mean([float(weighted_precision(each, weights, half)[0]) for each in coarse.classes])
         counts = np.array([_counts(five, at, weights, confidence) for at in range(len(five.classes))])
         there = counts[:, 0] > 0
-        objects, hits, said = counts[there].T
-        found["precision"] = _mean(list(np.divide(hits, said, out=np.zeros_like(hits), where=said > 0)))
+        objects, hits, reported = counts[there].T
+        found["precision"] = _mean(list(np.divide(hits, reported, out=np.zeros_like(hits), where=reported > 0)))
         found["recall"] = _mean(list(hits / objects))
-        found["f1"] = _mean(list(2 * hits / (said + objects)))
+        found["f1"] = _mean(list(2 * hits / (reported + objects)))
         for each, row in zip(five.classes, precision, strict=True):
             found[f"ap50 {each.name}"] = float(row[HALF])
         defects = coarse.classes[ROAD_DEFECT]
@@ -75,7 +75,7 @@ def _counts(matched: Matched, at: int, weights: Float64Array, confidence: float)
 
 
 def _mean(values: list[float]) -> float:
-    """Over what is defined."""
+    """Mean of the defined values."""
     known = [value for value in values if not np.isnan(value)]
     return float(np.mean(known)) if known else float("nan")
 
@@ -83,7 +83,7 @@ def _mean(values: list[float]) -> float:
 def intervals(
     metrics: Callable[[Float64Array], Metrics], groups: tuple[str, ...], *, resamples: int, seed: int
 ) -> dict[str, ResampledInterval]:
-    """Of each metric.
+    """Value and interval of each metric.
 
     Args:
         groups: of each image.
@@ -95,13 +95,13 @@ def intervals(
 
 
 Measures = Sequence[Callable[[Float64Array], Metrics]]
-"""Of the runs of a recipe: metrics by how often each image is there."""
+"""For each run of a recipe, metrics as a function of image weights."""
 
 
 def differences(
     first: Measures, second: Measures, groups: tuple[str, ...], *, resamples: int, seed: int
 ) -> dict[str, ResampledDifference]:
-    """Of each metric: the second recipe less the first, on the same images.
+    """Difference in each metric, second recipe minus first, on the same images.
 
     Args:
         first: one run or several; so `second`, whose runs need not be as many.
@@ -111,8 +111,8 @@ def differences(
     runs = np.random.default_rng((seed, 1))
     for weights in _draws(groups, resamples, seed):
         one, other = ([of[at] for at in runs.integers(len(of), size=len(of))] for of in (first, second))
-        for name, told in _apart(one, other, weights).items():
-            drawn[name].append(told)
+        for name, value_drawn in _apart(one, other, weights).items():
+            drawn[name].append(value_drawn)
     return {name: ResampledDifference(value[name], *_limits(row), _p(row)) for name, row in drawn.items()}
 
 

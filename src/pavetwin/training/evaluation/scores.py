@@ -1,5 +1,6 @@
-"""Scores at a confidence (precision, recall, F1, confusion of classes and subtypes), calibration, and average precision of
-weighted images; IoU 0.5 unless stated otherwise."""
+"""Scores at a confidence, confusion of classes and subtypes, calibration, and average precision of weighted images.
+
+Matches are at IoU 0.5 unless stated otherwise."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -30,9 +31,9 @@ class ClassScores:
 
     @property
     def precision(self) -> float | None:
-        """None where nothing was said."""
-        said = self.hits + self.false_alarms
-        return self.hits / said if said else None
+        """None without detections."""
+        reported = self.hits + self.false_alarms
+        return self.hits / reported if reported else None
 
     @property
     def recall(self) -> float | None:
@@ -47,14 +48,14 @@ class ClassScores:
 
 @dataclass(frozen=True, slots=True)
 class ScoresAt:
-    """What a detector reaches at a confidence. Means are over the classes that have objects."""
+    """Scores of a detector at a confidence. Means are over the classes with objects."""
 
     confidence: float
     classes: tuple[ClassScores, ...]
 
     @property
     def precision(self) -> float | None:
-        """A class of which nothing was said counts as 0."""
+        """A class without detections counts as 0."""
         return _mean([each.precision or 0.0 for each in self.classes if each.objects])
 
     @property
@@ -83,7 +84,7 @@ def _of_class(each: MatchedClass, confidence: float) -> ClassScores:
 
 def best_confidence(matched: Matched) -> float | None:
     """The confidence at which the macro F1 is greatest, the highest of several; None where there is no object, or
-    where nothing that is said is right.
+    without a correct detection.
 
     To be chosen on other images than those on which it is then reported.
     """
@@ -102,14 +103,14 @@ def _f1_at(each: MatchedClass, confidences: Float64Array) -> Float64Array:
     # How many are at least so confident: they are the first ones.
     used = len(rising) - np.searchsorted(rising, confidences, side="left")
     hits = np.concatenate([[0], np.cumsum(each.hit[HALF])])[used]
-    said = np.concatenate([[0], np.cumsum(kept)])[used]
-    return np.asarray(2 * hits / (said + each.objects), dtype=np.float64)
+    reported = np.concatenate([[0], np.cumsum(kept)])[used]
+    return np.asarray(2 * hits / (reported + each.objects), dtype=np.float64)
 
 
 def weighted_precision(each: MatchedClass, weights: Float64Array, thresholds: slice = slice(None)) -> Float64Array:
     """(thresholds,) average precision where image i is there `weights[i]` times; NaN where no object is left.
 
-    With weights of 1 it is what pycocotools says.
+    With weights of 1 it equals the result of pycocotools.
     """
     objects = float(weights[each.true_image].sum())
     hits, out = each.hit[thresholds], each.left_out[thresholds]
@@ -125,11 +126,11 @@ def weighted_precision(each: MatchedClass, weights: Float64Array, thresholds: sl
 
 def _area(hit: BoolArray, skipped: BoolArray, weight: Float64Array, objects: float) -> float:
     found = np.cumsum(np.where(hit, weight, 0.0))[hit]
-    said = np.cumsum(np.where(skipped, 0.0, weight))[hit]
+    reported = np.cumsum(np.where(skipped, 0.0, weight))[hit]
     if not len(found):
         return 0.0
     # Between two hits precision only falls, so that its greatest values beyond a recall are at hits.
-    envelope = np.maximum.accumulate((found / said)[::-1])[::-1]
+    envelope = np.maximum.accumulate((found / reported)[::-1])[::-1]
     at = np.searchsorted(found / objects, RECALLS, side="left")
     return float(np.append(envelope, 0.0)[at].mean())
 
@@ -152,7 +153,7 @@ class ReliabilityBin:
 
 @dataclass(frozen=True, slots=True)
 class Reliability:
-    """Of the detections from a confidence on."""
+    """Calibration of the detections from a confidence on."""
 
     least: float
     bins: tuple[ReliabilityBin, ...]
@@ -181,9 +182,9 @@ def reliability(matched: Matched, least: float) -> Reliability:
         least: detections below it are not counted.
     """
     kept = [(each.confidence >= least) & ~each.left_out[HALF] for each in matched.classes]
-    told = np.concatenate([each.confidence[used] for each, used in zip(matched.classes, kept, strict=True)])
+    confidence = np.concatenate([each.confidence[used] for each, used in zip(matched.classes, kept, strict=True)])
     hits = np.concatenate([each.hit[HALF][used] for each, used in zip(matched.classes, kept, strict=True)])
-    place = np.minimum((told * BINS).astype(np.intp), BINS - 1)
+    place = np.minimum((confidence * BINS).astype(np.intp), BINS - 1)
     bins = []
     for at in range(BINS):
         mine = place == at
@@ -193,7 +194,7 @@ def reliability(matched: Matched, least: float) -> Reliability:
                 at / BINS,
                 (at + 1) / BINS,
                 count,
-                float(told[mine].mean()) if count else None,
+                float(confidence[mine].mean()) if count else None,
                 float(hits[mine].mean()) if count else None,
             )
         )
@@ -208,10 +209,10 @@ _OVERLAP: Final = 0.5
 
 @dataclass(frozen=True, slots=True)
 class SubtypeScores:
-    """How well the subtypes of regions that hold a defect are told apart."""
+    """Classification of the subtypes of regions with a defect."""
 
     counts: Int64Array
-    """(subtypes, subtypes) regions, by true and by said subtype."""
+    """(subtypes, subtypes) regions, by true and by reported subtype."""
 
     @property
     def regions(self) -> int:
@@ -223,21 +224,21 @@ class SubtypeScores:
 
     @property
     def f1(self) -> tuple[float | None, ...]:
-        """Of each subtype; None of one that is neither true nor said."""
+        """F1 of each subtype; None for one that is neither true nor reported."""
         whole = self.counts.sum(axis=0) + self.counts.sum(axis=1)
         hits = np.diag(self.counts)
         return tuple(float(2 * hit / total) if total else None for hit, total in zip(hits, whole, strict=True))
 
     @property
     def macro_f1(self) -> float | None:
-        """Over the subtypes that some region has."""
+        """Mean F1 over the true subtypes."""
         there = self.counts.sum(axis=1) > 0
         values = [value or 0.0 for value, counts in zip(self.f1, there, strict=True) if counts]
         return sum(values) / len(values) if values else None
 
 
 def subtypes_of_matched(coarse: Matched, confidence: float) -> SubtypeScores:
-    """On predicted regions: detections of Road Defect that are at least so confident, each matched at IoU 0.5 to a
+    """Subtypes of predicted regions: detections of Road Defect from a confidence on, each matched at IoU 0.5 to a
     defect of a known subtype.
 
     Args:
@@ -246,21 +247,21 @@ def subtypes_of_matched(coarse: Matched, confidence: float) -> SubtypeScores:
     true = {region.number: region for image in coarse.images for region in image.regions}
     defects = coarse.classes[ROAD_DEFECT]
     pairs = []
-    for number, at, told in zip(defects.true_number, defects.true_found, defects.true_confidence, strict=True):
+    for number, at, confident in zip(defects.true_number, defects.true_found, defects.true_confidence, strict=True):
         region = true[int(number)]
-        if at >= 0 and told >= confidence and region.has_subtype:
+        if at >= 0 and confident >= confidence and region.has_subtype:
             pairs.append((region.true.subtype, coarse.found[int(at)].number_of_class))
     return _counted(pairs)
 
 
-def subtypes_of_true(images: tuple[LabelledImage, ...], told: Mapping[int, int]) -> SubtypeScores:
-    """On true regions.
+def subtypes_of_true(images: tuple[LabelledImage, ...], reported: Mapping[int, int]) -> SubtypeScores:
+    """Subtypes of true regions.
 
     Args:
-        told: number of the annotation → what was said.
+        reported: number of the annotation → reported subtype.
     """
-    regions = (region for image in images for region in image.regions if region.number in told)
-    return _counted((region.true.subtype, told[region.number]) for region in regions)
+    regions = (region for image in images for region in image.regions if region.number in reported)
+    return _counted((region.true.subtype, reported[region.number]) for region in regions)
 
 
 def _counted(pairs: Iterable[tuple[int, int]]) -> SubtypeScores:
@@ -271,17 +272,17 @@ def _counted(pairs: Iterable[tuple[int, int]]) -> SubtypeScores:
 
 
 def confusion_matrix(five: Matched, confidence: float) -> Int64Array:
-    """(6, 6) true class × said class, `BACKGROUND` last, at IoU 0.5.
+    """(6, 6) true class × reported class, `BACKGROUND` last, at IoU 0.5.
 
     From the most confident on, each detection takes the free object that it overlaps most, whatever its class. One that
     overlaps nothing but an ignored region, of which it may be a part, is not counted.
     """
     counts = np.zeros((BACKGROUND + 1, BACKGROUND + 1), dtype=np.int64)
-    said: dict[int, list[FoundBox]] = {image.number: [] for image in five.images}
+    reported: dict[int, list[FoundBox]] = {image.number: [] for image in five.images}
     for each in _counting(five, confidence):
-        said[each.image].append(each)
+        reported[each.image].append(each)
     for image in five.images:
-        _count_image(image, said[image.number], counts)
+        _count_image(image, reported[image.number], counts)
     return counts
 
 
@@ -294,9 +295,9 @@ def _counting(five: Matched, confidence: float) -> list[FoundBox]:
     return sorted(found, key=lambda box: -box.confidence)
 
 
-def _count_image(image: LabelledImage, said: list[FoundBox], counts: Int64Array) -> None:
+def _count_image(image: LabelledImage, reported: list[FoundBox], counts: Int64Array) -> None:
     free = [region for region in image.regions if not region.true.is_ignored and region.number_of_class is not None]
-    for box in said:
+    for box in reported:
         overlaps = [overlap(box.box, region.true.box) for region in free]
         best = int(np.argmax(overlaps)) if overlaps else -1
         row = BACKGROUND

@@ -15,14 +15,14 @@ from pavetwin.training.evaluation.scores import Reliability, ScoresAt, SubtypeSc
 
 
 def as_values(found: DetectorEvaluation) -> dict[str, Any]:
-    """Everything, by name: shares as 0 … 1."""
+    """All results by name; shares are in 0 … 1."""
     split = found.split
     return {
         "split": split.name,
         "images": len(split.images),
         "empty_images": sum(not image.regions for image in split.images),
         "groups": len({image.group for image in split.images}),
-        "detections": found.told,
+        "detections": found.total,
         "detections_of_unlabelled_classes": found.unlabelled,
         "map50": defined(found.five.mean_precision(HALF)),
         "map50_95": defined(found.five.mean_precision()),

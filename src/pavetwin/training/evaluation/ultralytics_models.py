@@ -1,8 +1,8 @@
-"""An adapter for the networks of Ultralytics, for comparison only.
+"""Adapter for networks of Ultralytics, for comparison only.
 
-Ultralytics is AGPL-3.0 and no part of PaveTwin: it is not among the packages of any extra, nothing of it is copied
-here, and it is imported where a user has installed it and asks for its networks. It is kept from the network then: no
-download of weights, no installing of packages, no reports of use.
+Ultralytics is licensed under AGPL-3.0 and not part of PaveTwin: no extra installs it, and nothing of it is copied. It
+is imported only if a user has installed it and asks for its networks, with downloads, installation of packages and
+usage reports disabled.
 """
 
 import os
@@ -29,7 +29,7 @@ LICENCE: Final = (
 )
 
 _SILENT: Final = {"YOLO_OFFLINE": "true", "YOLO_AUTOINSTALL": "false", "YOLO_VERBOSE": "false"}
-"""What the package reads when it is imported."""
+"""Environment variables that the package reads on import."""
 
 _OVERLAP: Final = 0.7
 _MOST: Final = 300
@@ -37,17 +37,17 @@ _MOST: Final = 300
 
 @dataclass(frozen=True)
 class UltralyticsModel:
-    """A network: of a published size and untrained, or of a file of weights."""
+    """An untrained network of a published size, or one from a file of weights."""
 
     model: Any
     """`ultralytics.YOLO`."""
     confidence: float
     image_px: int
-    """Longer side of what the network sees."""
+    """Longer side of the network's input, in pixels."""
 
     @property
     def size_mb(self) -> float:
-        """Of its parameters in single precision."""
+        """Size of its parameters in single precision."""
         return float(sum(each.numel() for each in self.model.model.parameters()) * 4 / 1e6)
 
     def detect(self, images: Iterable[Picture]) -> list[Detections]:
@@ -58,7 +58,7 @@ class UltralyticsModel:
     def _of_image(self, image: Picture) -> Detections:
         pixels = pixels_of(image)
         # Arrays are taken for blue, green, red.
-        (said,) = self.model.predict(
+        (result,) = self.model.predict(
             np.ascontiguousarray(pixels[:, :, ::-1]),
             imgsz=self.image_px,
             conf=self.confidence,
@@ -67,7 +67,7 @@ class UltralyticsModel:
             device="cpu",
             verbose=False,
         )
-        rows = said.boxes.data.numpy()
+        rows = result.boxes.data.numpy()
         numbers = classes_of(self.model.names, rows[:, 5])
         kept = (numbers >= 0) & (rows[:, 2:4] > rows[:, :2]).all(axis=1)
         count = int(kept.sum())
@@ -81,23 +81,21 @@ class UltralyticsModel:
         )
 
 
-def classes_of(names: Mapping[int, str], said: Any) -> Int64Array:
-    """Numbers in `CLASSES` of a network's own; −1 for what is none of them.
+def classes_of(names: Mapping[int, str], numbers: Any) -> Int64Array:
+    """Indices into `CLASSES` of a network's own class numbers; −1 for other classes.
 
     Args:
-        names: of the network's classes. Case, hyphens and underscores are no difference.
-        said: (n,) its numbers.
+        names: names of the network's classes; case, hyphens and underscores are ignored.
+        numbers: (n,) class numbers of the network.
     """
     known = {name.lower(): at for at, name in enumerate(CLASSES)}
     plain = {at: name.lower().replace("_", " ").replace("-", " ") for at, name in names.items()}
-    return np.array([known.get(plain[int(number)], -1) for number in said], dtype=np.int64)
+    return np.array([known.get(plain[int(number)], -1) for number in numbers], dtype=np.int64)
 
 
 def check_ultralytics(given: str | Path) -> None:
-    """Before anything is loaded.
-
-    Raises:
-        PaveTwinError: there is no such network or file, or Ultralytics is not installed.
+    """Raises:
+    PaveTwinError: there is no such network or file, or Ultralytics is not installed.
     """
     if isinstance(given, str) and given not in NETWORKS:
         raise PaveTwinError(no_such("network", given, NETWORKS, key="`ultralytics`"))
@@ -105,8 +103,8 @@ def check_ultralytics(given: str | Path) -> None:
         raise PaveTwinError(f"`weights`: there is no file '{given}'.")
     if find_spec("ultralytics") is None:
         raise PaveTwinError(
-            "Ultralytics is not installed, and is no part of PaveTwin: it is AGPL-3.0. Where that suits you, "
-            "`pip install ultralytics` beside it."
+            "Ultralytics is not installed. It is not part of PaveTwin and is licensed under AGPL-3.0; if that suits "
+            "you, install it with `pip install ultralytics`."
         )
 
 
@@ -114,8 +112,8 @@ def open_ultralytics(given: str | Path, *, confidence: float, image_px: int) -> 
     """A network of `NETWORKS` by its name, untrained, or a file of weights.
 
     Args:
-        confidence: the least of what is said.
-        image_px: longer side of what the network sees; 0 takes what it was trained on.
+        confidence: minimum confidence of detections.
+        image_px: longer side of the network's input; 0 takes that of the training.
 
     Raises:
         PaveTwinError: as `check_ultralytics` does, or the file is damaged, or none of its classes is one of the

@@ -17,7 +17,7 @@ from pavetwin.training.evaluation.matching import HALF, MatchedClass
 
 _PERCENT: Final = PercentFormatter(1.0, decimals=0, symbol=" %")
 _DASHES: Final = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)), (0, (3, 1)))
-"""Of the five classes, for grey print."""
+"""Line styles of the five classes, for grey print."""
 
 
 def precision_figure(found: DetectorEvaluation) -> ReportFigure:
@@ -87,7 +87,7 @@ def confusion_figure(found: DetectorEvaluation) -> ReportFigure:
         labels = [name.replace(" ", "\n") for name in names]
         axes.set_xticks(range(len(names)), [*labels[:-1], "missed"])
         axes.set_yticks(range(len(names)), [*labels[:-1], "back-\nground"])
-        axes.set(xlabel="said", ylabel="true")
+        axes.set(xlabel="reported", ylabel="true")
         axes.grid(False)
         axes.tick_params(length=0)
     return canvas.vector(
@@ -117,7 +117,7 @@ def calibration_figure(found: DetectorEvaluation) -> ReportFigure:
     return canvas.vector(
         figure,
         "How often detections of a confidence are right, at IoU 0.5. Above the dashed line the detector is more often "
-        "right than it says. Below: the number of detections.",
+        "right than its confidence. Below: the number of detections.",
         "Reliability of confidences",
     )
 
@@ -145,7 +145,7 @@ def breakdown_figure(found: DetectorEvaluation) -> ReportFigure | None:
     return canvas.vector(
         figure,
         f"Recall of all classes together at confidence {found.at_stated.confidence:g} and IoU 0.5, by what is known of "
-        "images and objects; beside the bars the number of objects.",
+        "images and objects, with the number of objects next to each bar.",
         "Recall by altitude, ground resolution, light, size, visible share and contrast",
     )
 

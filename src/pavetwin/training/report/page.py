@@ -33,7 +33,7 @@ def percent(value: float | None) -> str:
 
 
 def sections_of(found: DetectorEvaluation, differences: PairedComparison | None) -> list[Section]:
-    """What the page holds.
+    """Sections of the page.
 
     Raises:
         PaveTwinError: a picture of the dataset cannot be read.
@@ -63,9 +63,9 @@ def metrics_table(found: DetectorEvaluation) -> Table:
         if scores is not None:
             rows.append(text_cells(f"subtype macro F1 on {words} regions", percent(scores.macro_f1), ""))
     if (best := found.at_best) is not None:
-        told = f"at confidence {best.confidence:.3f}, best of the validation split"
+        at_best = f"at confidence {best.confidence:.3f}, best of the validation split"
         rows += [
-            text_cells(f"{words} {told}", percent(value), "")
+            text_cells(f"{words} {at_best}", percent(value), "")
             for words, value in (
                 ("macro F1", best.f1),
                 ("macro precision", best.precision),
@@ -177,7 +177,7 @@ def _subtype_table(words: str, scores: SubtypeScores) -> Table:
         ("true", *SUBTYPES, "F1 %"),
         rows,
         lead=1,
-        span="said",
+        span="reported",
     )
 
 
@@ -270,7 +270,7 @@ def _errors(found: DetectorEvaluation) -> list[Block]:
                 found,
                 worst.false_alarms(found),
                 "False alarms",
-                f"What was said with most confidence and is wrong, from confidence {at} on. Thin boxes are labels, "
+                f"The most confident wrong detections, from confidence {at} on. Thin boxes are labels, "
                 "thick corners detections, of what overlaps the error.",
             ),
             worst.sheet(
@@ -345,7 +345,7 @@ def _question(found: DetectorEvaluation) -> str:
             f" {counted(found.unlabelled, 'detection')} of classes that an image's source does not label are left out."
         )
     return (
-        f"{counted(found.told, 'detection')} in {images} of the split {found.split.name}, {empty} of them without any "
+        f"{counted(found.total, 'detection')} in {images} of the split {found.split.name}, {empty} of them without any "
         f"object, against {counted(objects, 'labelled object')}.{left}"
     )
 

@@ -1,4 +1,4 @@
-"""The worst errors as pictures: what was said with most confidence and is wrong, and the largest objects missed."""
+"""Images of the worst errors: the most confident wrong detections and the largest missed objects."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,19 +21,19 @@ from pavetwin.training.evaluation.matching import HALF
 from pavetwin.training.evaluation.scores import overlap
 
 SHOWN: Final = 9
-"""Of a kind of error."""
+"""Maximum images of each kind of error."""
 
 _AROUND: Final = 2.2
 """Side of the picture's part that is shown, in longer sides of the box."""
 
 _LEAST_PX: Final = 160
 _NEAR: Final = 0.1
-"""Overlap from which an error is about an object."""
+"""Overlap from which an error is attributed to an object."""
 
 
 @dataclass(frozen=True, slots=True)
 class DetectorError:
-    """One thing that went wrong."""
+    """A wrong detection or a missed object."""
 
     image: LabelledImage
     box: FloatBox
@@ -61,7 +61,7 @@ def false_alarms(found: DetectorEvaluation) -> list[DetectorError]:
 
 
 def _reason(box: FoundBox, image: LabelledImage) -> str:
-    """What is at the place of a wrong detection."""
+    """Reason for a wrong detection: the object at its place."""
     near = [(overlap(box.box, region.true.box), region) for region in image.regions if not region.true.is_ignored]
     share, region = max(near, key=lambda pair: pair[0], default=(0.0, None))
     if region is None or share < _NEAR:
@@ -114,15 +114,15 @@ def sheet(found: DetectorEvaluation, errors: list[DetectorError], title: str, ca
 
 
 def _cells(found: DetectorEvaluation, errors: list[DetectorError]) -> Iterator[Image.Image]:
-    said: dict[int, list[FoundBox]] = {}
+    reported: dict[int, list[FoundBox]] = {}
     for box in found.five.found:
         if box.confidence >= found.at_stated.confidence:
-            said.setdefault(box.image, []).append(box)
+            reported.setdefault(box.image, []).append(box)
     for each in errors:
-        yield _cell(found, each, said.get(each.image.number, []))
+        yield _cell(found, each, reported.get(each.image.number, []))
 
 
-def _cell(found: DetectorEvaluation, error: DetectorError, said: list[FoundBox]) -> Image.Image:
+def _cell(found: DetectorEvaluation, error: DetectorError, reported: list[FoundBox]) -> Image.Image:
     picture = _picture(found, error.image)
     left, top, right, bottom = error.box
     side = min(max(_AROUND * max(right - left, bottom - top), _LEAST_PX), float(max(picture.size)))
@@ -148,7 +148,7 @@ def _cell(found: DetectorEvaluation, error: DetectorError, said: list[FoundBox])
             draw_box(pen, on_cell(region.true.box), None)
         elif within(region.true.box, error.box):
             draw_box(pen, on_cell(region.true.box), colour[CLASSES[number]])
-    for box in said:
+    for box in reported:
         if within(box.box, error.box):
             _corners(pen, on_cell(box.box), colour[CLASSES[box.number_of_class]])
     name = error.image.example.name
@@ -174,6 +174,6 @@ def _picture(found: DetectorEvaluation, image: LabelledImage) -> Image.Image:
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         raise PaveTwinError(f"The picture '{image.example.name}' of '{data.path}' cannot be read: {error}.") from error
     if picture.size != image.example.size_px:
-        told, is_size = (f"{width} × {height}" for width, height in (image.example.size_px, picture.size))
-        raise PaveTwinError(f"The picture '{image.example.name}' is {is_size}, and its labels say {told}.")
+        stated, actual = (f"{width} × {height}" for width, height in (image.example.size_px, picture.size))
+        raise PaveTwinError(f"The picture '{image.example.name}' has {actual} px, but its labels state {stated}.")
     return picture

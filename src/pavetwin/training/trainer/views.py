@@ -88,7 +88,7 @@ class ViewLabels:
 
     objects: tuple[SeenObject, ...]
     sources: frozenset[str]
-    """Of its images."""
+    """Sources of the images."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +101,7 @@ class LabelledView:
 
     @property
     def objects(self) -> tuple[SeenObject, ...]:
-        """What is labelled."""
+        """Labelled objects."""
         return self.labels.objects
 
 
