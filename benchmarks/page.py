@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.browser import HARDWARE, Tab, browser, chromium, page_server, tab
 from benchmarks.measure import Kind, Line, Size
 from benchmarks.visitor import first_visit
-from pavetwin.scene.scene import LOOK_SEED, Scene
+from pavetwin.scene.scene import SCENE_SEED, Scene
 from pavetwin.scene.web.packing import WEB_LEVELS
 from pavetwin.scene.web.town import FACADES, LEAVES, MODELS, WebTown, tile_name
 from pavetwin.world.model import World
@@ -91,7 +91,7 @@ def lines(town: Path, folder: Path, size: Size) -> Iterator[Line]:
 
 def _tiles(world: World, folder: Path, size: Size) -> Iterator[Line]:
     """Processor time of a file of each level that nobody has asked for, over streets; the median of the places."""
-    town = WebTown(Scene(world, seed=LOOK_SEED), folder=folder)
+    town = WebTown(Scene(world, seed=SCENE_SEED), folder=folder)
     near = world.base.x, world.base.y
     begun = time.process_time()
     reliefs = town.manifest()["defects"]["parts"]

@@ -17,7 +17,7 @@ from pavetwin.files import writing
 from pavetwin.render.frame import METERED, Exposure, programme
 from pavetwin.render.renderer import Renderer
 from pavetwin.scene.ground import GroundPlan, plan_ground
-from pavetwin.scene.ground.looks import DEFAULT_LOOK, street_look
+from pavetwin.scene.ground.styles import DEFAULT_STYLE, street_style
 from pavetwin.scene.light import LUMINANCE, Light, harmonics
 from pavetwin.scene.model import Instance, labelled_agent
 from pavetwin.scene.scene import Scene
@@ -51,7 +51,7 @@ class GalleryRenderer:
     folder: Path
     population: str = "survey"
     """Of the town's damage."""
-    look: str = DEFAULT_LOOK
+    style: str = DEFAULT_STYLE
     """Of its streets."""
     source: str | Path = "town"
     options: BuildOptions = field(default_factory=lambda: BuildOptions(seed=TOWN_SEED))
@@ -61,14 +61,14 @@ class GalleryRenderer:
 
     @classmethod
     def with_markings(cls, folder: Path, markings: str | None) -> "GalleryRenderer":
-        """The town with the default look and a marking standard; that of its place for None."""
+        """The town with the default style and a marking standard; that of its place for None."""
         if markings is None:
             return cls(folder)
-        look = folder / f"markings-{markings}.yaml"
-        shipped = files("pavetwin.scene.ground.looks").joinpath("streets", f"{DEFAULT_LOOK}.yaml")
-        with writing(look) as temporary:
+        style = folder / f"markings-{markings}.yaml"
+        shipped = files("pavetwin.scene.ground.styles").joinpath("streets", f"{DEFAULT_STYLE}.yaml")
+        with writing(style) as temporary:
             temporary.write_text(f"{shipped.read_text(encoding='utf-8')}markings: {markings}\n", encoding="utf-8")
-        return cls(folder, look=str(look))
+        return cls(folder, style=str(style))
 
     @cached_property
     def paper(self) -> "GalleryRenderer":
@@ -93,12 +93,12 @@ class GalleryRenderer:
 
     @cached_property
     def scene(self) -> Scene:
-        return Scene(self.world, seed=SEED, look=self.look)
+        return Scene(self.world, seed=SEED, style=self.style)
 
     @cached_property
     def plan(self) -> GroundPlan:
         """Of the town's streets: their pavements and what is painted on them."""
-        return plan_ground(self.world, SEED, look=street_look(self.look))
+        return plan_ground(self.world, SEED, style=street_style(self.style))
 
     @cached_property
     def renderer(self) -> Renderer:

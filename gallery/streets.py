@@ -15,9 +15,9 @@ from gallery.renderer import LOW_SUN, MORNING, OVERCAST, GalleryRenderer, Pictur
 from gallery.sheet import captioned, grid
 from pavetwin.cli.demo import TOWN_SEED
 from pavetwin.scene.ground import GroundPlan
-from pavetwin.scene.ground.looks import marking_standard as mark
 from pavetwin.scene.ground.markings.painter import Paint
 from pavetwin.scene.ground.markings.placement import markings
+from pavetwin.scene.ground.styles import mark
 from pavetwin.scene.view import look
 from pavetwin.world.build import BuildOptions
 from pavetwin.world.segments import direction_at

@@ -11,13 +11,13 @@ import yaml
 from pavetwin.config.named import names_in
 from pavetwin.defects.population import population
 from pavetwin.errors import PaveTwinError
-from pavetwin.scene.ground.looks.marking_standard import mark, marking_standard
-from pavetwin.scene.ground.looks.pavement import PACKAGE, pavement
-from pavetwin.scene.ground.looks.street_look import street_look
+from pavetwin.scene.ground.styles.marking_standard import mark, marking_standard
+from pavetwin.scene.ground.styles.pavement import PACKAGE, pavement
+from pavetwin.scene.ground.styles.street_style import street_style
 
 READERS: Final[dict[str, tuple[str, str, Callable[[str], Any]]]] = {
     "population": ("pavetwin.defects", "populations", population),
-    "street style": (PACKAGE, "streets", street_look),
+    "street style": (PACKAGE, "streets", street_style),
     "pavement": (PACKAGE, "pavements", pavement),
     "mark": (PACKAGE, "marks", mark),
     "marking standard": (PACKAGE, "standards", marking_standard),

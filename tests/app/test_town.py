@@ -180,7 +180,7 @@ def test_agents_are_instances(shown: Shown) -> None:
 def test_of_another_flight_the_same_number_is_another_agent(shown: Shown) -> None:
     x, y = shown.page.evaluate("town.manifest.base")
     agent = f"{{id: 7, x: {x}, y: {y}, yaw: 0, "
-    size = "town.agents.look(town.list[0]).size[0]"
+    size = "town.agents.appearance(town.list[0]).size[0]"
     shown.page.evaluate(f"town.forgetAgents(); town.setAgents([{agent} kind: 'saloon', length_m: 4.6}}])")
     assert shown.page.evaluate(size) == 4.6
     shown.page.evaluate(f"town.forgetAgents(); town.setAgents([{agent} kind: 'bus', length_m: 12}}])")

@@ -24,7 +24,7 @@ from pavetwin.render.nearby import make_missing, wanted_keys
 from pavetwin.scene import scene as scenes
 from pavetwin.scene.light import Light
 from pavetwin.scene.model import GroundMaps, TileKey
-from pavetwin.scene.scene import LOOK_SEED, Scene
+from pavetwin.scene.scene import SCENE_SEED, Scene
 from pavetwin.scene.view import View, nadir
 from pavetwin.uav.cameras import find_camera
 from pavetwin.world.cache import tile_folder
@@ -76,7 +76,7 @@ def test_a_process_makes_what_frames_will_ask_for_and_nothing_is_made_again(
     views = [above(x) for x in (10.0, 45.0, 80.0)]
     with TilePrefetcher(world, "varied") as ahead:
         ahead.make([(view, NOON) for view in views])
-        last = wanted_keys(Scene(load_world(world), seed=LOOK_SEED), views[-1], NOON)
+        last = wanted_keys(Scene(load_world(world), seed=SCENE_SEED), views[-1], NOON)
         assert is_over(lambda: all(list(tile_folder().rglob(f"{x}_{y}/tile")) for x, y in last))
 
     def never(*_: object, **__: object) -> None:
@@ -84,13 +84,13 @@ def test_a_process_makes_what_frames_will_ask_for_and_nothing_is_made_again(
 
     for name in ("ground_maps", "ground_pieces", "patch_of", "holes_of", "plan_ground"):
         monkeypatch.setattr(scenes, name, never)
-    scene = Scene(load_world(world), seed=LOOK_SEED)
+    scene = Scene(load_world(world), seed=SCENE_SEED)
     for view in views:
         asked_for(scene, view)
 
 
 def test_what_is_there_is_not_made_again(world: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scene, view = Scene(load_world(world), seed=LOOK_SEED), above(45.0)
+    scene, view = Scene(load_world(world), seed=SCENE_SEED), above(45.0)
     asked: list[TileKey] = []
     maps = scene.maps
 
@@ -107,7 +107,7 @@ def test_what_is_there_is_not_made_again(world: Path, monkeypatch: pytest.Monkey
 
 
 def test_ground_out_of_view_is_not_made(world: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scene, low = Scene(load_world(world), seed=LOOK_SEED), replace(NOON, sun_elevation_deg=15.0)
+    scene, low = Scene(load_world(world), seed=SCENE_SEED), replace(NOON, sun_elevation_deg=15.0)
     asked: list[TileKey] = []
     monkeypatch.setattr(scene, "maps", asked.append)
     make_missing(scene, above(45.0), low)
@@ -171,7 +171,7 @@ def test_on_one_core_nobody_makes_tiles_beside(monkeypatch: pytest.MonkeyPatch) 
 def test_a_scene_is_new_until_its_plan_is_in_the_cache(world: Path) -> None:
     loaded, chosen = load_world(world), CaptureSettings(platforms=("uav",), images=1, seed=0, densities=("low",))
     assert SceneFrameSource.is_new(loaded, chosen) is True
-    Scene(loaded, seed=LOOK_SEED).make_plan()
+    Scene(loaded, seed=SCENE_SEED).make_plan()
     assert SceneFrameSource.is_new(loaded, chosen) is False
     assert SceneFrameSource.is_new(replace(loaded, content_hash=""), chosen) is None
 

@@ -63,7 +63,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (("--density", "heigh"), "--density: no density 'heigh' (did you mean 'high'?)"),
         (("--density", "extreme"), "--density: no density 'extreme'; known are low, medium, high, los-A"),
         (("--camera", "phantom5"), "--camera: no camera 'phantom5'"),
-        (("--look", "variedd"), "--look: no street look 'variedd' (did you mean 'varied'?)"),
+        (("--style", "variedd"), "--style: no street style 'variedd' (did you mean 'varied'?)"),
         (("--formats", "yolo,cocoo"), "--formats: no label format 'cocoo' (did you mean 'coco'?)"),
         (("--parking", "few"), "--parking: expected a share of the places (0 to 1), by-time, or none, not 'few'."),
         (("--parking", "1.2"), "--parking: expected a share of the places"),
@@ -91,11 +91,11 @@ def test_what_is_wrong_is_said_plainly_and_leaves_nothing(
 def test_a_mistake_in_a_look_is_told_before_traffic_is_searched(
     world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    look = tmp_path / "mine.yaml"
-    look.write_text("title: mine\nmain: {tarmac: 1}\n")
+    style = tmp_path / "mine.yaml"
+    style.write_text("title: mine\nmain: {tarmac: 1}\n")
     monkeypatch.setattr("pavetwin.capture.context.record", lambda *_, **__: pytest.fail("traffic is recorded"))
-    settings = CaptureSettings(platforms=("car",), images=1, look=str(look))
-    with pytest.raises(PaveTwinError, match=r"^`look`: street look '.*mine\.yaml', line \d: [^\n]*$"):
+    settings = CaptureSettings(platforms=("car",), images=1, style=str(style))
+    with pytest.raises(PaveTwinError, match=r"^`style`: street style '.*mine\.yaml', line \d: [^\n]*$"):
         prepare(load_world(world), settings)
 
 

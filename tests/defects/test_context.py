@@ -14,9 +14,9 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.scene.ground.distractors.beside_cracks import SlabCracks
 from pavetwin.scene.ground.distractors.fixtures import REACH_M
 from pavetwin.scene.ground.distractors.plants import EDGE_WIDTH_M, GROWS_FROM_AGE, edge_plants, plants
-from pavetwin.scene.ground.looks import street_look
 from pavetwin.scene.ground.markings.painter import Painter, paint
 from pavetwin.scene.ground.plan import plan_ground
+from pavetwin.scene.ground.styles import street_style
 from pavetwin.scene.patches import holes_of
 from pavetwin.world.model import Defect, World
 from pavetwin.world.pavement_joints import (
@@ -101,8 +101,8 @@ def _ring(patch: np.ndarray) -> np.ndarray:
 
 def test_plants_grow_in_overgrown_cracks_only(cracked: World, plan) -> None:  # type: ignore[no-untyped-def]
     none = Painter().done()
-    dirt = plan.look.dirt.model_copy(update={"plants": 0.0})
-    plan = replace(plan, look=plan.look.model_copy(update={"dirt": dirt}))
+    dirt = plan.style.dirt.model_copy(update={"plants": 0.0})
+    plan = replace(plan, style=plan.style.model_copy(update={"dirt": dirt}))
     tufts = plants(plan, none).bars
     assert len(tufts) > len(cracked.defects)
     outlines = shapely.union_all([defect.polygon for defect in cracked.defects])
@@ -149,7 +149,7 @@ def test_cracks_run_along_joints_between_slabs_and_scenes_draw_these(tmp_path: P
     assert min(len(lie_across), len(lie_along)) > 1
     assert max(min(abs(across - station)) for station, _ in lie_across) < 0.01
     assert max(min(abs(along - left)) for left in lie_along) < 0.01
-    plan = plan_ground(world, 1, holes_of(world.defects), street_look("varied"))
+    plan = plan_ground(world, 1, holes_of(world.defects), street_style("varied"))
     assert plan.pavement(plan.streets[0]).slabs is not None
     seals = shapely.MultiLineString([LineString(line) for line in plan.repairs.seals])
     ends = [end for defect in world.defects for end in _ends(defect)]
@@ -201,7 +201,7 @@ def test_corner_breaks_end_at_two_joints_within_half_a_slab_of_where_they_meet(t
         else:
             raise AssertionError((stations - joint, lefts - seam))
     assert len(sides) > 2, "on several sides of where slabs meet"
-    plan = plan_ground(world, 1, holes_of(world.defects), street_look("varied"))
+    plan = plan_ground(world, 1, holes_of(world.defects), street_style("varied"))
     moved = SlabCracks.of(plan, segment)
     assert set(np.round(moved.stations, 6)) <= set(np.round(across, 6))
     assert set(np.round(moved.lefts, 6)) <= set(np.round(along, 6))
@@ -225,15 +225,15 @@ def test_a_survey_places_cracks_instead_of_networks_on_slabs() -> None:
 def test_no_slabs_are_drawn_where_a_street_has_networks(tmp_path: Path) -> None:
     name = next(name for number in range(99) if has_slabs(name := f"Slab Road {number}"))
     world = on_street(name, 0.5, "{slab_joint: 1.0}", tmp_path)
-    look = street_look("varied")
-    found = plan_ground(world, 1, (), look)
+    style = street_style("varied")
+    found = plan_ground(world, 1, (), style)
     assert found.pavement(found.streets[0]).slabs is not None
     network = replace(world, defects=(replace(world.defects[0], kind="crocodile_crack"),))
-    found = plan_ground(network, 1, (), look)
+    found = plan_ground(network, 1, (), style)
     assert found.pavement(found.streets[0]).slabs is None
-    only = look.model_copy(update={"main": {"concrete": 1.0}, "other": {"concrete": 1.0}})
+    only = style.model_copy(update={"main": {"concrete": 1.0}, "other": {"concrete": 1.0}})
     found = plan_ground(network, 1, (), only)
-    assert found.pavement(found.streets[0]).slabs is not None, "the look has nothing else"
+    assert found.pavement(found.streets[0]).slabs is not None, "the style has nothing else"
 
 
 def test_no_cracks_run_along_joints_where_a_street_has_none(tmp_path: Path) -> None:

@@ -15,9 +15,9 @@ from shapely.affinity import translate
 
 from pavetwin.defects import DefectOptions, place
 from pavetwin.render.renderer import Renderer, SceneRadiance
+from pavetwin.scene.appearance import tints
 from pavetwin.scene.furniture import stand
 from pavetwin.scene.light import Light
-from pavetwin.scene.looks import tints
 from pavetwin.scene.model import Instance, Mesh, Model, defect_label
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.view import nadir

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pavetwin.scene.agents import BRAKE_GLOW, Actors, quadrotor
-from pavetwin.scene.looks import look_of, people, vehicle_model
+from pavetwin.scene.appearance import appearance_of, people, vehicle_model
 from pavetwin.scene.model import Instance, agent_label, labelled_agent
 from pavetwin.scene.models import bounds, library
 from pavetwin.traffic.kinds import VEHICLES
@@ -99,10 +99,10 @@ def test_only_what_reaches_into_the_disc_is_given() -> None:
 def test_the_gait_follows_the_way_and_not_the_time(speed: float) -> None:
     made = recording(["man"], lambda _, t: (speed * t, 0.0, 0.0, speed))
     stage = actors(made)
-    look = stage.look(0)
+    appearance = stage.appearance(0)
     times = np.linspace(0.0, 9.9, 397)
     parts = np.array([int(stage.at(time_s)[0].part.removeprefix("walk_")) for time_s in times])
-    phase = (look.first_phase + speed * times / look.stride_m) % 1.0
+    phase = (appearance.first_phase + speed * times / appearance.stride_m) % 1.0
     off = np.abs((parts / 8 - phase + 0.5) % 1.0 - 0.5)
     assert off.max() <= 1 / 16 + 1e-6
     assert set(parts) == set(range(8)) or speed < 1.0
@@ -113,8 +113,8 @@ def test_planted_feet_do_not_slide(kind: str) -> None:
     """What touches the ground in one pose and in the next stays where it is, while the body goes an eighth further."""
     made = recording([kind], lambda _, t: (1.0 * t, 0.0, 0.0, 1.0))
     stage = actors(made)
-    stride_m = stage.look(0).stride_m
-    first = (1 - stage.look(0).first_phase) * stride_m
+    stride_m = stage.appearance(0).stride_m
+    first = (1 - stage.appearance(0).first_phase) * stride_m
     poses = [stage.at((first + k * stride_m / 8) / 1.0)[0] for k in range(9)]
     assert [pose.part for pose in poses] == [f"walk_{k % 8}" for k in range(9)]
     slides = []
@@ -154,18 +154,18 @@ def test_a_look_depends_on_seed_and_number_alone() -> None:
     many = recording(["suv"] * 30 + ["man"] * 10, row).agents
     few = many.first(5)
     for agent in range(5):
-        a, b = look_of(many, agent, 7, library()), look_of(few, agent, 7, library())
+        a, b = appearance_of(many, agent, 7, library()), appearance_of(few, agent, 7, library())
         assert a.model == b.model
         assert np.array_equal(a.tints, b.tints)
-    colours = {look_of(many, agent, 7, library()).tints[0].tobytes() for agent in range(30)}
+    colours = {appearance_of(many, agent, 7, library()).tints[0].tobytes() for agent in range(30)}
     assert len(colours) > 20
-    other = [look_of(many, agent, 8, library()).tints[0].tobytes() for agent in range(30)]
+    other = [appearance_of(many, agent, 8, library()).tints[0].tobytes() for agent in range(30)]
     assert not colours & set(other)
 
 
 def test_a_third_of_many_cars_are_white() -> None:
     many = recording(["compact"] * 600, row, frames=1).agents
-    whites = [look_of(many, agent, 1, library()).tints[0, :3].min() > 0.55 for agent in range(600)]
+    whites = [appearance_of(many, agent, 1, library()).tints[0, :3].min() > 0.55 for agent in range(600)]
     assert np.mean(whites) == pytest.approx(0.38, abs=0.06)
 
 

@@ -113,7 +113,7 @@ def test_colours_follow_from_the_seed_and_the_draw_alone() -> None:
     again = [instance.tints for instance in Scene(full_street().world, seed=3).parked(cars.only(np.arange(5, 10)))]
     assert all((one == other).all() for one, other in zip(tints[5:10], again, strict=True))
     assert len({tint.tobytes() for tint in tints}) > 12
-    other_draw = replace(cars, look=cars.look + 1)
+    other_draw = replace(cars, appearance=cars.appearance + 1)
     assert any((a.tints != b).any() for a, b in zip(scene.parked(other_draw), tints, strict=True))
     assert any((a.tints != b).any() for a, b in zip(Scene(scene.world, seed=4).parked(cars), tints, strict=True))
 

@@ -96,14 +96,14 @@ def test_a_second_process_reads_the_same_to_the_bit(
 
 
 def test_other_inputs_are_other_files(world: World, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def place_of(world: World, seed: int = 4, look: str = "varied") -> str:
-        SceneCache(world, seed=seed, look=look).kept("value", lambda: 1)
+    def place_of(world: World, seed: int = 4, style: str = "varied") -> str:
+        SceneCache(world, seed=seed, style=style).kept("value", lambda: 1)
         return max(folder.iterdir(), key=lambda path: path.stat().st_ctime_ns).name
 
     names = [
         place_of(world),
         place_of(world, seed=5),
-        place_of(world, look="uniform"),
+        place_of(world, style="uniform"),
         place_of(replace(world, content_hash="6")),
         place_of(replace(world, defects=world.defects[1:])),
         place_of(replace(world, streets=tuple(replace(each, bridges=((1.0, 2.0),)) for each in world.streets))),
@@ -114,7 +114,7 @@ def test_other_inputs_are_other_files(world: World, folder: Path, monkeypatch: p
 
 
 def test_a_world_that_was_never_built_leaves_nothing(world: World, folder: Path) -> None:
-    SceneCache(replace(world, content_hash=""), seed=4, look="varied").kept("value", lambda: 1)
+    SceneCache(replace(world, content_hash=""), seed=4, style="varied").kept("value", lambda: 1)
     assert not folder.exists()
 
 
@@ -130,7 +130,7 @@ class Maker:
 
 @pytest.mark.parametrize("damage", [b"", b"too short", bytes(200)])
 def test_a_damaged_file_is_made_again_and_that_is_said_once(world: World, folder: Path, damage: bytes) -> None:
-    cache, maker = SceneCache(world, seed=4, look="varied"), Maker()
+    cache, maker = SceneCache(world, seed=4, style="varied"), Maker()
     cache.kept("one", maker)
     (path,) = (file for file in folder.rglob("*") if file.is_file())
     whole = path.read_bytes()
@@ -153,7 +153,7 @@ def test_where_nothing_can_be_written_each_process_makes_its_own_and_that_is_sai
 ) -> None:
     folder.parent.parent.mkdir(exist_ok=True)
     folder.parent.write_text("not a folder")
-    cache, maker = SceneCache(world, seed=4, look="varied"), Maker()
+    cache, maker = SceneCache(world, seed=4, style="varied"), Maker()
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("once")
         for name in ("one", "two"):
@@ -172,7 +172,7 @@ def test_a_disk_that_fills_up_costs_nothing_but_the_file(
 
     monkeypatch.setattr(Path, "write_bytes", full)
     with pytest.warns(CacheWarning, match="No space left on device"):
-        SceneCache(world, seed=4, look="varied").kept("one", Maker())
+        SceneCache(world, seed=4, style="varied").kept("one", Maker())
     assert not [path for path in folder.rglob("*") if path.is_file()]
 
 
@@ -189,7 +189,7 @@ class SlowMaker(Maker):
 
 
 def test_who_needs_what_another_makes_waits_for_it(world: World, folder: Path) -> None:
-    cache, slow, others = SceneCache(world, seed=4, look="varied"), SlowMaker(), Maker()
+    cache, slow, others = SceneCache(world, seed=4, style="varied"), SlowMaker(), Maker()
     with ThreadPoolExecutor(9) as pool:
         first = pool.submit(cache.kept, "one", slow)
         assert slow.begun.wait(20)
@@ -204,7 +204,7 @@ def test_who_needs_what_another_makes_waits_for_it(world: World, folder: Path) -
 @pytest.mark.usefixtures("folder")
 def test_nobody_waits_for_ever_for_one_that_hangs(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kept, "LOCK_TIMEOUT_S", 0.05)
-    cache, hanging, maker = SceneCache(world, seed=4, look="varied"), SlowMaker(), Maker()
+    cache, hanging, maker = SceneCache(world, seed=4, style="varied"), SlowMaker(), Maker()
     with ThreadPoolExecutor(1) as pool:
         first = pool.submit(cache.kept, "one", hanging)
         assert hanging.begun.wait(20)
@@ -215,7 +215,7 @@ def test_nobody_waits_for_ever_for_one_that_hangs(world: World, monkeypatch: pyt
 
 
 def test_one_that_is_killed_keeps_nobody_waiting(world: World, folder: Path) -> None:
-    cache, maker = SceneCache(world, seed=4, look="varied"), Maker()
+    cache, maker = SceneCache(world, seed=4, style="varied"), Maker()
     cache.kept("any", Maker())
     (place,) = folder.iterdir()
     owner = multiprocessing.get_context("spawn").Process(target=hold, args=(place / "one",))
@@ -240,7 +240,7 @@ def test_a_file_can_run_no_code(world: World, folder: Path, tmp_path: Path) -> N
         def __reduce__(self) -> tuple[object, tuple[str]]:
             return os.mkdir, (str(tmp_path / "harm"),)
 
-    cache, maker = SceneCache(world, seed=4, look="varied"), Maker()
+    cache, maker = SceneCache(world, seed=4, style="varied"), Maker()
     cache.kept("one", maker)
     (path,) = (file for file in folder.rglob("*") if file.is_file())
     kept.write(path, Harm())

@@ -232,7 +232,7 @@ def test_what_files_depend_on_names_their_folder() -> None:
     base = WebTown(Scene(world(), seed=1))
     others = [
         WebTown(Scene(world(), seed=2)),
-        WebTown(Scene(world(), seed=1, look="uniform")),
+        WebTown(Scene(world(), seed=1, style="uniform")),
         WebTown(Scene(replace(world(), defects=world().defects[1:]), seed=1)),
         WebTown(Scene(replace(world(), content_hash="1" * 64), seed=1)),
     ]

@@ -8,7 +8,7 @@ import shapely
 from shapely import Point
 
 from pavetwin.scene.branches import FORMS, bare_tree_of, bare_trees, skeleton
-from pavetwin.scene.ground.looks.street_look import Overhead
+from pavetwin.scene.ground.styles.street_style import Overhead
 from pavetwin.scene.model import TILE_M
 from pavetwin.scene.scene import Scene, keys_of
 from pavetwin.scene.wires import EAVES_M, Wires, shaded_strips, wires_of
@@ -83,7 +83,7 @@ def test_every_piece_is_on_one_tile_and_thin_things_need_no_shadow_map() -> None
     tiles = [scene.tile(key) for key in keys_of((-8.0, -12.0, 68.0, 20.0))]
     twigs = sum(len(skeleton(0)) for tile in tiles for each in tile.instances if each.model.startswith("bare_"))
     found = np.concatenate([tile.thin for tile in tiles])
-    assert len(found) == len(wires_of(world(), scene._street_look.overhead, 3).pieces) + twigs > 0
+    assert len(found) == len(wires_of(world(), scene._street_style.overhead, 3).pieces) + twigs > 0
     for tile in tiles:
         middle = (tile.thin[:, :2] + tile.thin[:, 3:5]) / 2
         if not any(each.model.startswith("bare_") for each in tile.instances):

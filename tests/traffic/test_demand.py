@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.scene.looks import vehicle_model
+from pavetwin.scene.appearance import vehicle_model
 from pavetwin.traffic.demand import (
     DEFAULT_MIX,
     DENSITIES,

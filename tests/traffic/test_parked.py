@@ -139,7 +139,7 @@ def test_draws_of_parked_vehicles_are_stable() -> None:
     """Kinds and positions to the last bit."""
     found, draws = parked(row(400), 0.7, seed=5), hashlib.sha256()
     draws.update(" ".join(found.kind).encode())
-    for column in (found.place, found.x, found.y, found.yaw_rad, found.height_m, found.look):
+    for column in (found.place, found.x, found.y, found.yaw_rad, found.height_m, found.appearance):
         draws.update(np.ascontiguousarray(column).tobytes())
     assert draws.hexdigest()[:16] == "9e8e3041b498d1ed"
 

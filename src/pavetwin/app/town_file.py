@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from pavetwin.files import writing
-from pavetwin.scene.scene import LOOK_SEED, Scene
+from pavetwin.scene.scene import SCENE_SEED, Scene
 from pavetwin.scene.web.town import MANIFEST, WebTown
 from pavetwin.world.model import World
 
@@ -43,7 +43,7 @@ def town_file(world: World, name: str, folder: Path) -> dict[str, Any]:
 def _town(world: World) -> WebTown:
     town = _kept.get("town")
     if town is None or town.scene.world is not world:
-        town = _kept["town"] = WebTown(Scene(world, seed=LOOK_SEED))
+        town = _kept["town"] = WebTown(Scene(world, seed=SCENE_SEED))
     return town
 
 

@@ -15,7 +15,7 @@ from pavetwin.mission.inputs import OnProgress
 from pavetwin.navigation.navmesh import flight_domain
 from pavetwin.plugins import load_plugins
 from pavetwin.registry import packages_of
-from pavetwin.scene.ground.looks import street_look
+from pavetwin.scene.ground.styles import street_style
 from pavetwin.traffic.demand import density_named
 from pavetwin.traffic.record import record
 from pavetwin.traffic.recording import Recording
@@ -28,7 +28,7 @@ def check(settings: CaptureSettings) -> None:
     """Check the settings before anything takes time.
 
     Raises:
-        PaveTwinError: a plugin fails; a platform, density, camera, format or look is not known; an option is missing or
+        PaveTwinError: a plugin fails; a platform, density, camera, format or style is unknown; an option is missing or
             out of place.
     """
     load_plugins(settings.plugins)
@@ -36,8 +36,8 @@ def check(settings: CaptureSettings) -> None:
     find_formats(settings.formats)
     with naming({CAMERAS.key: "`camera`"}):
         find_camera(settings.camera)
-    with about("look"):
-        street_look(settings.look)
+    with about("style"):
+        street_style(settings.style)
     for name in settings.densities:
         density_named(name)
     if flyers and not (settings.altitudes_m or settings.gsd_mm):

@@ -19,7 +19,7 @@ from pavetwin.memory import give_back
 from pavetwin.plugins import load_plugins
 from pavetwin.render.nearby import make_missing
 from pavetwin.scene.light import Light
-from pavetwin.scene.scene import LOOK_SEED, Scene
+from pavetwin.scene.scene import SCENE_SEED, Scene
 from pavetwin.scene.view import View
 from pavetwin.workers import OnTick, WaitingProcess, WorkerPool, started
 from pavetwin.world.model import World
@@ -34,13 +34,13 @@ class TilePrefetcher:
     Nothing depends on it: a missing tile is made by the process that needs it.
     """
 
-    def __init__(self, world: Path, look: str, plugins: Sequence[str] = ()) -> None:
+    def __init__(self, world: Path, style: str, plugins: Sequence[str] = ()) -> None:
         """Args:
         world: its folder, with its defects.
-        look: of its streets: a name, or a YAML file.
-        plugins: modules that the world or the look need.
+        style: of its streets: a name, or a YAML file.
+        plugins: modules that the world or the style need.
         """
-        self._process = WaitingProcess(ahead=partial(_begin_tiles, world, look, tuple(plugins)))
+        self._process = WaitingProcess(ahead=partial(_begin_tiles, world, style, tuple(plugins)))
         # The process reads when it has begun, and a pipe holds little: nobody else waits for that.
         self._sender = ThreadPoolExecutor(1)
         self._sender.submit(self._send, _start_tiles)
@@ -66,9 +66,9 @@ _SCENE: Final[list[Scene]] = []
 """In the process: the scene, once there is one."""
 
 
-def _begin_tiles(world: Path, look: str, plugins: Sequence[str]) -> None:
+def _begin_tiles(world: Path, style: str, plugins: Sequence[str]) -> None:
     load_plugins(plugins)
-    _SCENE[:] = [Scene(load_world(world), seed=LOOK_SEED, look=look)]
+    _SCENE[:] = [Scene(load_world(world), seed=SCENE_SEED, style=style)]
     _SCENE[0].make_plan(ahead=True)
 
 
@@ -148,7 +148,7 @@ def image_workers(
 @contextmanager
 def prefetching(job: CaptureJob) -> Iterator[Callable[[Iterable[Order]], None]]:
     """A function that has the tiles of images made, in the order in which these will be taken."""
-    with TilePrefetcher(job.world, job.settings.look, job.settings.plugins) as process:
+    with TilePrefetcher(job.world, job.settings.style, job.settings.plugins) as process:
         yield lambda orders: process.make([(one.pose.view, one.daylight.light) for _, one in orders if one is not None])
 
 

@@ -14,11 +14,11 @@ from pavetwin.capture.settings import CaptureSettings
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.render.nearby import FAR_M
 from pavetwin.render.renderer import Renderer
-from pavetwin.scene.ground.looks import DEFAULT_LOOK
+from pavetwin.scene.ground.styles import DEFAULT_STYLE
 from pavetwin.scene.ground.plan import LAST_PART
 from pavetwin.scene.light import Light
 from pavetwin.scene.model import agent_label
-from pavetwin.scene.scene import LOOK_SEED, Scene, SceneCache
+from pavetwin.scene.scene import SCENE_SEED, Scene, SceneCache
 from pavetwin.scene.view import View
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic.parked import ParkedVehicles
@@ -38,12 +38,12 @@ class SceneRenderer:
         PaveTwinError: there is no adapter to draw with.
     """
 
-    def __init__(self, world: World, look: str = DEFAULT_LOOK) -> None:
+    def __init__(self, world: World, style: str = DEFAULT_STYLE) -> None:
         """Args:
         world: with its defects.
-        look: of its streets: a name, or a YAML file.
+        style: of its streets: a name, or a YAML file.
         """
-        self._scene = Scene(world, seed=LOOK_SEED, look=look)
+        self._scene = Scene(world, seed=SCENE_SEED, style=style)
         self._renderer = Renderer(self._scene)
         self._trace: tuple[Recording, Trace] | None = None
 
@@ -127,17 +127,17 @@ class SceneFrameSource:
         if self._begun and self._begun[0][0] is context.world:
             _, self._scene_renderer = self._begun.pop()
         else:
-            self._scene_renderer = SceneRenderer(context.world, context.settings.look)
+            self._scene_renderer = SceneRenderer(context.world, context.settings.style)
 
     @classmethod
     def begin(cls, world: World, settings: CaptureSettings) -> None:
         """Make the renderer of a world before its traffic is known, for the source that is made next."""
-        cls._begun[:] = [(world, SceneRenderer(world, settings.look))]
+        cls._begun[:] = [(world, SceneRenderer(world, settings.style))]
 
     @staticmethod
     def is_new(world: World, settings: CaptureSettings) -> bool | None:
         """Return whether the plan of a world's ground is missing in the cache; None if nothing of it is kept."""
-        cache = SceneCache(world, seed=LOOK_SEED, look=settings.look)
+        cache = SceneCache(world, seed=SCENE_SEED, style=settings.style)
         return cache.lacks(LAST_PART) if cache.keeps else None
 
     def frame(self, sample: CameraSample, context: CaptureContext) -> RenderedFrame:

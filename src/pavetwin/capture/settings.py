@@ -15,7 +15,7 @@ from pavetwin.files import FORMAT, check_format, file_sha256
 from pavetwin.labels.classes import categories
 from pavetwin.mission.versions import ADAPTER, version_changes
 from pavetwin.plugins import plugin_hashes
-from pavetwin.scene.ground.looks import DEFAULT_LOOK, look_sha256
+from pavetwin.scene.ground.styles import DEFAULT_STYLE, style_sha256
 from pavetwin.traffic.demand import DEFAULT_TRAFFIC
 from pavetwin.uav.entries import own_file
 from pavetwin.world.model import World
@@ -25,8 +25,8 @@ ImageSidePx = Annotated[int, Field(ge=64, le=8192)]
 CAMERA_HASH: Final = "camera_sha256"
 """Key of a dataset's description: of the file that its camera comes from."""
 
-LOOK_HASH: Final = "look_sha256"
-"""The same, of the look of its streets."""
+STYLE_HASH: Final = "style_sha256"
+"""The same, of the style of its streets."""
 
 FILE: Final = "capture.yaml"
 
@@ -61,7 +61,7 @@ class CaptureSettings(Settings):
     are taken of any place. Few people walk where defects are."""
     parking: ParkingSettings = ParkingSettings()
     """Vehicles parked in the world's places: at the date and time of each image, by the seed."""
-    look: NameOrFile = DEFAULT_LOOK
+    style: NameOrFile = DEFAULT_STYLE
     """Look of the streets: a name that ships with the package, or a path to a YAML file of the same form."""
     picture: Literal["jpg", "png"] = "jpg"
     quality: Annotated[int, Field(ge=50, le=100)] = 92
@@ -132,7 +132,7 @@ def description(settings: CaptureSettings, world: World, versions: Mapping[str, 
         "format": FORMAT,
         "made_by": dict(versions),
         "world": {"name": world.name, **hashes},
-        LOOK_HASH: look_sha256(settings.look),
+        STYLE_HASH: style_sha256(settings.style),
         **({CAMERA_HASH: file_sha256(Path(own))} if own else {}),
         "plugins": {Path(path).name: content for path, content in plugin_hashes(settings.plugins).items()},
         "classes": [category.name for category in categories()],
@@ -175,9 +175,9 @@ def check_same(folder: Path, expected: dict[str, Any]) -> bool:
             f"'{folder}' was begun with another `camera` than '{expected['settings']['camera']}' holds now; "
             "choose another folder."
         )
-    if found[LOOK_HASH] != expected[LOOK_HASH] and _same_name(found, expected, "look"):
+    if found[STYLE_HASH] != expected[STYLE_HASH] and _same_name(found, expected, "style"):
         raise PaveTwinError(
-            f"'{folder}' was begun with another content of `look` '{expected['settings']['look']}'; "
+            f"'{folder}' was begun with another content of `style` '{expected['settings']['style']}'; "
             "choose another folder."
         )
     if (before := found["plugins"]) != (now := expected["plugins"]):

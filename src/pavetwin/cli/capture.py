@@ -143,7 +143,7 @@ class CapturedTraffic:
 class ContentOptions:
     """Content of the images."""
 
-    look: Annotated[
+    style: Annotated[
         str | None,
         typer.Option(
             metavar="NAME|FILE.yaml",
@@ -165,7 +165,7 @@ class ContentOptions:
         return {
             "empty": self.empty,
             "road_users": self.road_users,
-            **({} if self.look is None else {"look": self.look}),
+            **({} if self.style is None else {"style": self.style}),
             **({} if self.parking is None else {"parking": self.parking.settings()}),
         }
 
@@ -218,7 +218,7 @@ def make(
     pavetwin capture worlds/town -o datasets/town --images 500 --altitude 6 --altitude 10 --los B --los E
     pavetwin capture worlds/town -o datasets/both --platform uav,car --images 200 --seed 3
     pavetwin capture worlds/town -o datasets/parked --parking by-time
-    pavetwin capture worlds/town -o datasets/grey --look uniform
+    pavetwin capture worlds/town -o datasets/grey --style uniform
     pavetwin capture worlds/town -o datasets/crops --gsd-mm 2 8 --images 500
     pavetwin capture worlds/town -o datasets/people --density high --empty 0.4 --road-users 0.8
     pavetwin capture worlds/town -o datasets/sharp --camera phantom4pro --size 1280x960 --png --formats yolo

@@ -58,7 +58,7 @@ def export(
         float | None, typer.Option(help="That moment, in seconds from the recording's beginning; 0 unless given.")
     ] = None,
     parking: Parking = None,
-    look: Annotated[
+    style: Annotated[
         str, typer.Option(metavar="NAME|FILE.yaml", help="Of the streets: varied, uniform, or a YAML file.")
     ] = "varied",
     seed: Annotated[
@@ -97,7 +97,7 @@ def export(
         of_one_file["dry-run"] = dry_run or None
         if wrong := [name for name, value in of_one_file.items() if value is not None]:
             raise PaveTwinError(f"--{wrong[0]} applies to exports to one file; leave out that or --web.")
-        _to_folder(Scene(loaded, seed=seed, look=look), target, part, daylight, jobs, force, paths)
+        _to_folder(Scene(loaded, seed=seed, style=style), target, part, daylight, jobs, force, paths)
         return
     if daylight.clouds is not None or force:
         option = "force" if daylight.clouds is None else "clouds"
@@ -105,7 +105,7 @@ def export(
     detail = detail or USUAL
     moment = _moment(loaded, recording, at)
     parked = _parked(loaded, parking, daylight, seed, moment)
-    scene = Scene(loaded, seed=seed, look=look)
+    scene = Scene(loaded, seed=seed, style=style)
     keys = tiles_of(scene, part)
     expected = estimate(scene, keys, detail=detail, texel_m=texel_m, jobs=jobs)
     out.line(

@@ -349,8 +349,8 @@ def legend_of(results: Sequence[MissionResult], *, town: bool) -> tuple[list[Han
     return [handle for handle, _ in shown], [label for _, label in shown]
 
 
-def _mark(marker: str, colour: str, size_pt: float, **look: Any) -> Line2D:
-    return Line2D([], [], marker=marker, color=colour, linestyle="", markersize=size_pt, **look)
+def _mark(marker: str, colour: str, size_pt: float, **options: Any) -> Line2D:
+    return Line2D([], [], marker=marker, color=colour, linestyle="", markersize=size_pt, **options)
 
 
 def visibility_ramp(axes: Axes, box: tuple[float, float, float, float], threshold: float) -> None:

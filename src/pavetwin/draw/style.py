@@ -180,11 +180,11 @@ class LegendEntry:
     def handle(self) -> Patch | Line2D:
         if self.symbol == "patch":
             return Patch(facecolor=self.colour, edgecolor=self.edge, linewidth=0.6, label=self.label)
-        look: dict[str, Any] = {"linewidth": self.size_pt}
+        options: dict[str, Any] = {"linewidth": self.size_pt}
         if self.symbol != "line":
             edge = self.colour if self.edge == "none" else self.edge
-            look = {"linestyle": "", "marker": self.symbol, "markersize": self.size_pt, "markeredgecolor": edge}
-        return Line2D([], [], color=self.colour, label=self.label, **look)
+            options = {"linestyle": "", "marker": self.symbol, "markersize": self.size_pt, "markeredgecolor": edge}
+        return Line2D([], [], color=self.colour, label=self.label, **options)
 
 
 @dataclass(frozen=True)

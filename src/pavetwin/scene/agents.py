@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pavetwin.arrays import BoolArray, Float64Array, Int64Array
-from pavetwin.scene.looks import STAND, AgentAppearance, look_of, parked_look, tints
+from pavetwin.scene.appearance import STAND, AgentAppearance, appearance_of, parked_appearance, tints
 from pavetwin.scene.model import Instance, Model, agent_label, parked_label
 from pavetwin.scene.models import BODY
 from pavetwin.traffic.agent_states import AgentStateReader
@@ -48,13 +48,13 @@ class Actors:
         self._models = models
         self._trace = trace_of(recording)
         self._ways = AgentStateReader(recording)
-        self._looks: dict[int, AgentAppearance] = {}
+        self._appearances: dict[int, AgentAppearance] = {}
 
-    def look(self, agent: int) -> AgentAppearance:
+    def appearance(self, agent: int) -> AgentAppearance:
         """The appearance of an agent."""
-        if agent not in self._looks:
-            self._looks[agent] = look_of(self.recording.agents, agent, self._seed, self._models)
-        return self._looks[agent]
+        if agent not in self._appearances:
+            self._appearances[agent] = appearance_of(self.recording.agents, agent, self._seed, self._models)
+        return self._appearances[agent]
 
     def at(self, time_s: float, near: tuple[float, float, float] | None = None) -> tuple[Instance, ...]:
         """All agents at a time, or those within a disc (x, y, radius, metres)."""
@@ -80,18 +80,20 @@ class Actors:
     def _instance(
         self, agent: int, at: tuple[float, float, float], z_m: float, moves: bool, brakes: bool, walked_m: float
     ) -> Instance:
-        look, part = self.look(agent), BODY
-        colours = look.tints
-        if look.stride_m:
-            part = self._step(look, walked_m) if moves else STAND
+        appearance, part = self.appearance(agent), BODY
+        colours = appearance.tints
+        if appearance.stride_m:
+            part = self._step(appearance, walked_m) if moves else STAND
         elif brakes:
             colours = colours.copy()
             colours[_LAMP_REAR - 1, 3] = BRAKE_GLOW
-        return Instance(look.model, part, upright(*at, z_m=z_m, scale=look.scale), colours, agent_label(agent))
+        return Instance(
+            appearance.model, part, upright(*at, z_m=z_m, scale=appearance.scale), colours, agent_label(agent)
+        )
 
-    def _step(self, look: AgentAppearance, walked_m: float) -> str:
-        steps = sum(part != STAND for part in self._models[look.model].parts)
-        phase = (look.first_phase + walked_m / look.stride_m) % 1.0
+    def _step(self, appearance: AgentAppearance, walked_m: float) -> str:
+        steps = sum(part != STAND for part in self._models[appearance.model].parts)
+        phase = (appearance.first_phase + walked_m / appearance.stride_m) % 1.0
         return f"walk_{round(phase * steps) % steps}"
 
     def _frame(self, time_s: float) -> tuple[int, float]:
@@ -190,7 +192,7 @@ class ParkedInstances:
 
     def of(self, parked: ParkedVehicles) -> tuple[Instance, ...]:
         """One instance a vehicle, in their order."""
-        columns = (parked.place, parked.look, parked.x, parked.y, parked.yaw_rad)
+        columns = (parked.place, parked.appearance, parked.x, parked.y, parked.yaw_rad)
         keys: list[Key] = list(zip(*(column.tolist() for column in columns), strict=True))
         missing = [row for row, key in enumerate(keys) if key not in self._made]
         if missing:
@@ -198,17 +200,19 @@ class ParkedInstances:
         return tuple(self._made[key] for key in keys)
 
     def _make(self, keys: list[Key], kinds: list[str]) -> None:
-        looks = [parked_look(kind, key[1], self._seed, self._models) for key, kind in zip(keys, kinds, strict=True)]
-        wheels = [self._wheels_of(look.model).scaled(look.scale) for look in looks]
+        appearances = [
+            parked_appearance(kind, key[1], self._seed, self._models) for key, kind in zip(keys, kinds, strict=True)
+        ]
+        wheels = [self._wheels_of(appearance.model).scaled(appearance.scale) for appearance in appearances]
         tyres = np.array([each.points for each in wheels])
         x, y, yaw = (np.array(column) for column in list(zip(*keys, strict=True))[2:])
         ahead, left = np.stack([np.cos(yaw), np.sin(yaw)], axis=1), np.stack([-np.sin(yaw), np.cos(yaw)], axis=1)
         places = np.stack([x, y], axis=1)[:, None] + tyres[..., :1] * ahead[:, None] + tyres[..., 1:] * left[:, None]
         heights = self._ground(places.reshape(-1, 2)).reshape(-1, 4)
-        for row, (key, look) in enumerate(zip(keys, looks, strict=True)):
-            stance = self._stance(wheels[row], heights[row], look.model)
-            transform = upright(*key[2:]) @ stance @ np.diag([*look.scale, 1.0])
-            self._made[key] = Instance(look.model, BODY, transform, look.tints, parked_label(key[0]))
+        for row, (key, appearance) in enumerate(zip(keys, appearances, strict=True)):
+            stance = self._stance(wheels[row], heights[row], appearance.model)
+            transform = upright(*key[2:]) @ stance @ np.diag([*appearance.scale, 1.0])
+            self._made[key] = Instance(appearance.model, BODY, transform, appearance.tints, parked_label(key[0]))
 
     def _wheels_of(self, model: str) -> Wheels:
         if model not in self._wheels:

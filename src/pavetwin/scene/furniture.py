@@ -12,7 +12,7 @@ from shapely import Point, STRtree
 
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.agents import upright
-from pavetwin.scene.looks import tints
+from pavetwin.scene.appearance import tints
 from pavetwin.scene.model import Instance, Model
 from pavetwin.scene.models import BODY, bounds
 from pavetwin.scene.palettes import PAINTS, drawn

@@ -18,6 +18,7 @@ from pavetwin.defects.registry import DEFECT_CLASSES
 from pavetwin.memory import keep_freed
 from pavetwin.scene import furniture, model, signals
 from pavetwin.scene.agents import Actors, ParkedInstances, upright
+from pavetwin.scene.appearance import tints
 from pavetwin.scene.branches import FORMS as BARE_FORMS
 from pavetwin.scene.branches import bare_tree_of, bare_trees
 from pavetwin.scene.buildings import Buildings, HouseDetail, facade_textures
@@ -35,10 +36,9 @@ from pavetwin.scene.ground import (
 from pavetwin.scene.ground.distractors.fixtures import Fixture
 from pavetwin.scene.ground.distractors.segment_marks import Repairs
 from pavetwin.scene.ground.layout.paved import PavedSurface
-from pavetwin.scene.ground.looks import DEFAULT_LOOK, look_sha256, street_look
 from pavetwin.scene.ground.markings.painter import Paint
 from pavetwin.scene.ground.plan import LAST_PART, made
-from pavetwin.scene.looks import tints
+from pavetwin.scene.ground.styles import DEFAULT_STYLE, street_style, style_sha256
 from pavetwin.scene.model import (
     TILE_M,
     DefectPatch,
@@ -80,15 +80,22 @@ _STORE: Final = ValueStore(
 class SceneCache:
     """The cached values of one scene."""
 
-    def __init__(self, world: World, *, seed: int, look: str) -> None:
+    def __init__(self, world: World, *, seed: int, style: str) -> None:
         """Args:
         world: with its defects. Of one that was never built or loaded, and so has no content hash, nothing is kept.
-        look: of its streets: a name, or a YAML file.
+        style: of its streets: a name, or a YAML file.
         """
         self._folder: Path | None = None
         if world.content_hash:
             beside_hash = [(street.latin_name, street.bridges) for street in world.streets]
-            inputs = (world.content_hash, world.defects_hash, beside_hash, seed, look_sha256(look), street_look(look))
+            inputs = (
+                world.content_hash,
+                world.defects_hash,
+                beside_hash,
+                seed,
+                style_sha256(style),
+                street_style(style),
+            )
             self._folder = tile_folder() / short_sha256(f"{inputs!r} {made_by(*MADE_BY)}")
 
     def kept(self, name: str, make: Callable[[], Value], /) -> Value:
@@ -124,7 +131,7 @@ def kept_of_all(name: str, make: Callable[[], Value]) -> Value:
     return _STORE.kept(tile_folder() / short_sha256(made_by(*MADE_BY)) / name, make)
 
 
-LOOK_SEED: Final = 0
+SCENE_SEED: Final = 0
 """Seed of what a world leaves open, such as colours of cars and stains of roads: a world looks the same in every
 dataset and mission."""
 
@@ -144,18 +151,18 @@ EAVES_M: Final = 0.35
 class Scene:
     """Everything visible of a world. The same world and seed give the same scene, tile by tile, in any order."""
 
-    def __init__(self, world: World, *, seed: int, look: str = DEFAULT_LOOK, tiles_kept: int = TILES_KEPT) -> None:
+    def __init__(self, world: World, *, seed: int, style: str = DEFAULT_STYLE, tiles_kept: int = TILES_KEPT) -> None:
         """Args:
-        look: of the streets: a name, or a YAML file.
+        style: of the streets: a name, or a YAML file.
 
         Raises:
-            PaveTwinError: there is no such look.
+            PaveTwinError: there is no such style.
         """
         keep_freed()
-        self.look, self._street_look = look, street_look(look)
+        self.style, self._street_style = style, street_style(style)
         self.world = world
         self.seed = seed
-        self._cache = SceneCache(world, seed=seed, look=look)
+        self._cache = SceneCache(world, seed=seed, style=style)
         self._kept = self._cache.kept
         self._tile = lru_cache(tiles_kept)(lambda key: self._kept(_name(key, "tile"), lambda: self._make(key)))
         self._patch = lru_cache(PATCHES_KEPT)(self._patch_of)
@@ -335,7 +342,7 @@ class Scene:
 
     @cached_property
     def _wires(self) -> Wires:
-        return wires_of(self.world, self._street_look.overhead, self.seed)
+        return wires_of(self.world, self._street_style.overhead, self.seed)
 
     @cached_property
     def _wire_pieces(self) -> Mapping[TileKey, list[int]]:
@@ -350,7 +357,7 @@ class Scene:
     def _is_bare_tree(self, number: int) -> bool:
         """Whether a piece of furniture is a tree without leaves."""
         is_tree = self.world.furniture[number].kind is FurnitureKind.TREE
-        return is_tree and self._plan.chance(f"bare {number}") < self._street_look.overhead.bare_trees
+        return is_tree and self._plan.chance(f"bare {number}") < self._street_style.overhead.bare_trees
 
     @cached_property
     def _heads(self) -> tuple[signals.Head, ...]:
@@ -379,7 +386,7 @@ class Scene:
 
     @cached_property
     def _plan(self) -> GroundPlan:
-        return plan_ground(self.world, self.seed, holes=self._holes, look=self._street_look, kept=self._kept)
+        return plan_ground(self.world, self.seed, holes=self._holes, style=self._street_style, kept=self._kept)
 
     def _patch_of(self, number: int) -> DefectPatch:
         if not self._ships(number):

@@ -13,8 +13,8 @@ from shapely import LineString, Point, STRtree
 from shapely.ops import nearest_points
 
 from pavetwin.arrays import Float64Array
-from pavetwin.scene.ground.looks.street_look import Overhead
-from pavetwin.scene.looks import tints
+from pavetwin.scene.appearance import tints
+from pavetwin.scene.ground.styles.street_style import Overhead
 from pavetwin.scene.model import Instance
 from pavetwin.scene.shafts import WIRE
 from pavetwin.seeds import Stream, child

@@ -111,7 +111,7 @@ class ParkedVehicles:
     length_m: Float64Array
     width_m: Float64Array
     height_m: Float64Array
-    look: Int64Array
+    appearance: Int64Array
     """Keys of their appearance: what is parked there another time or under another seed looks different."""
 
     def __post_init__(self) -> None:
@@ -167,7 +167,7 @@ class ParkingDraws:
                 drawn.append((index, occupancy, *vehicle, int(rng.integers(1 << 32))))
         if not drawn:
             return cls(world, np.zeros(0), ParkedVehicles.empty())
-        places, shares, kinds, x, y, yaw, look = zip(*drawn, strict=True)
+        places, shares, kinds, x, y, yaw, appearance = zip(*drawn, strict=True)
         vehicles = ParkedVehicles(
             np.array(places, dtype=np.intp),
             tuple(kind.name for kind in kinds),
@@ -177,7 +177,7 @@ class ParkingDraws:
             np.array([kind.length_m for kind in kinds]),
             np.array([kind.width_m for kind in kinds]),
             np.array([RIDERLESS_HEIGHT_M.get(kind.name, kind.height_m) for kind in kinds]),
-            np.array(look, dtype=np.int64),
+            np.array(appearance, dtype=np.int64),
         )
         return cls(world, np.array(shares), vehicles)
 

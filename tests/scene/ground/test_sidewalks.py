@@ -7,9 +7,9 @@ import pytest
 from scipy import ndimage
 
 from pavetwin.scene.ground import GroundPlan, ground_pieces, plan_ground
-from pavetwin.scene.ground.looks import StreetLook, street_look
-from pavetwin.scene.ground.looks.street_look import SidewalkLook, SidewalkPaving
 from pavetwin.scene.ground.materials.detail_textures import details
+from pavetwin.scene.ground.styles import StreetStyle, street_style
+from pavetwin.scene.ground.styles.street_style import SidewalkPaving, SidewalkStyle
 from pavetwin.scene.model import TILE_M, Finish, GroundKind
 from pavetwin.world.model import LaneKind
 from scenes import built
@@ -17,12 +17,12 @@ from scenes import built
 PIECES = {GroundKind.BLOCKS: 128, GroundKind.TILES: 64, GroundKind.SETTS: 256}
 
 
-def with_sidewalks(**settings: object) -> StreetLook:
-    return street_look("uniform").model_copy(update={"sidewalks": SidewalkLook.model_validate(settings)})
+def with_sidewalks(**settings: object) -> StreetStyle:
+    return street_style("uniform").model_copy(update={"sidewalks": SidewalkStyle.model_validate(settings)})
 
 
-def plan(look: StreetLook, name: str = "cross") -> GroundPlan:
-    return plan_ground(built(name).world, 3, look=look)
+def plan(style: StreetStyle, name: str = "cross") -> GroundPlan:
+    return plan_ground(built(name).world, 3, style=style)
 
 
 @pytest.mark.parametrize("kind", PIECES)

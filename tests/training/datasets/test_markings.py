@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw, ImageFilter
 from pavetwin.arrays import UInt8Array
 from pavetwin.render.renderer import Renderer
 from pavetwin.scene.ground import plan_ground
-from pavetwin.scene.ground.looks import street_look
+from pavetwin.scene.ground.styles import street_style
 from pavetwin.scene.light import Light
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.view import look
@@ -106,8 +106,8 @@ def test_a_kerb_is_no_lane_line(beyond: tuple[int, int, int]) -> None:
 def test_lines_of_frames_have_their_width() -> None:
     """Over painted lines of a town, of widths and ground resolutions that are known."""
     world = built("seattle_roosevelt").world
-    renderer, camera = Renderer(Scene(world, seed=3, look="uniform")), find_camera("phantom4pro")
-    bars = plan_ground(world, 3, look=street_look("uniform")).paint.bars
+    renderer, camera = Renderer(Scene(world, seed=3, style="uniform")), find_camera("phantom4pro")
+    bars = plan_ground(world, 3, style=street_style("uniform")).paint.bars
     long = bars[(2 * bars[:, 3] > 2.0) & (2 * bars[:, 4] < 0.2)]
     ratios = []
     for number, (x, y, yaw, _, half_m) in enumerate(long[:: len(long) // 24]):

@@ -357,7 +357,7 @@ class Town {
     let agent = null, nearest = Infinity;
     const middle = new Vector3();
     for (const each of this.list ?? []) {
-      const { size, scale } = this.agents.look(each), half = each.pedestrian ? 0.9 * scale[2] : 0.8;
+      const { size, scale } = this.agents.appearance(each), half = each.pedestrian ? 0.9 * scale[2] : 0.8;
       middle.set(each.y, (each.z ?? 0) + half, each.x);
       const away = origin.distanceTo(middle), reach = each.pedestrian ? 0.6 : 0.5 * Math.min(size[0], 2 * size[1]);
       if (away >= nearest || caster.ray.distanceToPoint(middle) > Math.max(reach, 0.004 * away)) continue;

@@ -6,8 +6,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pavetwin.arrays import Float32Array, UInt8Array
-from pavetwin.scene.buildings import textures as openings
-from pavetwin.scene.buildings import textures as surfaces
 from pavetwin.scene.buildings.layers import CELLS, FACADE_PX, FACADE_REPEAT_M, FacadeTexture
 from pavetwin.scene.ground.materials.sampling import srgb_of_linear
 from pavetwin.scene.palettes import Colour
@@ -372,19 +370,19 @@ KEY = 3
 """Key of this module's child of the scene's random stream."""
 
 MAKERS = {
-    FacadeTexture.RENDER: surfaces.render,
-    FacadeTexture.BRICK: surfaces.brick,
-    FacadeTexture.CONCRETE: surfaces.concrete,
-    FacadeTexture.STONE: surfaces.stone,
-    FacadeTexture.CLADDING: surfaces.cladding,
-    FacadeTexture.TILES: surfaces.tiles,
-    FacadeTexture.SLATE: surfaces.slate,
-    FacadeTexture.SEAMS: surfaces.seams,
-    FacadeTexture.GRAVEL: surfaces.gravel,
-    FacadeTexture.FELT: surfaces.felt,
-    FacadeTexture.WINDOWS: openings.windows,
-    FacadeTexture.GLAZING: openings.glazing,
-    FacadeTexture.DOORS: openings.doors,
+    FacadeTexture.RENDER: render,
+    FacadeTexture.BRICK: brick,
+    FacadeTexture.CONCRETE: concrete,
+    FacadeTexture.STONE: stone,
+    FacadeTexture.CLADDING: cladding,
+    FacadeTexture.TILES: tiles,
+    FacadeTexture.SLATE: slate,
+    FacadeTexture.SEAMS: seams,
+    FacadeTexture.GRAVEL: gravel,
+    FacadeTexture.FELT: felt,
+    FacadeTexture.WINDOWS: windows,
+    FacadeTexture.GLAZING: glazing,
+    FacadeTexture.DOORS: doors,
 }
 
 

@@ -157,8 +157,8 @@ class WallBuilder:
         panes = Windows(FacadeTexture.GLAZING, cells, 0.9, 2.75 / height - 0.1, 0.1, 0.12, False)
         self._openings(np.delete(bays, door, axis=0), low, high, panes)
         wide = min(0.7, 1.2 / float(bays[door, 1] - bays[door, 0]))
-        look = Windows(FacadeTexture.DOORS, (1, 3, 5, 7), wide, 2.4 / height, 0.0, 0.3, False)
-        self._openings(bays[door : door + 1], low, high, look)
+        windows = Windows(FacadeTexture.DOORS, (1, 3, 5, 7), wide, 2.4 / height, 0.0, 0.3, False)
+        self._openings(bays[door : door + 1], low, high, windows)
         hue = rng.uniform(0.02, 0.35, 3) * float(rng.uniform(0.4, 1.0))
         self._slab(np.array([bays[0, 0], bays[-1, 1]]), np.array([low + 2.85, low + 3.4]), 0.09, hue, 0.4)
 
@@ -169,27 +169,27 @@ class WallBuilder:
             for left, right in bays:
                 self._plain(float(left), float(right), low, high, np.array(self.style.colour))
 
-    def _openings(self, bays: Float64Array, low: float, high: float, look: Windows) -> None:
+    def _openings(self, bays: Float64Array, low: float, high: float, windows: Windows) -> None:
         """A row of equal openings: the wall around each, its reveal, its filling, its sill."""
         if not len(bays):
             return
-        middle, width = bays.mean(axis=1), (bays[:, 1] - bays[:, 0]) * look.width
+        middle, width = bays.mean(axis=1), (bays[:, 1] - bays[:, 0]) * windows.width
         u0, u1 = middle - width / 2, middle + width / 2
-        z0 = np.full(len(bays), low + (high - low) * look.sill)
-        z1 = z0 + (high - low) * look.height
+        z0 = np.full(len(bays), low + (high - low) * windows.sill)
+        z1 = z0 + (high - low) * windows.height
         lows, highs = np.full(len(bays), low), np.full(len(bays), high)
         colour = np.array(self.style.colour)
         self._panels(bays[:, 0], bays[:, 1], lows, z0, colour)
         self._panels(bays[:, 0], bays[:, 1], z1, highs, colour)
         self._panels(bays[:, 0], u0, z0, z1, colour)
         self._panels(u1, bays[:, 1], z0, z1, colour)
-        self._reveals(u0, u1, z0, z1, look.reveal_m)
-        cells = self.rng.choice(look.cells, len(bays))
+        self._reveals(u0, u1, z0, z1, windows.reveal_m)
+        cells = self.rng.choice(windows.cells, len(bays))
         u, z = np.stack([u0, u1, u1, u0], axis=1), np.stack([z0, z0, z1, z1], axis=1)
         if self.detail is not HouseDetail.BLANK:
-            corners = self.wall.points(u, z, look.reveal_m if self.detail is HouseDetail.FULL else -PROUD_M)
-            self.faces.quads(look.layer, corners, (1.0, 1.0, 1.0), uv=_cell_uv(cells), roughness=0.2)
-        if look.with_sill:
+            corners = self.wall.points(u, z, windows.reveal_m if self.detail is HouseDetail.FULL else -PROUD_M)
+            self.faces.quads(windows.layer, corners, (1.0, 1.0, 1.0), uv=_cell_uv(cells), roughness=0.2)
+        if windows.with_sill:
             out, thick = SILL_M
             ends, bands = np.stack([u0 - 0.05, u1 + 0.05], axis=1), np.stack([z0 - thick, z0], axis=1)
             self._slab(ends, bands, out, np.array(self.style.trim), 0.7)

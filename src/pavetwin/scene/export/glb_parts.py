@@ -92,16 +92,16 @@ def make_pieces(
                 write(piece)
             due = next(waiting)
 
-    with WorkerPool(jobs, partial(_start, scene.world, scene.seed, scene.look, job), on_tile) as pool:
+    with WorkerPool(jobs, partial(_start, scene.world, scene.seed, scene.style, job), on_tile) as pool:
         pool.run(runs, on_result, give_up=_give_up)
 
 
 def _start(
-    world: World, seed: int, look: str, job: Job, on_tile: OnTick
+    world: World, seed: int, style: str, job: Job, on_tile: OnTick
 ) -> Callable[[tuple[TileKey, ...]], list[TilePiece]]:
     """In a worker process."""
     load_plugins(job.plugins)
-    scene = Scene(world, seed=seed, look=look)
+    scene = Scene(world, seed=seed, style=style)
 
     def made(run: tuple[TileKey, ...]) -> list[TilePiece]:
         pieces = []

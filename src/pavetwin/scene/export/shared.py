@@ -23,7 +23,7 @@ class _Group(NamedTuple):
 
     attributes: dict[str, int]
     indices: int
-    look: tuple[int, int, int]
+    finish: tuple[int, int, int]
     """Roughness, metallic, slot."""
     leafy: bool
     """Whether it is cut out by the leaf atlas."""
@@ -47,14 +47,14 @@ class SharedModels:
         """The mesh of an instance, with its own colours."""
         tints = (np.round(instance.tints * TINT_STEPS) / TINT_STEPS).astype(np.float32)
         groups = self._grouped(instance.model, instance.part)
-        slots = sorted({group.look[2] for group in groups if group.look[2]})
+        slots = sorted({group.finish[2] for group in groups if group.finish[2]})
         key = (instance.model, instance.part, tints[[slot - 1 for slot in slots]].tobytes())
         if key not in self._meshes:
             primitives = [
                 {
                     "attributes": group.attributes,
                     "indices": group.indices,
-                    "material": self._material(group, tints[group.look[2] - 1] if group.look[2] else None),
+                    "material": self._material(group, tints[group.finish[2] - 1] if group.finish[2] else None),
                 }
                 for group in groups
             ]
@@ -66,29 +66,30 @@ class SharedModels:
             mesh = self.models[model].parts[part]
             if mesh.surface is None or mesh.colours is None:
                 raise ValueError(f"the model {model} has no colours")
-            looks = mesh.surface[mesh.indices[:, 0]]
+            finishes = mesh.surface[mesh.indices[:, 0]]
             self._groups[model, part] = [
-                self._group(mesh, mesh.colours, (looks == look).all(axis=1), look) for look in np.unique(looks, axis=0)
+                self._group(mesh, mesh.colours, (finishes == finish).all(axis=1), finish)
+                for finish in np.unique(finishes, axis=0)
             ]
         return self._groups[model, part]
 
-    def _group(self, mesh: Mesh, colours: Float32Array, triangles: BoolArray, look: UInt8Array) -> _Group:
+    def _group(self, mesh: Mesh, colours: Float32Array, triangles: BoolArray, finish: UInt8Array) -> _Group:
         used, indices = np.unique(mesh.indices[triangles], return_inverse=True)
         piece = Mesh(mesh.positions[used], mesh.normals[used], indices.reshape(-1, 3).astype(np.uint32))
         brightest = np.maximum(colours[used].max(axis=0), 1e-4)
         uv = None if mesh.uv is None else mesh.uv[used]
         attributes = attributes_of(self.writer, piece, uv=uv, colours=colours[used] / brightest)
-        rough, metallic, slot = (int(value) for value in look)
-        look_of = (rough, metallic, slot)
-        return _Group(attributes, indices_of(self.writer, piece.indices), look_of, uv is not None, brightest)
+        rough, metallic, slot = (int(value) for value in finish)
+        finish_of = (rough, metallic, slot)
+        return _Group(attributes, indices_of(self.writer, piece.indices), finish_of, uv is not None, brightest)
 
     def _material(self, group: _Group, tint: Float32Array | None) -> int:
         colour = group.colour if tint is None else group.colour * tint[:3]
         factor = [*np.clip(colour, 0, 1).astype(float).tolist(), 1.0]
         glow = 0.0 if tint is None else float(tint[3])
-        key = repr((group.look[:2], group.leafy, factor, glow)).encode()
+        key = repr((group.finish[:2], group.leafy, factor, glow)).encode()
         if key not in self._materials:
-            rough, metallic, _ = group.look
+            rough, metallic, _ = group.finish
             material: dict[str, Any] = {
                 "pbrMetallicRoughness": {
                     "baseColorFactor": factor,

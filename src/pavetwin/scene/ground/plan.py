@@ -22,10 +22,10 @@ from pavetwin.scene.ground.layout.lines import boxes_of
 from pavetwin.scene.ground.layout.paved import PLAIN, PavedSurface
 from pavetwin.scene.ground.layout.streets import StreetPlan, streets_of
 from pavetwin.scene.ground.layout.surfaces import SpatialIndex, SurfaceLayout, Wear
-from pavetwin.scene.ground.looks import DEFAULT_LOOK, StreetLook, street_look
-from pavetwin.scene.ground.looks.marking_standard import MarkingStandard, marking_standard
 from pavetwin.scene.ground.markings.painter import Paint, standard_of
 from pavetwin.scene.ground.markings.placement import markings
+from pavetwin.scene.ground.styles import DEFAULT_STYLE, StreetStyle, street_style
+from pavetwin.scene.ground.styles.marking_standard import MarkingStandard, marking_standard
 from pavetwin.world.model import Lane, Segment, Surface, World
 
 FORMER_M: Final = 0.012
@@ -61,7 +61,7 @@ class GroundPlan(SurfaceLayout):
     @cached_property
     def standard(self) -> MarkingStandard:
         """Marking standard: that of the style, else that of the world's place."""
-        return standard_of(self.world) if self.look.markings is None else marking_standard(self.look.markings)
+        return standard_of(self.world) if self.style.markings is None else marking_standard(self.style.markings)
 
     @cached_property
     def paint(self) -> Paint:
@@ -206,7 +206,7 @@ class GroundPlan(SurfaceLayout):
 
 
 def plan_ground(
-    world: World, seed: int, holes: Sequence[Polygon] = (), look: StreetLook | None = None, kept: Keep = made
+    world: World, seed: int, holes: Sequence[Polygon] = (), style: StreetStyle | None = None, kept: Keep = made
 ) -> GroundPlan:
     """The plan of a world's ground.
 
@@ -214,7 +214,7 @@ def plan_ground(
         world: with its defects.
         seed: of ageing, repairs and markings.
         holes: where patches of defects replace the carriageway, world frame; they must not overlap.
-        look: of its streets; the default one unless given.
+        style: of its streets; the default one unless given.
         kept: see `GroundPlan`; nothing is kept unless given.
     """
     bays = bays_of(world)
@@ -225,6 +225,6 @@ def plan_ground(
         road=world.carriageway if bays.is_empty else shapely.union(world.carriageway, bays),
         bays=SpatialIndex([part for part in shapely.get_parts(bays) if not part.is_empty]),
         streets=streets_of(world),
-        look=look or street_look(DEFAULT_LOOK),
+        style=style or street_style(DEFAULT_STYLE),
         kept=kept,
     )

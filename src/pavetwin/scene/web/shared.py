@@ -8,12 +8,12 @@ from typing import Any, Final
 import numpy as np
 from PIL import Image
 
+from pavetwin.scene.appearance import PARKED
 from pavetwin.scene.coarser import FINEST_M, closed, coarser, foliage_px2
 from pavetwin.scene.export.baking import jpeg
 from pavetwin.scene.foliage import CUT, leaf_atlas
 from pavetwin.scene.ground.materials.sampling import srgb_of_linear
 from pavetwin.scene.light import LUMINANCE, Light, harmonics
-from pavetwin.scene.looks import PARKED
 from pavetwin.scene.model import Mesh
 from pavetwin.scene.models import SHADOW
 from pavetwin.scene.scene import Scene

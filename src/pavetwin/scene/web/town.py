@@ -18,7 +18,7 @@ from pavetwin.files import writing, writing_folder
 from pavetwin.plugins import load_plugins
 from pavetwin.scene.buildings import FACADE_REPEAT_M
 from pavetwin.scene.export import tiles_of
-from pavetwin.scene.ground.looks import street_look
+from pavetwin.scene.ground.styles import street_style
 from pavetwin.scene.light import Light, centre_lonlat
 from pavetwin.scene.model import TILE_M, TileKey
 from pavetwin.scene.scene import Scene
@@ -41,7 +41,7 @@ _KEPT: Final = 3
 
 class WebTown:
     """The files of a scene for browsers. A file is made the first time it is asked for; a world, its defects, a seed, a
-    look and a version of the program have the same bytes always."""
+    style and a version of the program have the same bytes always."""
 
     def __init__(self, scene: Scene, *, bounds: Bounds | None = None, folder: Path | None = None) -> None:
         """Args:
@@ -60,8 +60,8 @@ class WebTown:
     def digest(self) -> str:
         """Hash of all that the files depend on."""
         world = self.scene.world
-        look = repr(street_look(self.scene.look))
-        parts = (FORMAT, world.content_hash, world.defects_hash, self.scene.seed, look, code_hash())
+        style = repr(street_style(self.scene.style))
+        parts = (FORMAT, world.content_hash, world.defects_hash, self.scene.seed, style, code_hash())
         return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
 
     @cached_property
@@ -296,7 +296,7 @@ def export_web(
 
         if jobs > 1:
             runs = [tuple(names[first : first + RUN]) for first in range(0, len(names), RUN)]
-            start = partial(_start, scene.world, scene.seed, scene.look, bounds, plugins)
+            start = partial(_start, scene.world, scene.seed, scene.style, bounds, plugins)
             with WorkerPool(jobs, start, on_file) as pool:
                 # What a process that died has left over is made below.
                 pool.run(runs, lambda _run, _made: None, give_up=lambda _run: None)
@@ -312,11 +312,11 @@ def export_web(
 
 
 def _start(
-    world: World, seed: int, look: str, bounds: Bounds | None, plugins: tuple[str, ...], on_tick: OnTick
+    world: World, seed: int, style: str, bounds: Bounds | None, plugins: tuple[str, ...], on_tick: OnTick
 ) -> Callable[[tuple[str, ...]], None]:
     """In a worker process: makes files into the cache."""
     load_plugins(plugins)
-    town = WebTown(Scene(world, seed=seed, look=look), bounds=bounds)
+    town = WebTown(Scene(world, seed=seed, style=style), bounds=bounds)
 
     def make(run: tuple[str, ...]) -> None:
         for name in run:

@@ -9,7 +9,7 @@ import pytest
 from pavetwin.scene.ground import GroundPlan, plan_ground
 from pavetwin.scene.ground.distractors.fixtures import MODULE_M
 from pavetwin.scene.ground.distractors.segment_marks import SEAM_HALF_M
-from pavetwin.scene.ground.looks import pavement, street_look
+from pavetwin.scene.ground.styles import pavement, street_style
 from pavetwin.scene.patches import holes_of
 from scenes import tiny
 
@@ -21,8 +21,8 @@ def plan(kind: str, *places: tuple[float, float], bridge: bool = True) -> Ground
     """The usual street, on a bridge from 15 to 42 m."""
     plain = tiny.straight(*places)
     street = replace(plain.streets[0], bridges=(ENDS,) if bridge else ())
-    look = street_look("uniform").model_copy(update={"bridge_joints": {kind: 1.0}})
-    return plan_ground(replace(plain, streets=(street,)), 3, holes_of(plain.defects), look)
+    style = street_style("uniform").model_copy(update={"bridge_joints": {kind: 1.0}})
+    return plan_ground(replace(plain, streets=(street,)), 3, holes_of(plain.defects), style)
 
 
 def modules(of: GroundPlan) -> np.ndarray:
@@ -63,8 +63,8 @@ def test_plugs_are_dark_strips_with_sealed_edges() -> None:
 def test_some_joints_between_slabs_are_wide_ones() -> None:
     slabs = pavement("concrete").slabs
     assert slabs is not None
-    concrete = street_look("uniform").model_copy(update={"main": {"concrete": 1.0}, "other": {"concrete": 1.0}})
-    repairs = plan_ground(tiny.straight(length_m=200.0), 3, look=concrete).repairs
+    concrete = street_style("uniform").model_copy(update={"main": {"concrete": 1.0}, "other": {"concrete": 1.0}})
+    repairs = plan_ground(tiny.straight(length_m=200.0), 3, style=concrete).repairs
     across = [
         half for line, half in zip(repairs.seals, repairs.seal_halves_m, strict=True) if abs(np.ptp(line[:, 1])) > 7
     ]

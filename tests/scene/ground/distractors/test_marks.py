@@ -1,4 +1,4 @@
-"""Painted marks and other distractors from data files: as often as a look says, and never labelled."""
+"""Painted marks and other distractors from data files: as often as a style says, and never labelled."""
 
 import re
 from collections import Counter
@@ -13,11 +13,10 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.scene.ground import GroundPlan, fixture_models, fixtures, plan_ground
 from pavetwin.scene.ground.distractors.fixtures import LEAVES, LITTER, REACH_M
 from pavetwin.scene.ground.distractors.marks import marks
-from pavetwin.scene.ground.looks import marking_standard as mark
-from pavetwin.scene.ground.looks import street_look
-from pavetwin.scene.ground.looks.marking_standard import mark_names
 from pavetwin.scene.ground.markings.painter import Paint, paint
 from pavetwin.scene.ground.markings.placement import markings
+from pavetwin.scene.ground.styles import mark, street_style
+from pavetwin.scene.ground.styles.marking_standard import mark_names
 from pavetwin.scene.model import TILE_M
 from scenes import built, tiny
 
@@ -27,8 +26,8 @@ TOWN = "seattle_roosevelt"
 @cache
 def plan(**rates: float) -> GroundPlan:
     """A town with marks at these rates, by name, and otherwise as `varied` has them."""
-    look = street_look("varied")
-    return plan_ground(built(TOWN).world, 3, look=look.model_copy(update={"marks": rates}) if rates else look)
+    style = street_style("varied")
+    return plan_ground(built(TOWN).world, 3, style=style.model_copy(update={"marks": rates}) if rates else style)
 
 
 @cache
@@ -44,7 +43,7 @@ def marked(**rates: float) -> Paint:
 
 @pytest.mark.parametrize("name", mark_names())
 def test_every_mark_is_in_the_look_and_can_be_painted(name: str) -> None:
-    assert street_look("varied").marks[name] > 0
+    assert street_style("varied").marks[name] > 0
     if mark(name).position != "bicycle":  # this town has no bicycle lanes on its carriageways
         assert len(marked(**{name: 20.0}).bars) > 5
 
@@ -57,7 +56,7 @@ def test_marks_are_as_many_as_their_rate_says() -> None:
 
 
 def test_a_mark_has_the_colours_of_its_file() -> None:
-    used = set(marked(utility_arrow=10.0).bar_looks[:, 0].tolist())
+    used = set(marked(utility_arrow=10.0).bar_paints[:, 0].tolist())
     assert used == {paint(colour) for colour in mark("utility_arrow").colours}
 
 
@@ -71,7 +70,7 @@ def test_paint_of_two_colours_never_meets() -> None:
     new = np.arange(len(standard_paint().bars), len(bars))
     mine, other = shapely.STRtree(bars).query([bars[index] for index in new], "intersects")
     assert len(new) > 200
-    np.testing.assert_array_equal(both.bar_looks[new[mine], 0], both.bar_looks[other, 0])
+    np.testing.assert_array_equal(both.bar_paints[new[mine], 0], both.bar_paints[other, 0])
 
 
 def test_distractors_have_no_label() -> None:
@@ -106,11 +105,11 @@ def test_litter_and_leaves_are_of_many_forms_and_leaves_drift_to_kerbs() -> None
 
 def test_water_runs_along_kerbs_as_often_as_the_look_says() -> None:
     world = tiny.straight(length_m=400.0)
-    varied = street_look("varied")
+    varied = street_style("varied")
     dry, wet = (
         varied.model_copy(update={"dirt": varied.dirt.model_copy(update={"water": water})}) for water in (0.0, 3.0)
     )
-    few, many = (np.array(plan_ground(world, 3, look=look).repairs.spots) for look in (dry, wet))
+    few, many = (np.array(plan_ground(world, 3, style=style).repairs.spots) for style in (dry, wet))
     assert len(many) > len(few) + 100
     damp = many[many[:, 2] > 0.04]
     assert (np.abs(damp[:, 1]) > 2.5).mean() > 0.6

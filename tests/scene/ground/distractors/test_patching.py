@@ -10,8 +10,8 @@ import yaml
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.scene.ground import GroundPlan, ground_pieces, plan_ground
-from pavetwin.scene.ground.looks import look_sha256, pavement, street_look
-from pavetwin.scene.ground.looks.street_look import RepairMaterials
+from pavetwin.scene.ground.styles import pavement, street_style, style_sha256
+from pavetwin.scene.ground.styles.street_style import RepairMaterials
 from pavetwin.scene.model import GroundKind
 from pavetwin.scene.patches import holes_of
 from pavetwin.world.pavement_joints import joints_along
@@ -27,8 +27,8 @@ def plan(*places: tuple[float, float], seed: int = 3, of_concrete: str = "", col
     world = tiny.straight(*places)
     tables = dict.fromkeys(of_concrete.split(), CONCRETE)
     repairs = RepairMaterials.model_validate(tables | {"cold_patches_per_100_m": cold})
-    look = street_look("uniform").model_copy(update={"repairs": repairs})
-    return plan_ground(world, seed, holes_of(world.defects), look)
+    style = street_style("uniform").model_copy(update={"repairs": repairs})
+    return plan_ground(world, seed, holes_of(world.defects), style)
 
 
 def cuts(of: GroundPlan) -> list[shapely.Polygon]:
@@ -78,12 +78,12 @@ def test_cold_patches_are_as_many_as_their_rate_says() -> None:
 def test_the_hash_of_a_look_covers_what_repairs_are_made_of(tmp_path: Path) -> None:
     hashes = set()
     for weight in (1, 2):
-        look = tmp_path / f"{weight}.yaml"
-        look.write_text(
+        style = tmp_path / f"{weight}.yaml"
+        style.write_text(
             "title: one\nmain: {concrete: 1}\nother: {concrete: 1}\nstretches: {share: 0, pavements: {overlay: 1}}\n"
             f"repairs: {{patches: {{own: 1, overlay: {weight}}}}}\n"
         )
-        hashes.add(look_sha256(str(look)))
+        hashes.add(style_sha256(str(style)))
     assert len(hashes) == 2
 
 
@@ -96,13 +96,13 @@ def test_the_hash_of_a_look_covers_what_repairs_are_made_of(tmp_path: Path) -> N
     ],
 )
 def test_a_mistake_in_repairs_is_one_line_with_its_place(tmp_path: Path, repairs: str, told: str) -> None:
-    look = tmp_path / "look.yaml"
-    look.write_text(
+    style = tmp_path / "style.yaml"
+    style.write_text(
         "title: one\nmain: {concrete: 1}\nother: {concrete: 1}\nstretches: {share: 0, pavements: {overlay: 1}}\n"
         f"repairs: {repairs}\n"
     )
-    with pytest.raises(PaveTwinError, match=rf"^street look '.*look\.yaml', line 5: {told}[^\n]*$"):
-        street_look(str(look))
+    with pytest.raises(PaveTwinError, match=rf"^street style '.*style\.yaml', line 5: {told}[^\n]*$"):
+        street_style(str(style))
 
 
 def test_sealed_cracks_are_as_many_as_the_rate_of_the_pavement_says(tmp_path: Path) -> None:
@@ -116,10 +116,10 @@ def test_sealed_cracks_are_as_many_as_the_rate_of_the_pavement_says(tmp_path: Pa
         }
         path = tmp_path / f"{age}.yaml"
         path.write_text(yaml.safe_dump(values), encoding="utf-8")
-        uniform = street_look("uniform")
+        uniform = street_style("uniform")
         none = uniform.stretches.model_copy(update={"share": 0.0})
-        look = uniform.model_copy(update={"other": {str(path): 1.0}, "stretches": none})
-        found = [line for seed in range(seeds) for line in plan_ground(world, seed, look=look).repairs.seals]
+        style = uniform.model_copy(update={"other": {str(path): 1.0}, "stretches": none})
+        found = [line for seed in range(seeds) for line in plan_ground(world, seed, style=style).repairs.seals]
         open_ = [line for line in found if not np.allclose(line[0], line[-1])]  # not around manhole covers
         extents = np.array([np.ptp(line, axis=0) for line in open_]).reshape(-1, 2)
         short = extents[extents[:, 0] < 17.0]
@@ -136,15 +136,15 @@ def test_sealed_cracks_along_slabs_keep_off_the_joints(tmp_path: Path) -> None:
     values = pavement("concrete").model_dump(mode="json") | {"repairs": repairs}
     (tmp_path / "cracked.yaml").write_text(yaml.safe_dump(values), encoding="utf-8")
     only = {"cracked.yaml": 1}
-    path = tmp_path / "look.yaml"
-    look = {"title": "one", "main": only, "other": only, "stretches": {"share": 0, "pavements": only}}
-    path.write_text(yaml.safe_dump(look), encoding="utf-8")
+    path = tmp_path / "style.yaml"
+    style = {"title": "one", "main": only, "other": only, "stretches": {"share": 0, "pavements": only}}
+    path.write_text(yaml.safe_dump(style), encoding="utf-8")
     world, slabs, count = tiny.straight(length_m=200.0), pavement("concrete").slabs, 0
     assert slabs is not None
     joints = joints_along(world.segments[0])
     assert len(joints)
     for seed in range(12):
-        found = plan_ground(world, seed, look=street_look(str(path))).repairs
+        found = plan_ground(world, seed, style=street_style(str(path))).repairs
         for line, half_m in zip(found.seals, found.seal_halves_m, strict=True):
             extent = np.ptp(line, axis=0)
             if half_m in (slabs.half_width_m, slabs.expansion_half_width_m) or extent[0] < 3 * extent[1]:

@@ -155,7 +155,7 @@ def test_every_signalled_lane_ends_at_a_stop_line() -> None:
 
 def test_america_parts_directions_in_yellow_and_europe_in_white() -> None:
     american, german = (
-        markings(plan(name), plan(name).standard).bar_looks[:, 0] for name in ("seattle_roosevelt", "berlin_neukoelln")
+        markings(plan(name), plan(name).standard).bar_paints[:, 0] for name in ("seattle_roosevelt", "berlin_neukoelln")
     )
     assert (american == paint("yellow")).sum() > 50
     assert (german == paint("white")).all()

@@ -15,10 +15,10 @@ from shapely import Polygon, affinity
 from pavetwin.scene.ground import GroundPlan, ground_maps, ground_pieces, plan_ground
 from pavetwin.scene.ground.distractors.segment_marks import Repairs
 from pavetwin.scene.ground.layout.paved import REFLECTANCES, PavedSurface
-from pavetwin.scene.ground.looks import pavement, street_look
-from pavetwin.scene.ground.looks.pavement import pavement_names
 from pavetwin.scene.ground.maps.raster import RasterGrid, filled
 from pavetwin.scene.ground.materials.compose import surface
+from pavetwin.scene.ground.styles import pavement, street_style
+from pavetwin.scene.ground.styles.pavement import pavement_names
 from pavetwin.scene.model import MAP_MARGIN_M, MAP_PX, TILE_M
 from pavetwin.scene.scene import Scene
 from scenes import tiny
@@ -35,9 +35,9 @@ def key_at(x: float, y: float) -> tuple[int, int]:
 @cache
 def one_pavement(name: str, folder: Path) -> GroundPlan:
     """A street of one pavement without repairs, and the same seed for each."""
-    look = {"title": "one", "main": {name: 1}, "other": {name: 1}, "stretches": {"share": 0, "pavements": {name: 1}}}
-    (folder / f"{name}.yaml").write_text(yaml.safe_dump(look), encoding="utf-8")
-    found = plan_ground(tiny.straight(), 3, look=street_look(str(folder / f"{name}.yaml")))
+    style = {"title": "one", "main": {name: 1}, "other": {name: 1}, "stretches": {"share": 0, "pavements": {name: 1}}}
+    (folder / f"{name}.yaml").write_text(yaml.safe_dump(style), encoding="utf-8")
+    found = plan_ground(tiny.straight(), 3, style=street_style(str(folder / f"{name}.yaml")))
     found.__dict__["repairs"] = Repairs()
     return found
 
@@ -64,7 +64,7 @@ def test_a_street_is_as_bright_as_its_pavement(name: str, tmp_path: Path) -> Non
 
 def shaded(plain: GroundPlan, repairs: Repairs, holes: tuple[Polygon, ...] = ()) -> np.ndarray:
     """The factor by which the tone in the tile at PLACE differs from a plan without repairs, (MAP_PX, MAP_PX)."""
-    changed = plan_ground(plain.world, plain.seed, holes, look=plain.look)
+    changed = plan_ground(plain.world, plain.seed, holes, style=plain.style)
     changed.__dict__["repairs"] = repairs
     tones = [ground_maps(plan, key_at(*PLACE)).weathering[..., 0].astype(float) for plan in (changed, plain)]
     return np.asarray(tones[0] / tones[1])
@@ -118,7 +118,7 @@ def test_the_patch_of_a_defect_across_a_joint_is_as_bright_as_the_pavement_on_ei
 
 def test_a_patch_has_the_finish_of_the_pavement_in_its_middle() -> None:
     there = tiny.straight((20.0, 1.0))
-    scene = Scene(there, seed=3, look="varied")
+    scene = Scene(there, seed=3, style="varied")
     patch = scene.patch_on(key_at(20.0, 1.0), 0)
     assert patch is not None
     paved = scene._plan.paved_at(20.0, 1.0)

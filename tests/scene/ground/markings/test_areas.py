@@ -10,16 +10,16 @@ import yaml
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.scene.ground import GroundPlan, plan_ground
-from pavetwin.scene.ground.looks.marking_standard import (
+from pavetwin.scene.ground.markings.areas import corners, islands
+from pavetwin.scene.ground.markings.painter import Paint
+from pavetwin.scene.ground.markings.placement import markings
+from pavetwin.scene.ground.styles.marking_standard import (
     BoxJunction,
     Hatching,
     MarkingStandard,
     RumbleStrips,
     marking_standard,
 )
-from pavetwin.scene.ground.markings.areas import corners, islands
-from pavetwin.scene.ground.markings.painter import Paint
-from pavetwin.scene.ground.markings.placement import markings
 from scenes import built
 
 HATCHED = Hatching(stripe_m=(0.4, 0.6), corner_share=1.0, junction_share=1.0)

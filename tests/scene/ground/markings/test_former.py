@@ -7,10 +7,10 @@ import pytest
 import shapely
 
 from pavetwin.scene.ground import GroundPlan, ground_maps, plan_ground
-from pavetwin.scene.ground.looks import street_look
-from pavetwin.scene.ground.looks.street_look import FormerKind, FormerMarkings
 from pavetwin.scene.ground.markings.painter import Paint
 from pavetwin.scene.ground.markings.placement import markings
+from pavetwin.scene.ground.styles import street_style
+from pavetwin.scene.ground.styles.street_style import FormerKind, FormerMarkings
 from pavetwin.scene.model import TILE_M
 from scenes import built
 
@@ -19,8 +19,8 @@ from scenes import built
 def plan(kind: str = "", share: float = 1.0) -> GroundPlan:
     """The cross with earlier markings of one kind; without any unless named."""
     rules = FormerMarkings.model_validate({"share": share, "kinds": {kind: 1}} if kind else {})
-    look = street_look("uniform").model_copy(update={"former_markings": rules})
-    return plan_ground(built("cross").world, 3, look=look)
+    style = street_style("uniform").model_copy(update={"former_markings": rules})
+    return plan_ground(built("cross").world, 3, style=style)
 
 
 @cache
@@ -38,9 +38,9 @@ def test_todays_markings_are_as_without_an_earlier_layout(kind: str) -> None:
 
 
 def test_what_was_painted_over_lies_centimetres_beside_and_below_it() -> None:
-    found, rules = drawn("overpainted"), plan("overpainted").look.former_markings
+    found, rules = drawn("overpainted"), plan("overpainted").style.former_markings
     old, new = found.bars[found.is_former], found.bars[~found.is_former]
-    assert found.bar_looks[found.is_former, 1].min() >= rules.wear.least
+    assert found.bar_paints[found.is_former, 1].min() >= rules.wear.least
     along = np.column_stack([np.cos(old[:, 2]), np.sin(old[:, 2])])
     for bar, ahead in zip(old, along, strict=True):
         alike = new[np.abs(np.sin(new[:, 2] - bar[2])) < 1e-6]

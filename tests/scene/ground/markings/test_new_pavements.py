@@ -10,10 +10,10 @@ import yaml
 
 from pavetwin.scene.ground import GroundPlan, plan_ground
 from pavetwin.scene.ground.layout.paved import ageing
-from pavetwin.scene.ground.looks import pavement, street_look
-from pavetwin.scene.ground.looks.marking_standard import marking_standard
-from pavetwin.scene.ground.looks.street_look import FormerMarkings
 from pavetwin.scene.ground.markings.placement import markings
+from pavetwin.scene.ground.styles import pavement, street_style
+from pavetwin.scene.ground.styles.marking_standard import marking_standard
+from pavetwin.scene.ground.styles.street_style import FormerMarkings
 from scenes import built
 
 AWAY_M = 30.0
@@ -32,7 +32,7 @@ def planned(tmp_path: Path) -> Planned:
         path.write_text(yaml.safe_dump(values), encoding="utf-8")
         only = {"main": {str(path): 1.0}, "other": {str(path): 1.0}, "former_markings": FormerMarkings(share=1.0)}
         world = replace(built("cross").world, crossings=())
-        return plan_ground(world, seed, look=street_look("uniform").model_copy(update=only))
+        return plan_ground(world, seed, style=street_style("uniform").model_copy(update=only))
 
     return plan
 

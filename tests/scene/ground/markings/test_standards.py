@@ -1,4 +1,4 @@
-"""Marking standards from data files: by place, by a look, and what is wrong with a file in one line."""
+"""Marking standards from data files: by place, by a style, and what is wrong with a file in one line."""
 
 from importlib.resources import files
 from pathlib import Path
@@ -8,10 +8,10 @@ import yaml
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.scene.ground import plan_ground
-from pavetwin.scene.ground.looks import look_sha256, street_look
-from pavetwin.scene.ground.looks.marking_standard import marking_standard, standard_names
-from pavetwin.scene.ground.looks.pavement import PACKAGE
 from pavetwin.scene.ground.markings.painter import FALLBACK, paint, standard_at, standard_of
+from pavetwin.scene.ground.styles import street_style, style_sha256
+from pavetwin.scene.ground.styles.marking_standard import marking_standard, standard_names
+from pavetwin.scene.ground.styles.pavement import PACKAGE
 from scenes import built, tiny
 
 CITIES = {
@@ -112,16 +112,16 @@ def test_a_look_may_ask_for_a_standard_of_its_own(tmp_path: Path) -> None:
     mine = tmp_path / "mine.yaml"
     mine.write_text(yaml.safe_dump(yaml.safe_load(text) | {"centre_colour": "blue", "lane_dash_m": [1.0, 1.0]}))
     world = built("berlin_neukoelln").world
-    before = plan_ground(world, 3, look=street_look("uniform")).paint
-    after = plan_ground(world, 3, look=street_look("uniform").model_copy(update={"markings": str(mine)})).paint
-    assert paint("blue") not in before.bar_looks[:, 0]
-    assert (after.bar_looks[:, 0] == paint("blue")).sum() > 20
+    before = plan_ground(world, 3, style=street_style("uniform")).paint
+    after = plan_ground(world, 3, style=street_style("uniform").model_copy(update={"markings": str(mine)})).paint
+    assert paint("blue") not in before.bar_paints[:, 0]
+    assert (after.bar_paints[:, 0] == paint("blue")).sum() > 20
 
 
-def look_with(folder: Path, markings: str) -> str:
-    """A look that asks for markings."""
+def style_with(folder: Path, markings: str) -> str:
+    """A style that asks for markings."""
     text = "title: one\nmain: {concrete: 1}\nother: {concrete: 1}\nstretches: {share: 0, pavements: {overlay: 1}}\n"
-    path = folder / "look.yaml"
+    path = folder / "style.yaml"
     path.write_text(f"{text}markings: {markings}\n")
     return str(path)
 
@@ -133,9 +133,9 @@ def test_a_look_finds_a_standard_beside_it_and_its_hash_covers_it(tmp_path: Path
         folder = tmp_path / colour
         folder.mkdir()
         (folder / "mine.yaml").write_text(yaml.safe_dump(yaml.safe_load(text) | {"centre_colour": colour}))
-        look = look_with(folder, "mine.yaml")
-        assert plan_ground(tiny.straight(), 3, look=street_look(look)).standard.centre_colour == colour
-        hashes.add(look_sha256(look))
+        style = style_with(folder, "mine.yaml")
+        assert plan_ground(tiny.straight(), 3, style=street_style(style)).standard.centre_colour == colour
+        hashes.add(style_sha256(style))
     assert len(hashes) == 2
 
 
@@ -146,13 +146,13 @@ def test_the_hash_of_a_look_does_not_depend_on_the_folder_of_its_standard(tmp_pa
         folder = tmp_path / name
         folder.mkdir()
         (folder / "mine.yaml").write_text(text)
-        hashes.add(look_sha256(look_with(folder, "mine.yaml")))
+        hashes.add(style_sha256(style_with(folder, "mine.yaml")))
     assert len(hashes) == 1
 
 
 def test_a_look_says_that_its_standard_is_not_known(tmp_path: Path) -> None:
-    with pytest.raises(PaveTwinError, match=r"look\.yaml', line 5: markings: .*'atlantis'"):
-        street_look(look_with(tmp_path, "atlantis"))
+    with pytest.raises(PaveTwinError, match=r"style\.yaml', line 5: markings: .*'atlantis'"):
+        street_style(style_with(tmp_path, "atlantis"))
 
 
 def test_an_outline_that_crosses_itself_is_refused(tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ export class Agents {
     scene.add(this.group);
     this.pools = new Pools(this.group, models);
     this.people = Object.keys(models.people).sort();
-    this.looks = new Map();
+    this.appearances = new Map();
     this.walks = new Map();
     this.times = [];
     this.list = [];
@@ -50,7 +50,7 @@ export class Agents {
 
   // Of another flight the same numbers are other agents.
   forget() {
-    this.looks.clear();
+    this.appearances.clear();
     this.walks.clear();
   }
 
@@ -68,19 +68,19 @@ export class Agents {
     this.#reserve(this.list.length);
     for (const agent of this.list) {
       const away = Math.hypot(agent.y - eye.x, eye.y, agent.x - eye.z);
-      const look = this.look(agent);
-      const phase = look.stride ? this.#walked(agent, look) : 0;
+      const appearance = this.appearance(agent);
+      const phase = appearance.stride ? this.#walked(agent, appearance) : 0;
       if (away > FAR_M || agent.id === hidden) continue;
       this.around.center.set(agent.y, agent.z ?? 0, agent.x);
-      this.around.radius = Math.max(...look.size, MARGIN_M);
+      this.around.radius = Math.max(...appearance.size, MARGIN_M);
       if (frustum && !frustum.intersectsSphere(this.around)) continue;
       const level = away < near ? 0 : away < MIDDLE_M ? 1 : 2;
-      const part = look.stride ? (phase === null ? look.stand : look.steps[phase]) : look.body;
+      const part = appearance.stride ? (phase === null ? appearance.stand : appearance.steps[phase]) : appearance.body;
       const pool = pools.of(part[level]);
       if (!pool) continue;
       const index = pool.next(), to = pool.matrices, at = 16 * index, step = pool.part.step;
       const cos = Math.cos(agent.yaw), sin = Math.sin(agent.yaw);
-      const [long, wide, tall] = look.scale;
+      const [long, wide, tall] = appearance.scale;
       to.fill(0, at, at + 16);
       to[at] = cos * wide * step;
       to[at + 2] = -sin * wide * step;
@@ -91,14 +91,14 @@ export class Agents {
       to[at + 13] = agent.z ?? 0;
       to[at + 14] = agent.x;
       to[at + 15] = 1;
-      for (let slot = 0; slot < look.tints.length; slot++) {
-        const [red, green, blue] = look.tints[slot];
-        pool.tint(index, slot, red, green, blue, agent.brakes && slot === 1 && !look.stride ? 1.5 : 0);
+      for (let slot = 0; slot < appearance.tints.length; slot++) {
+        const [red, green, blue] = appearance.tints[slot];
+        pool.tint(index, slot, red, green, blue, agent.brakes && slot === 1 && !appearance.stride ? 1.5 : 0);
       }
       if (level < 2) {
         const matrix = shades.instanceMatrix.array, from = 16 * shade++;
         matrix.fill(0, from, from + 16);
-        const length = 1.25 * look.size[0], width = 1.35 * look.size[1];
+        const length = 1.25 * appearance.size[0], width = 1.35 * appearance.size[1];
         matrix[from] = cos * width;
         matrix[from + 2] = -sin * width;
         matrix[from + 5] = 1;
@@ -125,9 +125,9 @@ export class Agents {
   }
 
   // Model, colours and scale of an agent, the same at every moment; those that it brings, else drawn by its number.
-  look(agent) {
-    let look = this.looks.get(agent.id);
-    if (look) return look;
+  appearance(agent) {
+    let appearance = this.appearances.get(agent.id);
+    if (appearance) return appearance;
     const number = typeof agent.id === "number" ? agent.id : [...String(agent.id)].reduce((sum, sign) =>
       (Math.imul(sum, 31) + sign.charCodeAt(0)) | 0, 7);
     const given = agent.model && this.models.has(`${agent.model}:body:0`);
@@ -136,7 +136,7 @@ export class Agents {
       const tall = (agent.height_m ?? 1.7) / 1.72;
       const steps = this.models.steps.get(model) ?? 0;
       const names = (part) => [0, 1, 2].map((level) => `${model}:${part}:${level}`);
-      look = {
+      appearance = {
         stride: this.models.people[model].stride_m * tall, stand: names("stand"), phase: chance(number, 6),
         steps: Array.from({ length: steps }, (_, step) => names(`walk_${step}`)),
         scale: [tall, tall, tall], size: [0.6, 0.6],
@@ -148,14 +148,14 @@ export class Agents {
       const ours = given ? agent.model : this.models.has(`${kind}:body:0`) ? kind : null;
       const model = ours ?? KINDS[kind] ?? oneOf(CARS, number, 1), own = this.#sizeOf(model);
       const size = [agent.length_m ?? own[0], agent.width_m ?? own[1], agent.height_m ?? own[2]];
-      look = {
+      appearance = {
         stride: 0, body: [0, 1, 2].map((level) => `${model}:body:${level}`), size,
         scale: agent.scale ?? size.map((value, axis) => value / own[axis]),
         tints: agent.tints ?? [oneOf(PAINTS, number, 2)],
       };
     }
-    this.looks.set(agent.id, look);
-    return look;
+    this.appearances.set(agent.id, appearance);
+    return appearance;
   }
 
   #sizeOf(model) {
@@ -166,13 +166,13 @@ export class Agents {
   }
 
   // The phase of a person's gait by the way walked since the first update; null for one who stands.
-  #walked(agent, look) {
-    const last = this.walks.get(agent.id) ?? { x: agent.x, y: agent.y, way: look.phase * look.stride };
+  #walked(agent, appearance) {
+    const last = this.walks.get(agent.id) ?? { x: agent.x, y: agent.y, way: appearance.phase * appearance.stride };
     const moved = Math.hypot(agent.x - last.x, agent.y - last.y);
     const way = last.way + (moved < JUMP_M ? moved : 0);
     this.walks.set(agent.id, { x: agent.x, y: agent.y, way });
-    if (!(agent.moving ?? moved > 0.002) || !look.steps.length) return null;
-    return Math.floor(way / look.stride * look.steps.length) % look.steps.length;
+    if (!(agent.moving ?? moved > 0.002) || !appearance.steps.length) return null;
+    return Math.floor(way / appearance.stride * appearance.steps.length) % appearance.steps.length;
   }
 
   // Soft shades on the ground below vehicles and people: one draw call.

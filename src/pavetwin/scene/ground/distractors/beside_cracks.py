@@ -86,7 +86,7 @@ class SlabCracks:
         return cls(tuple(across), (*along, *lanes, *_nearest(joints_along(segment), corners[1])))
 
     def across(self, joints: Float64Array) -> Float64Array:
-        """Joints across a street, the nearest to a crack moved to it: slabs of a look may have another length."""
+        """Joints across a street, the nearest to a crack moved to it: slabs of a style may have another length."""
         return _moved(joints, self.stations)
 
     def along(self, joints: Float64Array) -> Float64Array:

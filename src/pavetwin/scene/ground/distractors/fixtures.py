@@ -14,8 +14,8 @@ from pavetwin.scene.ground.layout.lines import direction
 from pavetwin.scene.ground.layout.relief import heights
 from pavetwin.scene.ground.layout.streets import StreetPlan
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
-from pavetwin.scene.ground.looks.street_look import JointName
-from pavetwin.scene.ground.looks.values import pick
+from pavetwin.scene.ground.styles.street_style import JointName
+from pavetwin.scene.ground.styles.values import pick
 from pavetwin.seeds import Stream, child
 from pavetwin.world.ground import Nearby, around
 from pavetwin.world.model import Junction, Segment
@@ -39,7 +39,7 @@ def joints(plan: SurfaceLayout) -> Iterator[tuple[JointName, Float64Array, float
     for street in plan.streets:
         line = street.street.centre_line
         for number, ends in enumerate(street.street.bridges):
-            kind = pick(plan.look.bridge_joints, plan.chance(f"bridge {street.key} {number}"))
+            kind = pick(plan.style.bridge_joints, plan.chance(f"bridge {street.key} {number}"))
             for station in ends:
                 if END_M < station < line.length - END_M:
                     at = line.interpolate(station)
@@ -143,7 +143,7 @@ class Fixture:
 def placed(layout: SurfaceLayout) -> tuple[Fixture, ...]:
     """All flush objects of a world; none touches the patch of a defect."""
     found: list[Fixture] = []
-    covers = pick(layout.look.covers, layout.chance("covers"))
+    covers = pick(layout.style.covers, layout.chance("covers"))
     found += (Fixture(covers, x, y, 0.0, turn) for x, y, turn in cover_places(layout, REACH_M[covers]))
     for street in layout.streets:
         for segment in street.segments:
@@ -181,7 +181,7 @@ def _on_segment(layout: SurfaceLayout, segment: Segment, covers: str) -> Iterato
         offset = float(rng.uniform(-half + 0.4, half - 0.4))
         yield _beside(segment, "valve", float(rng.uniform(0.0, length)), offset, float(rng.uniform(0, 6.28)))
     first = float(rng.uniform(0.2, 0.8)) * min(GRATES_M, length)
-    model = pick(layout.look.grates, layout.chance("grates"))
+    model = pick(layout.style.grates, layout.chance("grates"))
     for station in np.arange(first, length - 1.0, GRATES_M):
         for side in (-1.0, 1.0):
             grate = _grate(layout, _beside(segment, model, float(station), side * half, 0.0))
@@ -206,7 +206,7 @@ def _on_junction(layout: SurfaceLayout, junction: Junction, covers: str) -> Iter
 
 def _cover(layout: SurfaceLayout, rng: np.random.Generator, usual: str) -> str:
     """The kind of one cover."""
-    return usual if rng.random() < MOST_COVERS else pick(layout.look.covers, float(rng.random()))
+    return usual if rng.random() < MOST_COVERS else pick(layout.style.covers, float(rng.random()))
 
 
 def _beside(segment: Segment, model: str, station: float, left: float, turn: float) -> Fixture:
@@ -236,7 +236,7 @@ def _litter(layout: SurfaceLayout) -> Iterator[Fixture]:
         for segment in street.segments:
             rng = child(layout.seed, Stream.SCENE, LITTER_KEY, segment_key(segment))
             half = segment.width_m / 2
-            for _ in range(rng.poisson(layout.look.litter_per_100_m * segment.length_m / 100)):
+            for _ in range(rng.poisson(layout.style.litter_per_100_m * segment.length_m / 100)):
                 away = min(float(rng.exponential(0.5)) + 0.3, segment.width_m - 0.6)
                 left = (half - away) * float(rng.choice([-1.0, 1.0]))
                 station = float(rng.uniform(0.0, segment.length_m))
@@ -252,7 +252,7 @@ def _leaves(layout: SurfaceLayout) -> Iterator[Fixture]:
     rng = child(layout.seed, Stream.SCENE, 5)
     middles = np.repeat(shapely.get_coordinates(trees), 3, axis=0)
     middles = middles + rng.normal(0.0, 1.5, middles.shape)
-    kept = rng.random(len(middles)) < min(1.0, 0.5 * layout.look.dirt.leaves)
+    kept = rng.random(len(middles)) < min(1.0, 0.5 * layout.style.dirt.leaves)
     turns = rng.uniform(0.0, 2 * np.pi, len(middles))
     # One lookup over trees far apart is slow; a few dozen at a time are near each other.
     for start in range(0, len(middles), 3):
@@ -270,7 +270,7 @@ def _drifts(layout: SurfaceLayout) -> Iterator[Fixture]:
     """Leaves along kerbs near trees."""
     rng = child(layout.seed, Stream.SCENE, DRIFT_KEY)
     for tree, draw in zip(layout.trees.shapes, rng.random((len(layout.trees.shapes), 3)).tolist(), strict=True):
-        if draw[0] >= min(1.0, DRIFTS * layout.look.dirt.leaves):
+        if draw[0] >= min(1.0, DRIFTS * layout.style.dirt.leaves):
             continue
         line = layout.edges.pieces[int(layout.edges.tree.nearest(tree))]
         if line.distance(tree) > DRIFT_REACH_M or line.length < 2 * DRIFT_HALF_M:

@@ -11,11 +11,10 @@ from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.layout.lines import LineFrame
 from pavetwin.scene.ground.layout.streets import StreetPlan
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
-from pavetwin.scene.ground.looks import Mark
-from pavetwin.scene.ground.looks import marking_standard as mark
-from pavetwin.scene.ground.looks.marking_standard import MarkPosition
-from pavetwin.scene.ground.looks.values import pick
 from pavetwin.scene.ground.markings.painter import Paint, Painter, paint
+from pavetwin.scene.ground.styles import Mark, mark
+from pavetwin.scene.ground.styles.marking_standard import MarkPosition
+from pavetwin.scene.ground.styles.values import pick
 from pavetwin.seeds import Stream, child
 from pavetwin.world.ground import Nearby
 from pavetwin.world.model import Lane, LaneKind, Segment
@@ -47,7 +46,7 @@ def marks(plan: SurfaceLayout, markings: Paint) -> Paint:
     for street in plan.streets:
         for segment in street.segments:
             rng = child(plan.seed, Stream.SCENE, KEY, segment_key(segment))
-            for name, per_100_m in plan.look.marks.items():
+            for name, per_100_m in plan.style.marks.items():
                 kind = mark(name)
                 count = int(rng.poisson(per_100_m * segment.length_m / 100))
                 if kind.streets == "all" or (kind.streets == "main") == street.main:
@@ -63,7 +62,7 @@ class _Placing:
         self.parked = STRtree([place.centre for place in plan.world.parking])
         painted = [LineString(ends) for ends in markings.ends()] + [Polygon(ring) for ring in markings.outlines]
         self.painted = STRtree(painted)
-        self.colours = np.concatenate([markings.bar_looks[:, 0], markings.outline_looks[:, 0]])
+        self.colours = np.concatenate([markings.bar_paints[:, 0], markings.outline_paints[:, 0]])
         self.marked: Nearby[float] = Nearby(4.0)
 
     def place(self, street: StreetPlan, segment: Segment, kind: Mark, rng: np.random.Generator) -> None:

@@ -13,9 +13,9 @@ from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.distractors.segment_marks import SEAM_HALF_M, SegmentMarks, wander
 from pavetwin.scene.ground.layout.paved import PavedSurface
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
-from pavetwin.scene.ground.looks import pavement
-from pavetwin.scene.ground.looks.street_look import OWN
-from pavetwin.scene.ground.looks.values import pick
+from pavetwin.scene.ground.styles import pavement
+from pavetwin.scene.ground.styles.street_style import OWN
+from pavetwin.scene.ground.styles.values import pick
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Junction
 
@@ -56,7 +56,7 @@ class Patching:
     def __init__(self, at: SegmentMarks) -> None:
         self.at, self.rng, self.between = at, at.rng, at.between
         self.length, self.half = at.length, at.half
-        self.repairs = at.plan.look.repairs
+        self.repairs = at.plan.style.repairs
 
     def draw(self) -> None:
         at, rates = self.at, self.at.pavement.repairs

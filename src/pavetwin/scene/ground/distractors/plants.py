@@ -53,7 +53,7 @@ CLEAR_M: Final = 0.1
 
 def edge_plants(layout: SurfaceLayout) -> Iterator[tuple[tuple[float, ...], np.random.Generator]]:
     """The bars of all tufts, each with the random generator of its segment."""
-    rate = layout.look.dirt.plants
+    rate = layout.style.dirt.plants
     for street in layout.streets if rate else ():
         worn = max(0.0, layout.ageing(street).age - GROWS_FROM_AGE) / (1 - GROWS_FROM_AGE)
         for segment in street.segments if worn else ():
@@ -150,7 +150,7 @@ def plants(layout: SurfaceLayout, painted: Paint) -> Paint:
     """
     lines = STRtree([LineString(ends) for ends in painted.ends()])
     bars: list[tuple[float, ...]] = []
-    looks: list[tuple[float, float]] = []
+    paints: list[tuple[float, float]] = []
     for defect in layout.world.defects:
         share = dict(defect.parameters).get("overgrown", 0.0)
         if share < LEAST:
@@ -161,15 +161,15 @@ def plants(layout: SurfaceLayout, painted: Paint) -> Paint:
             wear = float(rng.uniform(0.1, 0.5))
             if not len(lines.query(Point(tuft[:2]), "dwithin", distance=APART_M)):
                 bars.append(tuft)
-                looks.append((which, wear))
+                paints.append((which, wear))
     for tuft, rng in edge_plants(layout):
         if not len(lines.query(Point(tuft[:2]), "dwithin", distance=APART_M)):
             bars.append(tuft)
             which = list(PAINTS).index(KINDS[int(rng.integers(len(KINDS)))]) / (len(PAINTS) - 1)
-            looks.append((which, float(rng.uniform(0.1, 0.5))))
+            paints.append((which, float(rng.uniform(0.1, 0.5))))
     tufts = np.array(bars, dtype=np.float64).reshape(-1, 5)
     is_former = np.zeros(len(tufts), dtype=np.bool_)
-    return Paint(tufts, np.array(looks).reshape(-1, 2), (), np.zeros((0, 2)), is_former, np.zeros((0, 6)))
+    return Paint(tufts, np.array(paints).reshape(-1, 2), (), np.zeros((0, 2)), is_former, np.zeros((0, 6)))
 
 
 def _tufts(defect: Defect, share: float, rng: np.random.Generator) -> Iterator[tuple[float, ...]]:

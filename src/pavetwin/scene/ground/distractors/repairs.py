@@ -26,8 +26,8 @@ from pavetwin.scene.ground.distractors.segment_marks import (
 )
 from pavetwin.scene.ground.layout.paved import PavedSurface
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
-from pavetwin.scene.ground.looks import pavement
-from pavetwin.scene.ground.looks.values import pick
+from pavetwin.scene.ground.styles import pavement
+from pavetwin.scene.ground.styles.values import pick
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Lane
 from pavetwin.world.pavement_joints import joints_across, joints_along
@@ -104,9 +104,9 @@ class _OnSegment(SegmentMarks):
         self._joint()
         self._slab_joints()
         rates = self.pavement.repairs
-        for _ in range(self.count(self.plan.look.dirt.water * self.length / PUDDLES_M)):
+        for _ in range(self.count(self.plan.style.dirt.water * self.length / PUDDLES_M)):
             self._puddle()
-        for _ in range(self.count(self.plan.look.dirt.water * self.length / RUNNELS_M)):
+        for _ in range(self.count(self.plan.style.dirt.water * self.length / RUNNELS_M)):
             self._runnel()
         Patching(self).draw()
         for _ in range(self.count(rates.sealed_cracks * self.cracked * self.length / 20)):
@@ -115,7 +115,7 @@ class _OnSegment(SegmentMarks):
             self._crack_along()
 
     def _stretch(self) -> None:
-        stretches = self.plan.look.stretches
+        stretches = self.plan.style.stretches
         if self.length < 45 or self.rng.random() > stretches.share:
             return
         start = self.between(0.0, self.length * 0.6)
@@ -238,7 +238,7 @@ def _drips(plan: SurfaceLayout, lane: Lane, found: Repairs) -> None:
     """Oil along the middle of a lane, thickest where vehicles wait, and the marks of tyres that locked."""
     rng = child(plan.seed, Stream.SCENE, 3, plan.name_hash(lane.id))
     length = lane.length_m
-    stations = list(rng.uniform(0.0, length, rng.poisson(plan.look.dirt.oil * length / 5.0)))
+    stations = list(rng.uniform(0.0, length, rng.poisson(plan.style.dirt.oil * length / 5.0)))
     stations += list(length - rng.exponential(6.0, rng.poisson(9.0 if length > 15 else 2.0)))
     for station in stations:
         if 0.5 < station < length:
@@ -246,7 +246,7 @@ def _drips(plan: SurfaceLayout, lane: Lane, found: Repairs) -> None:
             radius = float(np.clip(rng.lognormal(-3.3, 0.6), 0.015, 0.16))
             x, y = np.array([point.x, point.y]) + rng.normal(0.0, 0.22, 2)
             found.spots.append((float(x), float(y), radius, float(rng.uniform(0.2, 0.75))))
-    for _ in range(rng.poisson(plan.look.dirt.tyre_marks * length / 75)):
+    for _ in range(rng.poisson(plan.style.dirt.tyre_marks * length / 75)):
         found.skids += list(_skid(rng, lane))
 
 

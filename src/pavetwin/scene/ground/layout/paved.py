@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Final
 
-from pavetwin.scene.ground.looks import Pavement
 from pavetwin.scene.ground.materials.detail_textures import CHIPS, CONCRETE_REFLECTANCE, DENSE
+from pavetwin.scene.ground.styles import Pavement
 from pavetwin.scene.model import PLAIN_FINISH, Finish, GroundKind
 
 

@@ -16,7 +16,7 @@ from pavetwin.scene.ground.layout.kerbside import gutters_of, on_sidewalks
 from pavetwin.scene.ground.layout.lines import Edges
 from pavetwin.scene.ground.layout.paved import Ageing, PavedSurface, ageing
 from pavetwin.scene.ground.layout.streets import Approach, Path, StreetPlan, paths_of
-from pavetwin.scene.ground.looks import Pavement, StreetLook
+from pavetwin.scene.ground.styles import Pavement, StreetStyle
 from pavetwin.scene.model import TILE_M, Finish, GroundKind
 from pavetwin.world.model import Direction, FurnitureKind, Lane, LaneKind, Segment, World
 from pavetwin.world.pavement_joints import SLAB_SHARE, has_slabs
@@ -72,7 +72,7 @@ class SurfaceLayout:
     bays: SpatialIndex
     """Parking bays along the carriageway."""
     streets: tuple[StreetPlan, ...]
-    look: StreetLook
+    style: StreetStyle
 
     @cached_property
     def road_pieces(self) -> SpatialIndex:
@@ -126,7 +126,7 @@ class SurfaceLayout:
         streets = {edge: street.street.name for street in self.streets for edge in street.street.edges}
         names = [streets.get(lane.edge, lane.edge) for lane in self._sidewalk_lanes]
         made = {
-            name: self.look.sidewalks.surface(
+            name: self.style.sidewalks.surface(
                 paving=self.chance(f"walk {name}"),
                 colour=self.chance(f"walk colour {name}"),
                 tone=self.chance(f"walk tone {name}"),
@@ -211,17 +211,17 @@ class SurfaceLayout:
     def ageing(self, street: StreetPlan) -> Ageing:
         """Age of a street's surface."""
         age, tone, paint = (self.chance(f"{what} {street.name}") for what in ("age", "tone", "paint"))
-        return ageing(self.pavement(street), (age, tone, paint), self.look.paint_wear)
+        return ageing(self.pavement(street), (age, tone, paint), self.style.paint_wear)
 
     def pavement(self, street: StreetPlan) -> Pavement:
         """Pavement of a street: concrete slabs first for streets that the world has slabs for, as far as the
-        look's share of them goes, and none with networks of cracks, which are a distress of asphalt."""
+        style's share of them goes, and none with networks of cracks, which are a distress of asphalt."""
         chance = self.chance(f"pavement {street.name}")
         rank = SLAB_SHARE * chance if has_slabs(street.name) else SLAB_SHARE + (1 - SLAB_SHARE) * chance
-        found = self.look.pavement(main=street.main, chance=rank)
+        found = self.style.pavement(main=street.main, chance=rank)
         if found.slabs is None or street.name not in self._with_networks:
             return found
-        return self.look.pavement(main=street.main, chance=chance, slabs=False)
+        return self.style.pavement(main=street.main, chance=chance, slabs=False)
 
     @cached_property
     def _with_networks(self) -> frozenset[str]:

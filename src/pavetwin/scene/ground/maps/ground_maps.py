@@ -34,13 +34,13 @@ def drawn(plan: GroundPlan, key: tuple[int, int], worn: Float32Array) -> UInt8Ar
     """
     raster = RasterGrid(key)
     paint, reach = plan.paint, SIGNED_DISTANCE_M
-    distance, which, wear = painted(raster, paint.bars, paint.bar_looks, plan.paint_limits, reach)
+    distance, which, wear = painted(raster, paint.bars, paint.bar_paints, plan.paint_limits, reach)
     low, high = plan.outline_boxes
     chosen = np.flatnonzero(raster.meets(low - reach, high + reach))
     for number, window, inside in outlines(raster, [paint.outlines[index] for index in chosen], reach):
         nearer = inside > distance[window.at]
-        look = paint.outline_looks[chosen[number]]
-        for field, value in ((distance, inside), (which, np.float32(look[0])), (wear, np.float32(look[1]))):
+        paint_wear = paint.outline_paints[chosen[number]]
+        for field, value in ((distance, inside), (which, np.float32(paint_wear[0])), (wear, np.float32(paint_wear[1]))):
             np.copyto(field[window.at], value, where=nearer)
     near = distance > -reach
     if near.any():

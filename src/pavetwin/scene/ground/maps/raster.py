@@ -116,19 +116,19 @@ def tracks(
 
 
 def painted(
-    raster: RasterGrid, bars_xyahw: Float64Array, looks: Float64Array, most_m: Float64Array, reach_m: float
+    raster: RasterGrid, bars_xyahw: Float64Array, paints: Float64Array, most_m: Float64Array, reach_m: float
 ) -> tuple[Float32Array, Float32Array, Float32Array]:
     """The bar of every cell that it lies farthest inside of, the first of several: the signed distance from its edge,
-    positive inside, −reach where there is none, and its two looks, 0 where there is none.
+    positive inside, −reach where there is none, and its two paints, 0 where there is none.
 
     Args:
         bars_xyahw: (n, 5): middle x and y in the world frame, direction [rad], half length, half width [m].
-        looks: (n, 2)
+        paints: (n, 2)
         most_m: (n,) greatest distance inside that counts.
         reach_m: how far outside.
     """
     near, rows = _near(raster, bars_xyahw, reach_m)
-    shown = looks[near].astype(np.float32), most_m[near].astype(np.float32)
+    shown = paints[near].astype(np.float32), most_m[near].astype(np.float32)
     return raster_painted(raster.lattice, rows, *shown, -reach_m)
 
 

@@ -190,7 +190,7 @@ def _road_tone(ground: _CoarseFields) -> Float32Array:
 
 def _stain(ground: _CoarseFields) -> tuple[Float32Array, Float32Array]:
     """Stains at the kerb and on the carriageway: oil along lanes, rubber across junctions, damp at kerbs, spots."""
-    tables, lanes, edge, dirt = ground.tables, ground.lanes, ground.edge, ground.plan.look.dirt
+    tables, lanes, edge, dirt = ground.tables, ground.lanes, ground.edge, ground.plan.style.dirt
     middle = np.where(lanes.index >= 0, np.exp(-0.5 * (lanes.across / 0.33) ** 2), 0.0)
     (band,) = tables.road((tables.band,), lanes.along, lanes.across, lanes.index * np.int32(131))
     oily = np.clip(0.55 + 0.5 * band, 0.1, 1.6)
@@ -215,7 +215,7 @@ def _dust(ground: _CoarseFields) -> tuple[Float32Array, Float32Array]:
     distance = np.where(np.isfinite(edge.distance), edge.distance, np.float32(99.0))
     silt = 0.7 * np.exp(-distance / 0.17) * np.clip(0.65 + 0.5 * noise, 0.05, 1.6)
     film = 0.13 * np.exp(-((distance / 0.75) ** 2)) * np.clip(0.7 + 0.5 * ground.plane(tables.broad, 2), 0.0, 1.5)
-    on_road = ground.plan.look.dirt.sand * (silt + film)
+    on_road = ground.plan.style.dirt.sand * (silt + film)
     beside = 0.25 * np.exp(-distance / 0.2) * np.clip(0.6 + 0.5 * noise, 0.0, 1.5)
     unused = np.where(ground.lanes.index >= 0, 0.05 * (1.0 - ground.wheels), 0.04)
     dust = unused * np.clip(0.6 + 0.6 * ground.plane(tables.broad, 3) + 0.3 * noise, 0.0, 2.0)

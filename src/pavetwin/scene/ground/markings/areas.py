@@ -10,8 +10,8 @@ from shapely.geometry.base import BaseGeometry
 
 from pavetwin.scene.ground.layout.lines import direction
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
-from pavetwin.scene.ground.looks.marking_standard import BoxJunction, Hatching
 from pavetwin.scene.ground.markings.painter import Painter
+from pavetwin.scene.ground.styles.marking_standard import BoxJunction, Hatching
 from pavetwin.world.model import Junction, Lane, LaneKind
 
 KERB_M: Final = 0.4

@@ -12,8 +12,8 @@ from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import BoolArray, Float64Array
 from pavetwin.scene.ground.layout.lines import ways_along
-from pavetwin.scene.ground.looks.marking_standard import MarkingStandard, PaintName, marking_standard, standard_names
 from pavetwin.scene.ground.materials.compose import PAINTS
+from pavetwin.scene.ground.styles.marking_standard import MarkingStandard, PaintName, marking_standard, standard_names
 from pavetwin.world.model import World
 
 FALLBACK: Final = "germany"
@@ -51,11 +51,11 @@ class Paint:
 
     bars: Float64Array
     """(n, 5): middle x and y in the world frame, direction [rad], half length and half width [m]."""
-    bar_looks: Float64Array
+    bar_paints: Float64Array
     """(n, 2): place among the paints and wear, 0 … 1."""
     outlines: tuple[Float64Array, ...]
     """Polygons (n, 2) each, world frame."""
-    outline_looks: Float64Array
+    outline_paints: Float64Array
     """(n, 2) as of the bars."""
     is_former: BoolArray
     """(n,): which bars are of an earlier layout, below the others."""
@@ -72,9 +72,9 @@ class Paint:
         every = (self, *others)
         return Paint(
             np.concatenate([each.bars for each in every]),
-            np.concatenate([each.bar_looks for each in every]),
+            np.concatenate([each.bar_paints for each in every]),
             tuple(ring for each in every for ring in each.outlines),
-            np.concatenate([each.outline_looks for each in every]),
+            np.concatenate([each.outline_paints for each in every]),
             np.concatenate([each.is_former for each in every]),
             np.concatenate([each.scars for each in every]),
         )
@@ -84,7 +84,7 @@ class Paint:
         shapely.prepare(where)
         gone = self.is_former & shapely.contains_xy(where, self.bars[:, :2])
         scars = self.scars[~shapely.contains_xy(where, self.scars[:, :2])]
-        kept = (self.bars[~gone], self.bar_looks[~gone], self.outlines, self.outline_looks, self.is_former[~gone])
+        kept = (self.bars[~gone], self.bar_paints[~gone], self.outlines, self.outline_paints, self.is_former[~gone])
         return Paint(*kept, scars)
 
 
@@ -153,9 +153,9 @@ class Painter:
 
     def done(self) -> Paint:
         bars = np.array(self._bars, dtype=np.float64).reshape(-1, 7)
-        looks = np.array([(which, wear) for _, which, wear in self._outlines]).reshape(-1, 2)
+        paints = np.array([(which, wear) for _, which, wear in self._outlines]).reshape(-1, 2)
         rings, new = tuple(ring for ring, _, _ in self._outlines), np.zeros(len(bars), dtype=np.bool_)
-        return Paint(bars[:, :5], bars[:, 5:], rings, looks, new, np.array(self._scars).reshape(-1, 6))
+        return Paint(bars[:, :5], bars[:, 5:], rings, paints, new, np.array(self._scars).reshape(-1, 6))
 
 
 def _laps(before: Float64Array, after: Float64Array, width_m: float) -> Float64Array:

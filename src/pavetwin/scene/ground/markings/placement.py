@@ -15,11 +15,11 @@ from pavetwin.scene.ground.layout.lines import direction
 from pavetwin.scene.ground.layout.paved import Ageing
 from pavetwin.scene.ground.layout.streets import Approach, StreetPlan
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
-from pavetwin.scene.ground.looks.marking_standard import CrossingKind, MarkingStandard, PaintName
-from pavetwin.scene.ground.looks.street_look import FormerKind
-from pavetwin.scene.ground.looks.values import pick
 from pavetwin.scene.ground.markings.areas import box_lines, corners, hatch, islands
 from pavetwin.scene.ground.markings.painter import Paint, Painter
+from pavetwin.scene.ground.styles.marking_standard import CrossingKind, MarkingStandard, PaintName
+from pavetwin.scene.ground.styles.street_style import FormerKind
+from pavetwin.scene.ground.styles.values import pick
 from pavetwin.world.model import CARRIAGEWAY_LANES, Crossing, Direction, Lane, LaneKind, World
 from pavetwin.world.parking import ParkingOrientation, ParkingPlace, ParkingPosition
 
@@ -115,7 +115,7 @@ KERB_M: Final = 0.15
 
 def former_kind(plan: SurfaceLayout, name: str) -> FormerKind | None:
     """State of the former markings of a street or a crossing; None where there were none."""
-    rules = plan.look.former_markings
+    rules = plan.style.former_markings
     return (
         pick(rules.kinds, plan.chance(f"former kind {name}")) if plan.chance(f"former {name}") < rules.share else None
     )
@@ -129,7 +129,7 @@ def left_of(plan: SurfaceLayout, name: str, kind: FormerKind, earlier: Paint) ->
         kind: what became of it.
         earlier: its bars, as if it were today's.
     """
-    rules = plan.look.former_markings
+    rules = plan.style.former_markings
 
     def chance(what: str) -> float:
         return plan.chance(f"former {what} {name}")
@@ -140,15 +140,15 @@ def left_of(plan: SurfaceLayout, name: str, kind: FormerKind, earlier: Paint) ->
     ahead = (1.0 if over else AHEAD) * reach * (2 * chance("ahead") - 1)
     _, _, to_kerb = plan.edges.locate(earlier.bars[:, :2])
     inside = to_kerb > reach + KERB_M
-    bars, looks = earlier.bars[inside].copy(), earlier.bar_looks[inside].copy()
+    bars, paints = earlier.bars[inside].copy(), earlier.bar_paints[inside].copy()
     cos, sin = np.cos(bars[:, 2]), np.sin(bars[:, 2])
     bars[:, 0] += ahead * cos - left * sin
     bars[:, 1] += ahead * sin + left * cos
     none = np.zeros((0, 2))
     if kind in (FormerKind.WORN, FormerKind.OVERPAINTED):
         bars[:, 4] *= NARROWED
-        looks[:, 1] = rules.wear.at(chance("wear"))
-        return Paint(bars, looks, (), none, np.ones(len(bars), dtype=np.bool_), np.zeros((0, 6)))
+        paints[:, 1] = rules.wear.at(chance("wear"))
+        return Paint(bars, paints, (), none, np.ones(len(bars), dtype=np.bool_), np.zeros((0, 6)))
     bars[:, 3:] += SCAR_M
     tone = (rules.removed_tone if kind is FormerKind.REMOVED else rules.masked_tone).at(chance("tone"))
     scars = np.column_stack([bars, np.full(len(bars), tone)])

@@ -1,4 +1,4 @@
-"""Masks of defects are tight, and the same on every pavement and in every look of streets."""
+"""Masks of defects are tight, and the same on every pavement and in every style of streets."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,8 +15,8 @@ from pavetwin.arrays import BoolArray
 from pavetwin.defects import DefectOptions, place
 from pavetwin.errors import PaveTwinError
 from pavetwin.render.renderer import Renderer
-from pavetwin.scene.ground.looks import DEFAULT_LOOK, look_names
-from pavetwin.scene.ground.looks.pavement import pavement_names
+from pavetwin.scene.ground.styles import DEFAULT_STYLE, style_names
+from pavetwin.scene.ground.styles.pavement import pavement_names
 from pavetwin.scene.light import Light
 from pavetwin.scene.model import defect_label
 from pavetwin.scene.scene import Scene
@@ -75,9 +75,9 @@ def outline_px(view: View, defect: Defect) -> np.ndarray:
     return np.asarray(view.project(np.column_stack([ring, np.zeros(len(ring))])))
 
 
-def rendered(world: World, look: str, views: Sequence[tuple[Defect, View]]) -> Iterator[Seen]:
+def rendered(world: World, style: str, views: Sequence[tuple[Defect, View]]) -> Iterator[Seen]:
     """Each defect in its image."""
-    renderer = Renderer(Scene(world, seed=SEED, look=look))
+    renderer = Renderer(Scene(world, seed=SEED, style=style))
     for defect, view in views:
         labels = renderer.light(view, light=LIGHT).labels
         if labels is None:
@@ -89,9 +89,9 @@ def rendered(world: World, look: str, views: Sequence[tuple[Defect, View]]) -> I
         yield Seen(defect, np.asarray(labels == defect_label(defect.id)), np.asarray(inside))
 
 
-def looks(folder: Path) -> Mapping[str, str]:
-    """The looks besides the default one by name, and one of each pavement alone."""
-    found = {f"look {name}": name for name in look_names() if name != DEFAULT_LOOK}
+def styles(folder: Path) -> Mapping[str, str]:
+    """The styles besides the default one by name, and one of each pavement alone."""
+    found = {f"style {name}": name for name in style_names() if name != DEFAULT_STYLE}
     for name in pavement_names():
         only = {"title": name, "main": {name: 1}, "other": {name: 1}}
         path = folder / f"{name}.yaml"
@@ -119,13 +119,13 @@ def views() -> tuple[tuple[Defect, View], ...]:
 
 @cache
 def plain() -> tuple[Seen, ...]:
-    return tuple(rendered(street(), DEFAULT_LOOK, views()))
+    return tuple(rendered(street(), DEFAULT_STYLE, views()))
 
 
 def others() -> list[str]:
-    """Names as `looks` has them."""
+    """Names as `styles` has them."""
     return [
-        *(f"look {name}" for name in look_names() if name != DEFAULT_LOOK),
+        *(f"style {name}" for name in style_names() if name != DEFAULT_STYLE),
         *(f"pavement {name}" for name in pavement_names()),
     ]
 
@@ -141,6 +141,6 @@ def test_masks_hold_the_pixels_whose_middles_lie_in_the_outline() -> None:
 
 @pytest.mark.parametrize("name", others())
 def test_a_look_changes_no_pixel_of_a_mask(name: str, tmp_path: Path) -> None:
-    found = rendered(street(), looks(tmp_path)[name], views())
+    found = rendered(street(), styles(tmp_path)[name], views())
     for before, seen in zip(plain(), found, strict=True):
         np.testing.assert_array_equal(seen.mask, before.mask)

@@ -11,8 +11,8 @@ from pydantic import Field, field_validator, model_validator
 
 from pavetwin.config.named import names_in, read_named
 from pavetwin.config.settings import NUMBER, SOME, PlacedValueError, Settings, Share, Title, Weight
-from pavetwin.scene.ground.looks.pavement import PACKAGE
-from pavetwin.scene.ground.looks.values import ValueRange, Within
+from pavetwin.scene.ground.styles.pavement import PACKAGE
+from pavetwin.scene.ground.styles.values import ValueRange, Within
 
 PaintName = Literal["white", "yellow", "orange", "red", "blue", "green"]
 
@@ -191,7 +191,7 @@ class MarkingStandard(Settings):
     """Name of the country in messages."""
     areas: tuple[Outline, ...] = ()
     """Rough outlines of the country in degrees, longitude and latitude; the first standard by name wins. Without it,
-    only looks select it."""
+    only styles select it."""
     line_m: WidthM
     """Width of lane lines."""
     centre_m: WidthM

@@ -8,10 +8,10 @@ from pydantic import Field, model_validator
 
 from pavetwin.config.named import names_in, read_named
 from pavetwin.config.settings import NUMBER, PlacedValueError, Settings, Share, Title
-from pavetwin.scene.ground.looks.values import ValueRange, Within
+from pavetwin.scene.ground.styles.values import ValueRange, Within
 from pavetwin.scene.model import GroundKind
 
-PACKAGE: Final = "pavetwin.scene.ground.looks"
+PACKAGE: Final = "pavetwin.scene.ground.styles"
 
 Reflectance = Annotated[float, Field(ge=0.02, le=0.5), NUMBER]
 Factor = Annotated[float, Field(ge=0, le=5), NUMBER]

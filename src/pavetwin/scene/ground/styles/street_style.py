@@ -13,9 +13,9 @@ from pydantic import AfterValidator, Field
 from pavetwin.config.named import names_in, read_named
 from pavetwin.config.settings import NUMBER, SOME, PlacedValueError, Settings, Share, Title, Weight, Weights
 from pavetwin.errors import PaveTwinError
-from pavetwin.scene.ground.looks.marking_standard import mark, marking_standard
-from pavetwin.scene.ground.looks.pavement import PACKAGE, Factor, Pavement, pavement
-from pavetwin.scene.ground.looks.values import ValueRange, Within, pick, whole
+from pavetwin.scene.ground.styles.marking_standard import mark, marking_standard
+from pavetwin.scene.ground.styles.pavement import PACKAGE, Factor, Pavement, pavement
+from pavetwin.scene.ground.styles.values import ValueRange, Within, pick, whole
 from pavetwin.scene.model import Finish, GroundKind
 
 OWN: Final = "own"
@@ -135,7 +135,7 @@ RED_TONE: Final = 0.8
 """Factor on their reflectance."""
 
 
-class SidewalkLook(Settings):
+class SidewalkStyle(Settings):
     """Paving of sidewalks, street by street."""
 
     pavings: Annotated[Mapping[SidewalkPaving, Weight], Field(min_length=1), SOME] = {SidewalkPaving.SLABS: 1}
@@ -153,7 +153,7 @@ class SidewalkLook(Settings):
         return found.ground, Finish.rounded(*factors)
 
 
-DEFAULT_LOOK: Final = "varied"
+DEFAULT_STYLE: Final = "varied"
 
 CoverName = Literal["cover_iron", "cover_filled", "cover_square", "cover_collared"]
 GrateName = Literal["grate", "grate_slots"]
@@ -186,8 +186,8 @@ class Dirt(Settings):
     """Grass and moss at the kerbs of worn streets and in the joints of worn slabs."""
 
 
-class StreetLook(Settings):
-    """The look of a town's streets."""
+class StreetStyle(Settings):
+    """The style of a town's streets."""
 
     title: Title
     """Name in messages."""
@@ -199,7 +199,7 @@ class StreetLook(Settings):
     """Parts of streets resurfaced later than the rest."""
     repairs: RepairMaterials = RepairMaterials()
     """Materials of repairs."""
-    sidewalks: SidewalkLook = SidewalkLook()
+    sidewalks: SidewalkStyle = SidewalkStyle()
     """Paving of sidewalks, per street."""
     former_markings: FormerMarkings = FormerMarkings()
     """Visible markings of an earlier layout."""
@@ -228,7 +228,7 @@ class StreetLook(Settings):
         Args:
             main: whether it is a main street.
             chance: the random number.
-            slabs: False for none of slabs, if the look has others.
+            slabs: False for none of slabs, if the style has others.
         """
         table = self.main if main else self.other
         ordered = sorted(table, key=lambda name: pavement(name).slabs is None)
@@ -237,24 +237,24 @@ class StreetLook(Settings):
         return pavement(pick({name: table[name] for name in ordered}, chance))
 
 
-def look_names() -> list[str]:
-    """The looks that ship with the package."""
+def style_names() -> list[str]:
+    """The styles that ship with the package."""
     return names_in(PACKAGE, "streets")
 
 
 @cache
-def street_look(name: str) -> StreetLook:
-    """The look of a name, or of a YAML file of the user's own, which may name files next to it.
+def street_style(name: str) -> StreetStyle:
+    """The style of a name, or of a YAML file of the user's own, which may name files next to it.
 
     Raises:
-        PaveTwinError: there is no such look or file, the file is none, or it names a pavement, mark or marking
+        PaveTwinError: there is no such style or file, the file is none, or it names a pavement, mark or marking
             standard that is none.
     """
     found = read_named(
-        StreetLook,
+        StreetStyle,
         name,
-        what="street look",
-        key="look",
+        what="street style",
+        key="style",
         package=PACKAGE,
         folder="streets",
         check=partial(check_parts, name=name),
@@ -275,8 +275,8 @@ def street_look(name: str) -> StreetLook:
     return found.model_copy(update=update)
 
 
-def check_parts(look: StreetLook, name: str) -> None:
-    """Refuse a look that names what is not there.
+def check_parts(style: StreetStyle, name: str) -> None:
+    """Refuse a style that names what is not there.
 
     Args:
         name: its own, or its file; files that it names lie next to it.
@@ -284,16 +284,16 @@ def check_parts(look: StreetLook, name: str) -> None:
     Raises:
         PlacedValueError: a pavement, mark or marking standard that it names is none.
     """
-    tables = {("main",): look.main, ("other",): look.other, ("stretches", "pavements"): look.stretches.pavements}
-    tables |= {("repairs", key): weights for key, weights in look.repairs.tables.items()}
+    tables = {("main",): style.main, ("other",): style.other, ("stretches", "pavements"): style.stretches.pavements}
+    tables |= {("repairs", key): weights for key, weights in style.repairs.tables.items()}
     parts: list[tuple[tuple[str, ...], str, Callable[[str], object]]] = [
         (path, each, pavement)
         for path, weights in tables.items()
         for each in weights
         if not (path[0] == "repairs" and each == OWN)
     ]
-    parts += [(("marks",), each, mark) for each in look.marks]
-    parts += [(("markings",), look.markings, marking_standard)] if look.markings is not None else []
+    parts += [(("marks",), each, mark) for each in style.marks]
+    parts += [(("markings",), style.markings, marking_standard)] if style.markings is not None else []
     for path, each, read in parts:
         try:
             read(_beside(name, each))
@@ -301,23 +301,23 @@ def check_parts(look: StreetLook, name: str) -> None:
             raise PlacedValueError((*path, each), str(error), named=False) from error
 
 
-def look_sha256(name: str) -> str:
+def style_sha256(name: str) -> str:
     """SHA-256 of a style with the pavements, marks and marking standard that it names."""
-    look = street_look(name)
-    tables = (look.main, look.other, look.stretches.pavements, *look.repairs.tables.values())
+    style = street_style(name)
+    tables = (style.main, style.other, style.stretches.pavements, *style.repairs.tables.values())
     named: dict[str, Any] = {
         "main": True,
         "other": True,
         "stretches": True,
         "marks": True,
-        "repairs": set(look.repairs.tables),
+        "repairs": set(style.repairs.tables),
     }
-    said = look.model_dump(mode="json", exclude=named)
-    if look.markings is not None:
-        said["markings"] = marking_standard(look.markings).model_dump(mode="json", exclude={"areas"})
-    told = [said, look.stretches.share]
+    said = style.model_dump(mode="json", exclude=named)
+    if style.markings is not None:
+        said["markings"] = marking_standard(style.markings).model_dump(mode="json", exclude={"areas"})
+    told = [said, style.stretches.share]
     told += [[(weight, _told(each)) for each, weight in table.items()] for table in tables]
-    told += [(rate, mark(each).model_dump(mode="json")) for each, rate in look.marks.items()]
+    told += [(rate, mark(each).model_dump(mode="json")) for each, rate in style.marks.items()]
     return sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
 
 
@@ -325,6 +325,6 @@ def _told(name: str) -> str | dict[str, Any]:
     return OWN if name == OWN else pavement(name).model_dump(mode="json")
 
 
-def _beside(look: str, name: str) -> str:
+def _beside(style: str, name: str) -> str:
     """The name of a part of a style; a file name is relative to the style's folder."""
-    return str(Path(look).parent / name) if name.endswith((".yaml", ".yml")) else name
+    return str(Path(style).parent / name) if name.endswith((".yaml", ".yml")) else name

@@ -12,10 +12,10 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.scene.ground import GroundPlan, ground_pieces, plan_ground
 from pavetwin.scene.ground.layout.relief import Relief
 from pavetwin.scene.ground.layout.surfaces import tile_box
-from pavetwin.scene.ground.looks import look_names, look_sha256, pavement, street_look
-from pavetwin.scene.ground.looks.pavement import pavement_names
-from pavetwin.scene.ground.looks.street_look import RepairMaterials
 from pavetwin.scene.ground.mesh.ground_mesh import faces_of
+from pavetwin.scene.ground.styles import pavement, street_style, style_names, style_sha256
+from pavetwin.scene.ground.styles.pavement import pavement_names
+from pavetwin.scene.ground.styles.street_style import RepairMaterials
 from pavetwin.scene.model import TILE_M, GroundKind
 from pavetwin.scene.patches import holes_of
 from pavetwin.scene.scene import Scene
@@ -38,18 +38,18 @@ def written(path: Path, values: dict[str, object]) -> str:
     return str(path)
 
 
-def look_of(folder: Path, name: str) -> str:
-    """A look with one pavement everywhere."""
+def style_of(folder: Path, name: str) -> str:
+    """A style with one pavement everywhere."""
     values = LOOK | {"main": {name: 1}, "other": {name: 1}, "stretches": STRETCHES}
-    return written(folder / "look.yaml", values)
+    return written(folder / "style.yaml", values)
 
 
 def world() -> World:
     return tiny.straight()
 
 
-def plan(look: str) -> GroundPlan:
-    return plan_ground(world(), 3, holes_of(world().defects), street_look(look))
+def plan(style: str) -> GroundPlan:
+    return plan_ground(world(), 3, holes_of(world().defects), street_style(style))
 
 
 def tile_on_street() -> tuple[int, int]:
@@ -57,27 +57,27 @@ def tile_on_street() -> tuple[int, int]:
     return int(point.x // TILE_M), int(point.y // TILE_M)
 
 
-@pytest.mark.parametrize("name", look_names())
+@pytest.mark.parametrize("name", style_names())
 def test_every_look_names_pavements_that_are_there(name: str) -> None:
-    look = street_look(name)
+    style = street_style(name)
     drawn = {
-        look.pavement(main=main, chance=chance).title for main in (True, False) for chance in np.linspace(0, 1, 201)
+        style.pavement(main=main, chance=chance).title for main in (True, False) for chance in np.linspace(0, 1, 201)
     }
-    assert len(drawn) == len({*look.main, *look.other})
+    assert len(drawn) == len({*style.main, *style.other})
 
 
 @pytest.mark.parametrize("main", [True, False])
 def test_a_street_without_slabs_gets_another_of_the_pavements_if_there_is_one(main: bool) -> None:
     """For every random number, and the others as often as their weights say."""
     tables = {"main": {"concrete": 4.0, "overlay": 1.0, "red_asphalt": 3.0}, "other": {"concrete": 1.0, "overlay": 1.0}}
-    look = street_look("uniform").model_copy(update=tables)
+    style = street_style("uniform").model_copy(update=tables)
     chances = np.linspace(0.0, 0.999, 200)
-    found = Counter(look.pavement(main=main, chance=chance, slabs=False).title for chance in chances)
+    found = Counter(style.pavement(main=main, chance=chance, slabs=False).title for chance in chances)
     weights = {pavement(name).title: weight for name, weight in tables["main" if main else "other"].items()}
     del weights[pavement("concrete").title]
     assert found == pytest.approx({title: 200 * each / sum(weights.values()) for title, each in weights.items()}, abs=1)
-    assert {look.pavement(main=main, chance=chance).title for chance in chances} > set(found)
-    slabs_only = look.model_copy(update={"main": {"concrete": 1.0}, "other": {"concrete": 1.0, "overlay": 0.0}})
+    assert {style.pavement(main=main, chance=chance).title for chance in chances} > set(found)
+    slabs_only = style.model_copy(update={"main": {"concrete": 1.0}, "other": {"concrete": 1.0, "overlay": 0.0}})
     assert slabs_only.pavement(main=main, chance=0.5, slabs=False) == pavement("concrete")
 
 
@@ -89,7 +89,7 @@ def test_pavements_range_from_near_black_to_pale() -> None:
 
 
 def test_a_street_is_meshed_of_what_its_look_says(tmp_path: Path) -> None:
-    found = plan(look_of(tmp_path, "concrete"))
+    found = plan(style_of(tmp_path, "concrete"))
     kinds = {piece.kind for piece in ground_pieces(found, tile_on_street())}
     assert GroundKind.SLABS in kinds
     assert GroundKind.ASPHALT not in kinds
@@ -117,15 +117,15 @@ def test_meshes_and_maps_agree_which_pavement_is_where() -> None:
 def test_they_agree_where_one_pavement_covers_all_of_another() -> None:
     narrow = tiny.street("narrow", (5.0, 10.0), (15.0, 10.0), width_m=5.0)
     there = tiny.world([narrow, tiny.street("broad", (-5.0, 10.0), (60.0, 10.0), width_m=14.0)])
-    without_repairs = street_look("varied").model_copy(update={"repairs": RepairMaterials()})
-    plans = (plan_ground(there, seed, look=without_repairs) for seed in range(50))
+    without_repairs = street_style("varied").model_copy(update={"repairs": RepairMaterials()})
+    plans = (plan_ground(there, seed, style=without_repairs) for seed in range(50))
     differing = next(each for each in plans if len({each.pavement(street).material for street in each.streets}) > 1)
     assert agreed(differing, [(0, 0)]) == 1
 
 
 def test_a_look_may_name_a_pavement_beside_it(tmp_path: Path) -> None:
     written(tmp_path / "blue.yaml", BLUE)
-    found = plan(look_of(tmp_path, "blue.yaml"))
+    found = plan(style_of(tmp_path, "blue.yaml"))
     (piece,) = (each for each in ground_pieces(found, tile_on_street()) if each.kind is GroundKind.ASPHALT)
     assert piece.finish == pytest.approx((0.7, 1.4, 0.5, 0.1 / 0.135), abs=1 / 128)
     x, y = world().segments[0].centre_line.interpolate(0.5, normalized=True).coords[0]
@@ -134,7 +134,7 @@ def test_a_look_may_name_a_pavement_beside_it(tmp_path: Path) -> None:
 
 def test_the_pavement_around_a_defect_is_that_of_its_street(tmp_path: Path) -> None:
     there = tiny.straight((20.0, 1.0))
-    scene = Scene(there, seed=3, look=look_of(tmp_path, "concrete"))
+    scene = Scene(there, seed=3, style=style_of(tmp_path, "concrete"))
     patch = scene.patch_on((0, 0), 0)
     assert patch is not None
     assert patch.kind is GroundKind.SLABS
@@ -143,7 +143,7 @@ def test_the_pavement_around_a_defect_is_that_of_its_street(tmp_path: Path) -> N
 def test_a_look_changes_no_label() -> None:
     """Repairs, markings and what hangs over a street leave holes and masks of defects as they are."""
     there = tiny.straight(*((6.0 + 5.0 * k, (k % 3 - 1) * 2.0) for k in range(10)))
-    scenes = [Scene(there, seed=3, look=look) for look in ("uniform", "varied")]
+    scenes = [Scene(there, seed=3, style=style) for style in ("uniform", "varied")]
     for key in ((0, -1), (0, 0), (1, -1), (1, 0)):
         plain, varied = (dict(scene.holes_on(key)) for scene in scenes)
         assert plain == varied
@@ -159,7 +159,7 @@ def test_the_hash_of_a_look_covers_its_pavements(tmp_path: Path) -> None:
         folder = tmp_path / str(number)
         folder.mkdir()
         written(folder / "blue.yaml", BLUE | {"tint": {"red": red}})
-        hashes.add(look_sha256(look_of(folder, "blue.yaml")))
+        hashes.add(style_sha256(style_of(folder, "blue.yaml")))
     assert len(hashes) == 2
 
 
@@ -187,19 +187,19 @@ def test_a_mistake_in_a_pavement_is_one_line_with_its_place(
 
 def test_a_number_of_wires_is_whole(tmp_path: Path) -> None:
     with pytest.raises(PaveTwinError, match=r"overhead\.wires: least and most are whole numbers\.$"):
-        street_look(
+        street_style(
             written(
-                tmp_path / "look.yaml",
+                tmp_path / "style.yaml",
                 LOOK | {"stretches": STRETCHES, "overhead": {"wires": {"least": 1.5, "most": 2}}},
             )
         )
 
 
 def test_a_file_that_does_not_end_in_yaml_is_named_with_what_would(tmp_path: Path) -> None:
-    with pytest.raises(PaveTwinError, match=r"no street look '.*look\.txt'; known are .*name ends in \.yaml\.$"):
-        street_look(written(tmp_path / "look.txt", LOOK))
+    with pytest.raises(PaveTwinError, match=r"no street style '.*style\.txt'; known are .*name ends in \.yaml\.$"):
+        street_style(written(tmp_path / "style.txt", LOOK))
 
 
 def test_a_look_says_which_of_its_pavements_is_not_known(tmp_path: Path) -> None:
-    with pytest.raises(PaveTwinError, match=r"look\.yaml', line 3: main: no pavement 'tarmac'[^`]*$"):
-        street_look(look_of(tmp_path, "tarmac"))
+    with pytest.raises(PaveTwinError, match=r"style\.yaml', line 3: main: no pavement 'tarmac'[^`]*$"):
+        street_style(style_of(tmp_path, "tarmac"))

@@ -1,4 +1,4 @@
-"""Every key of a look and of a marking standard has an effect: with one changed, what lies on the ground differs."""
+"""Every key of a style and of a marking standard has an effect: with one changed, what lies on the ground differs."""
 
 import json
 from collections.abc import Mapping
@@ -12,9 +12,9 @@ import shapely
 from pydantic import BaseModel
 
 from pavetwin.scene.ground import GroundPlan, ground_maps, plan_ground
-from pavetwin.scene.ground.looks import StreetLook, street_look
-from pavetwin.scene.ground.looks.marking_standard import MarkingStandard, marking_standard
 from pavetwin.scene.ground.markings.placement import markings
+from pavetwin.scene.ground.styles import StreetStyle, street_style
+from pavetwin.scene.ground.styles.marking_standard import MarkingStandard, marking_standard
 from pavetwin.world.model import LaneKind, World
 from scenes import built, tiny
 
@@ -160,17 +160,17 @@ def keys(of: type[BaseModel]) -> set[str]:
     return found - ELSEWHERE
 
 
-def look(*changes: tuple[str, object]) -> StreetLook:
+def style(*changes: tuple[str, object]) -> StreetStyle:
     """Grey asphalt with some of everything."""
-    values = street_look("uniform").model_dump(mode="json")
+    values = street_style("uniform").model_dump(mode="json")
     for key, value in (*SOME_OF_ALL.items(), *changes):
         values = changed(values, key, value)
-    return StreetLook.model_validate(values)
+    return StreetStyle.model_validate(values)
 
 
-def drawn(world: World, of: StreetLook) -> str:
+def drawn(world: World, of: StreetStyle) -> str:
     """All that lies on the ground of a world, in words."""
-    plan = plan_ground(world, 3, look=of)
+    plan = plan_ground(world, 3, style=of)
     surfaces = [asdict(plan.surface_of(street)) for street in plan.streets]
     surfaces += [{str(kind): finish} for kind, finish in plan.walk_surfaces]
     return told([asdict(plan.repairs), asdict(plan.paint), [asdict(each) for each in plan.fixtures], surfaces])
@@ -189,34 +189,34 @@ def street() -> World:
 
 @cache
 def as_before(town: bool, kind: str = "worn") -> str:
-    return drawn(built("cross").world if town else street(), look(("former_markings.kinds", {kind: 1})))
+    return drawn(built("cross").world if town else street(), style(("former_markings.kinds", {kind: 1})))
 
 
 def test_every_key_of_a_look_is_tried() -> None:
-    assert keys(StreetLook) == {*ALONG_A_STREET, *IN_A_TOWN, *OF_FORMER_KINDS}
+    assert keys(StreetStyle) == {*ALONG_A_STREET, *IN_A_TOWN, *OF_FORMER_KINDS}
 
 
 @pytest.mark.parametrize("key", sorted(ALONG_A_STREET.keys() - {"dirt.sand"}))
 def test_a_key_of_a_look_changes_a_street(key: str) -> None:
-    assert drawn(street(), look((key, ALONG_A_STREET[key]))) != as_before(town=False)
-    assert drawn(street(), look()) == as_before(town=False)
+    assert drawn(street(), style((key, ALONG_A_STREET[key]))) != as_before(town=False)
+    assert drawn(street(), style()) == as_before(town=False)
 
 
 @pytest.mark.parametrize("key", sorted(IN_A_TOWN))
 def test_a_key_of_a_look_changes_a_town(key: str) -> None:
-    assert drawn(built("cross").world, look((key, IN_A_TOWN[key]))) != as_before(town=True)
+    assert drawn(built("cross").world, style((key, IN_A_TOWN[key]))) != as_before(town=True)
 
 
 @pytest.mark.parametrize("key", sorted(OF_FORMER_KINDS))
 def test_a_key_of_earlier_markings_changes_those_of_its_kind(key: str) -> None:
     kind, value = OF_FORMER_KINDS[key]
-    assert drawn(built("cross").world, look(("former_markings.kinds", {kind: 1}), (key, value))) != as_before(
+    assert drawn(built("cross").world, style(("former_markings.kinds", {kind: 1}), (key, value))) != as_before(
         True, kind
     )
 
 
 def test_sand_changes_the_maps() -> None:
-    plans = (plan_ground(street(), 3, look=of) for of in (look(), look(("dirt.sand", 0.0))))
+    plans = (plan_ground(street(), 3, style=of) for of in (style(), style(("dirt.sand", 0.0))))
     sandy, clean = (ground_maps(plan, (0, -1)).weathering for plan in plans)
     assert (sandy != clean).any()
 
@@ -230,7 +230,7 @@ def cross(*, one_way: bool = False) -> GroundPlan:
         parking, bicycle = LaneKind.PARKING, LaneKind.BICYCLE
         lanes = tuple(replace(each, kind=bicycle) if each.kind is parking else each for each in world.lanes)
         world = replace(world, streets=streets, lanes=lanes, parking=())
-    return plan_ground(world, 3, look=look(("former_markings.share", 0.0)))
+    return plan_ground(world, 3, style=style(("former_markings.share", 0.0)))
 
 
 @cache

@@ -50,7 +50,7 @@ class AgentAppearance:
     """Phase of the gait, 0 … 1, when the agent appears."""
 
 
-def look_of(agents: Agents, agent: int, seed: int, models: Mapping[str, Model]) -> AgentAppearance:
+def appearance_of(agents: Agents, agent: int, seed: int, models: Mapping[str, Model]) -> AgentAppearance:
     """The appearance of one agent. `models` must hold those of `traffic.kinds`, and people."""
     rng = child(seed, Stream.SCENE, KEY, agent)
     if agents.is_pedestrian[agent]:
@@ -59,11 +59,11 @@ def look_of(agents: Agents, agent: int, seed: int, models: Mapping[str, Model]) 
     return _vehicle(vehicle_model(agents.kind[agent], size), size, rng)
 
 
-def parked_look(kind: str, key: int, seed: int, models: Mapping[str, Model]) -> AgentAppearance:
-    """The appearance of a parked vehicle of a kind of ours, at its real size; `key` is of `ParkedVehicles.look`."""
+def parked_appearance(kind: str, key: int, seed: int, models: Mapping[str, Model]) -> AgentAppearance:
+    """The appearance of a parked vehicle of a kind, at its real size; `key` is of `ParkedVehicles.appearance`."""
     size = np.array([KINDS[kind].length_m, KINDS[kind].width_m, KINDS[kind].height_m])
-    look = _vehicle(model := vehicle_model(kind, size), size, child(seed, Stream.SCENE, PARKED_KEY, key))
-    return replace(look, model=f"{model}{PARKED}" if f"{model}{PARKED}" in models else model)
+    appearance = _vehicle(model := vehicle_model(kind, size), size, child(seed, Stream.SCENE, PARKED_KEY, key))
+    return replace(appearance, model=f"{model}{PARKED}" if f"{model}{PARKED}" in models else model)
 
 
 def vehicle_model(kind: str, size_m: Float64Array) -> str:
