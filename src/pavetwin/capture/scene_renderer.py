@@ -14,8 +14,8 @@ from pavetwin.capture.settings import CaptureSettings
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.render.nearby import FAR_M
 from pavetwin.render.renderer import Renderer
-from pavetwin.scene.ground.styles import DEFAULT_STYLE
 from pavetwin.scene.ground.plan import LAST_PART
+from pavetwin.scene.ground.styles import DEFAULT_STYLE
 from pavetwin.scene.light import Light
 from pavetwin.scene.model import agent_label
 from pavetwin.scene.scene import SCENE_SEED, Scene, SceneCache
