@@ -78,7 +78,7 @@ def test_what_the_form_has_no_field_for_is_named(world: Path, spec: MissionSpec)
         ({"targets": ["../x"]}, "inspects '../x'"),
         ({"targets": "all"}, "no list of `targets`"),
         ({"targets": [["s0001"]]}, "no list of `targets`"),
-        ({"format": 99}, "no mission.yaml of format"),
+        ({"format": 99}, "reads only format 1"),
         ({"traffic": {"density": "rush.rou.xml"}}, "rush.rou.xml"),
     ],
 )

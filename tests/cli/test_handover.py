@@ -196,13 +196,13 @@ def _no_id(path: Path) -> None:
 
 def _another_format(path: Path) -> None:
     text = (path / "mission.yaml").read_text()
-    (path / "mission.yaml").write_text(text.replace("format: 5", "format: 9"))
+    (path / "mission.yaml").write_text(text.replace("format: 1\n", "format: 9\n"))
 
 
 @pytest.mark.parametrize(
     ("damage", "words"),
     [
-        (_another_format, "is not a mission.yaml of format 3 or 4 or 5"),
+        (_another_format, "reads only format 1"),
         (_drop_column, "has no column 'surface_coverage': it is damaged or of an earlier version; fly"),
         (_another_outcome, "is not of the same mission as mission.yaml"),
         (
@@ -210,7 +210,10 @@ def _another_format(path: Path) -> None:
             "defects.csv' has no column 'id': it is damaged or",
         ),
         (lambda path: (path / "streets.csv").unlink(), "streets.csv' is gone or damaged; fly the mission again."),
-        (lambda path: (path / "track.parquet").write_bytes(b"PAR1"), "the track of the mission; fly it again"),
+        (
+            lambda path: (path / "track.parquet").write_bytes(b"PAR1"),
+            "track.parquet' is damaged; fly the mission again",
+        ),
         (lambda path: (path / "captures.geojson").unlink(), "has no captures.geojson"),
         (_no_id, "captures.geojson' is damaged; fly the mission again."),
     ],

@@ -145,8 +145,8 @@ def test_a_mission_needs_no_model(tmp_path: Path) -> None:
     )
 
 
-def test_several_missions_are_one_inventory_and_one_of_another_version_is_told(tmp_path: Path) -> None:
-    """Both fly over the same two potholes; the third folder lacks what this version writes."""
+def test_several_missions_are_one_inventory_and_a_damaged_one_is_named(tmp_path: Path) -> None:
+    """Both fly over the same two potholes; the third folder has a damaged table."""
     for name in ("a", "b", "old"):
         save_mission(empty_street((20, 1), (40, -1)).fly("baseline"), tmp_path / name)
     old = tmp_path / "old" / "detections.parquet"
@@ -154,8 +154,8 @@ def test_several_missions_are_one_inventory_and_one_of_another_version_is_told(t
     folders = [tmp_path / name for name in ("a", "old", "b")]
     done = pavetwin("inventory", *folders, "-o", tmp_path / "all")
     assert done.returncode == 0, done.stderr
-    (told,) = [line for line in done.stdout.splitlines() if "earlier version" in line]
-    assert told == f"'{old}' is of an earlier version (it has no column 'footprint'); fly the mission again."
+    (told,) = [line for line in done.stdout.splitlines() if "is damaged" in line]
+    assert told == f"'{old}' is damaged: it has no column 'footprint'; fly the mission again."
     rows = list(csv.DictReader((tmp_path / "all" / "inventory.csv").open()))
     alone = pavetwin("inventory", tmp_path / "a")
     assert alone.returncode == 0
@@ -163,7 +163,7 @@ def test_several_missions_are_one_inventory_and_one_of_another_version_is_told(t
     assert len(rows) == len(once) == 2
     assert [int(row["looks"]) for row in rows] == [2 * int(row["looks"]) for row in once]
     refused = pavetwin("inventory", old.parent, "-o", tmp_path / "none")
-    assert "is of an earlier version" in plain_refusal(refused)
+    assert "is damaged" in plain_refusal(refused)
     assert "Name a folder for the inventory of several missions with --output." in plain_refusal(
         pavetwin("inventory", *folders)
     )

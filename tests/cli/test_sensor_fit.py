@@ -6,9 +6,9 @@ import polars as pl
 import pytest
 import yaml
 
-from pavetwin.mission.saving import LOOKS
-from pavetwin.mission.spec import FORMAT
-from pavetwin.sensing.fit.tables import GROUP, LOOK_SCHEMA
+from pavetwin.files import FORMAT
+from pavetwin.mission.saving import DETECTION_COLUMNS, LOOKS
+from pavetwin.sensing.fit.tables import GROUP, LOOK_SCHEMA, POSE_SCHEMA
 from pavetwin.sensing.sensor_model import SensorModel
 from scenes.command_line import pavetwin, plain_refusal
 from scenes.fitted import drawn_looks, stated
@@ -23,13 +23,15 @@ def mission(folder: Path, seed: int, sha256: str = stated().detector.sha256) -> 
         pl.lit(1280).alias("image_px"),
         pl.lit(100.0).alias("area_m2"),
         pl.col(GROUP).str.split(" ").list.last().cast(pl.Int64).alias("defect"),
-    ).select(*LOOK_SCHEMA)
+        *(pl.int_range(count).cast(pl.Float64).alias(name) for name in POSE_SCHEMA),
+    ).select(*LOOK_SCHEMA, *POSE_SCHEMA)
     folder.mkdir(parents=True)
     table.write_parquet(folder / LOOKS)
-    detections = {"outcome": pl.String, "capture": pl.Int64, "class": pl.String, "footprint": pl.Binary}
-    pl.DataFrame(schema={**detections, "pixel_mm": pl.Float64}).write_parquet(folder / "detections.parquet")
+    pl.DataFrame(schema=dict(DETECTION_COLUMNS)).write_parquet(folder / "detections.parquet")
     content = {
         "format": FORMAT,
+        "totals": {},
+        **dict.fromkeys(("traffic", "aircraft", "seed", "parking_seed", "parking_mix")),
         "world": {"content_hash": "w"},
         "defects": {"content_hash": f"d{seed}"},
         "plugins": [{"path": "/models/model.onnx", "sha256": sha256}],
@@ -94,22 +96,19 @@ def test_the_fitted_sensor_that_ships_is_named_as_its_detector() -> None:
 
 
 def test_missions_that_cannot_be_used_are_named_and_the_rest_is_fitted_to(tmp_path: Path) -> None:
-    """One of another sensor, one whose looks are gone, and one that does not say which detector looked."""
+    """One of another sensor, and one whose looks are gone."""
     flown = tmp_path / "missions"
-    for seed, name in enumerate(("a", "b", "unnamed", "recall", "gone"), 1):
+    for seed, name in enumerate(("a", "b", "recall", "gone"), 1):
         mission(flown / name, seed)
-    for name, sensing in (("unnamed", {"sensor": "detector", "options": {}}), ("recall", {"sensor": "recall"})):
-        file = flown / name / "mission.yaml"
-        file.write_text(yaml.safe_dump(yaml.safe_load(file.read_text()) | {"settings": {"sensing": sensing}}))
+    file = flown / "recall" / "mission.yaml"
+    settings = {"settings": {"sensing": {"sensor": "recall"}}}
+    file.write_text(yaml.safe_dump(yaml.safe_load(file.read_text()) | settings))
     (flown / "gone" / LOOKS).unlink()
     done = pavetwin("sensor", "fit", flown, "-o", tmp_path / "sensor.json")
     assert done.returncode == 0, done.stderr
-    gone, recall, unnamed = (line for line in done.stdout.splitlines() if line.startswith("Left out: "))
-    assert f"'{flown / 'gone' / LOOKS}' is not there" in gone
+    gone, recall = (line for line in done.stdout.splitlines() if line.startswith("Left out: "))
+    assert f"'{flown / 'gone' / LOOKS}' is missing" in gone
     assert "the sensor is recall" in recall
-    assert unnamed.endswith(
-        f"'{flown / 'unnamed'}' does not say which detector looked at its images; name it with --model."
-    )
     assert SensorModel.read(tmp_path / "sensor.json").fitted_to.sources == ("a", "b")
     alone = pavetwin("sensor", "fit", flown / "recall", flown / "gone", "-o", tmp_path / "none.json")
     assert "the sensor is recall" in plain_refusal(alone)

@@ -60,7 +60,7 @@ def condition_of_mission(mission: MissionFolder) -> ConditionReport:
     """
     if mission.captures is None:
         raise PaveTwinError(
-            f"'{mission.folder}' has no readable captures.geojson with the defects found; fly it again."
+            f"'{mission.folder}' has no captures.geojson, or a damaged one; fly it again."
         )
     world = world_of(mission.spec.world)
     check_unchanged(mission.spec, world)
