@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pavetwin._core import Trace
-from pavetwin.app.agent_minutes import MAGIC, MINUTE_S, minutes
+from pavetwin.app.playback import MAGIC, MINUTE_S, minutes
 from scenes.tiny import CAR, PERSON, STEP_S, Mover, parked, passing, trace_of
 
 LENGTH_S = 130.0

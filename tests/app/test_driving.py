@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pavetwin.app.driving import DRIVER, PEDALS, SEGMENTS
+from pavetwin.app.steering import DRIVER, PEDALS, SEGMENTS
 from pavetwin.capture.platforms.car import REAR
 from pavetwin.driving.drive import Drive, drive_again, pedals_of_values
 from pavetwin.mission.inputs import load_inputs

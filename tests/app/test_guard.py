@@ -12,10 +12,8 @@ from pathlib import Path
 import pytest
 from tornado.httpclient import HTTPClientError
 
-from pavetwin.app.addresses import name_for_others, own_name
-from pavetwin.app.guard import COOKIE, Guard
+from pavetwin.app.guard import COOKIE, Guard, name_for_others, own_name, refusal_page
 from pavetwin.app.handlers import STATIC
-from pavetwin.app.refusal import refusal_page
 from scenes.page import RunningPage, running_page
 
 ADDRESSES = (

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from pavetwin.app.flights import _file_names, listed_missions
-from pavetwin.app.made_once import alone_in, made_once
+from pavetwin.app.session_cache import alone_in, made_once
 from pavetwin.app.task_process import _Progress
 from pavetwin.errors import PaveTwinError
 from scenes.folders import digests

@@ -12,7 +12,7 @@ import pytest
 
 from pavetwin.app import task_pool
 from pavetwin.app.live import joined
-from pavetwin.app.piloting import STICKS
+from pavetwin.app.steering import STICKS
 from pavetwin.app.task_pool import Said, TaskProcess
 from pavetwin.mission.by_hand import PILOT, ByHand, fly_again, sticks_of_values
 from pavetwin.mission.inputs import load_inputs

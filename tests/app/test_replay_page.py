@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pavetwin.app import replay_page as page
+from pavetwin.app import exports as page
 from pavetwin.app.playback import write_playback
 from pavetwin.app.street_map import packed_map
 from pavetwin.errors import PaveTwinError

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pavetwin.app.rerun_file import EVERY_S, is_installed, write_rerun
+from pavetwin.app.exports import EVERY_S, is_installed, write_rerun
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.timeline import Timeline
 from scenes import tiny

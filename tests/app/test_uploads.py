@@ -21,8 +21,8 @@ import osmium
 import pytest
 
 from pavetwin.app import uploads
-from pavetwin.app.map_limits import LARGEST_UNPACKED_BYTES, check_map
 from pavetwin.app.requests import LARGEST_BYTES
+from pavetwin.app.town_build import LARGEST_UNPACKED_BYTES, check_map
 from pavetwin.errors import PaveTwinError
 from scenes.command_line import pavetwin
 from scenes.folders import digests

@@ -9,7 +9,7 @@ import pytest
 import shapely
 from shapely import Point
 
-from pavetwin.app.driving import BLOCKED, _played
+from pavetwin.app.steering import BLOCKED, _played
 from pavetwin.capture.platforms.car import REAR
 from pavetwin.config import load_settings
 from pavetwin.driving.car import CarState, Pedals

@@ -12,7 +12,7 @@ import yaml
 from pydantic import TypeAdapter, ValidationError
 
 from pavetwin.app.flight_request import FlightRequest
-from pavetwin.app.kept import kept_world
+from pavetwin.app.session_cache import kept_world
 from pavetwin.config.text import parse_yaml
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import check_format

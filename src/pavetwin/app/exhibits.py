@@ -11,7 +11,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Final
 
-from pavetwin.app.made_once import made_once
+from pavetwin.app.session_cache import made_once
 from pavetwin.errors import PaveTwinError
 
 _MARKS: Final = {"design.yaml": "study", "capture.yaml": "captured", "dataset.yaml": "photographs"}

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from pavetwin.app.flight_request import PRESET, FlightRequest
-from pavetwin.app.kept import kept_environment, kept_world
-from pavetwin.app.made_once import alone_in, made_once
+from pavetwin.app.session_cache import alone_in, kept_environment, kept_world, made_once
 from pavetwin.app.task_report import TaskReport
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing_folder

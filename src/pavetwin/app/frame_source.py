@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from PIL import Image
 
-from pavetwin.app.kept import kept_world
 from pavetwin.app.requests import FramePart
+from pavetwin.app.session_cache import kept_world
 from pavetwin.arrays import UInt8Array
 from pavetwin.capture.mission_frames import frame_of, frame_size, labelled_frame
 from pavetwin.capture.mission_images import MissionImages

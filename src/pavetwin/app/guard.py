@@ -1,8 +1,12 @@
-"""Who is answered: only who has the token, under the address that the command printed, from no other site's page."""
+"""Access to the page: host names, the token, and the page for browsers that are refused."""
 
 import hmac
 import secrets
 import socket
+from base64 import b64encode
+from contextlib import suppress
+from hashlib import sha256
+from html import escape
 from ipaddress import ip_address
 from typing import Final
 from urllib.parse import urlsplit
@@ -84,3 +88,69 @@ def _is_address(name: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+_ALL: Final = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}
+"""What listens for every machine, and the name of this machine then."""
+
+_ELSEWHERE: Final = ("192.0.2.1", 9)
+"""An address for examples (RFC 5737): nothing is sent to it."""
+
+
+def own_name(host: str) -> str:
+    """How this machine names a server that listens at `host`, as in an address."""
+    return _ALL.get(host) or (f"[{host}]" if ":" in host else host)
+
+
+def name_for_others(host: str) -> str | None:
+    """How other machines name it: by the address from which this machine reaches others, or by its name; None where
+    only `host` itself is listened at."""
+    if host not in _ALL:
+        return None
+    with suppress(OSError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.connect(_ELSEWHERE)  # chooses a way, and sends nothing
+        return str(probe.getsockname()[0])
+    return socket.gethostname()
+
+
+_STYLE: Final = (
+    ":root{color-scheme:light dark}"
+    "body{margin:18vh auto 0;max-width:34rem;padding:0 1.5rem;background:#f4f1eb;color:#23211e;"
+    "font:16px/1.5 system-ui,'DejaVu Sans',sans-serif}"
+    "h1{font-size:1.3rem;margin:0 0 .6rem}p{margin:0 0 .6rem}"
+    "code{padding:1px 5px;border-radius:4px;background:#e5e1d9}"
+    "@media(prefers-color-scheme:dark){body{background:#141618;color:#ebe8e3}code{background:#2e3135}}"
+)
+
+REFUSAL_POLICY: Final = "; ".join(
+    (
+        "default-src 'none'",
+        f"style-src 'sha256-{b64encode(sha256(_STYLE.encode()).digest()).decode()}'",
+        "base-uri 'none'",
+        "form-action 'none'",
+        "frame-ancestors 'none'",
+    )
+)
+"""Its Content-Security-Policy: this one style, and nothing else."""
+
+
+def refusal_page(words: str) -> str:
+    """HTML that says why, and what to do.
+
+    Args:
+        words: plain text.
+    """
+    return f"""<!doctype html>
+<html lang="en">
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>PaveTwin</title>
+<style>{_STYLE}</style>
+<main>
+<h1>This page opens from its address</h1>
+<p>{escape(words)}</p>
+<p>It is in the terminal, in the line “The page is at …”. The token in it lets you in, and this browser keeps it.</p>
+<p>Each start has a new token: where <code>pavetwin app</code> was started again, open the new address.</p>
+</main>
+</html>
+"""

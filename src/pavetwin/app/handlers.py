@@ -11,8 +11,7 @@ from tornado.iostream import StreamClosedError
 from tornado.web import HTTPError, RequestHandler, StaticFileHandler, stream_request_body
 
 from pavetwin._core import __version__
-from pavetwin.app import refusal
-from pavetwin.app.guard import COOKIE, REFUSING, REPORT_POLICY, Guard
+from pavetwin.app.guard import COOKIE, REFUSAL_POLICY, REFUSING, REPORT_POLICY, Guard, refusal_page
 from pavetwin.app.requests import check_size
 from pavetwin.app.session import Session
 from pavetwin.app.uploads import SENDING_S, Upload
@@ -118,8 +117,8 @@ class PageHandler(GuardedHandler):
             super().write_error(status_code, **how)
             return
         self.set_header("Content-Type", "text/html; charset=utf-8")
-        self.set_header("Content-Security-Policy", refusal.POLICY)
-        self.finish(refusal.refusal_page(error.words))
+        self.set_header("Content-Security-Policy", REFUSAL_POLICY)
+        self.finish(refusal_page(error.words))
 
 
 class FileHandler(StaticFileHandler):

@@ -18,12 +18,12 @@ from typing import Any, Final
 
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-from pavetwin.app.failures import failure_words
 from pavetwin.app.guard import Guard
 from pavetwin.app.handlers import check_request
 from pavetwin.app.requests import StickRequest
 from pavetwin.app.session import BY_HAND, Session
 from pavetwin.app.task_pool import Said
+from pavetwin.app.task_report import failure_words
 from pavetwin.errors import PaveTwinError
 
 LARGEST_MESSAGE: Final = 1 << 17

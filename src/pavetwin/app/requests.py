@@ -12,6 +12,9 @@ from pavetwin.errors import PaveTwinError
 KINDS: Final = (".osm", ".osm.pbf", ".net.xml")
 """Suffixes of the maps that are taken."""
 
+LARGEST_KM2: Final = 10.0
+"""Area of the rectangle around the streets of a map."""
+
 LARGEST_BYTES: Final = 100_000_000
 """Of a map as it is sent."""
 

@@ -45,7 +45,7 @@ def main() -> None:
 
 
 def _reply(known: Any, task: Mapping[str, Any], progress: "_Progress") -> Mapping[str, Any]:
-    from pavetwin.app.failures import failure_words
+    from pavetwin.app.task_report import failure_words
     from pavetwin.errors import PaveTwinError
 
     try:

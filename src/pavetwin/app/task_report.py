@@ -1,7 +1,10 @@
-"""Who is told how far a task of the page is."""
+"""Reports of tasks to the page: progress, and errors in one line."""
 
 from collections.abc import Mapping
 from typing import Any, Protocol
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import hint
 
 
 class TaskReport(Protocol):
@@ -19,3 +22,15 @@ class TaskReport(Protocol):
     def said(self) -> list[Mapping[str, Any]]:
         """What was said to the task since, in its order."""
         ...
+
+
+def failure_words(error: Exception) -> str:
+    """One line: what is known of it, or that it is a mistake of ours."""
+    if isinstance(error, PaveTwinError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return "It needs more memory than the page may use."
+    if isinstance(error, OSError):
+        place = f" ('{error.filename}')" if error.filename else ""
+        return f"The server could not do this: {error.strerror or error}{place}. {hint(error, 'try it again')}."
+    return f"Unexpected failure: {type(error).__name__}: {' '.join(str(error).split())}. Please report it."

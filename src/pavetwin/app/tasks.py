@@ -11,9 +11,8 @@ from typing import Any
 
 from pavetwin.app.flight_request import PRESET, FlightRequest
 from pavetwin.app.flights import fly_missed, fly_request, listed_missions, planned, play_mission
-from pavetwin.app.kept import kept_environment, kept_world
-from pavetwin.app.map_limits import LARGEST_KM2
-from pavetwin.app.requests import KINDS, LARGEST_BYTES, FramePart
+from pavetwin.app.requests import KINDS, LARGEST_BYTES, LARGEST_KM2, FramePart
+from pavetwin.app.session_cache import kept_environment, kept_world
 from pavetwin.app.task_report import TaskReport
 from pavetwin.config import load_settings
 from pavetwin.config.mission import CEILING_M, LOWEST_M
@@ -114,7 +113,7 @@ def _choose(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:  # 
 
 def _pilot(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
     """A flight by hand, with the traffic, sensor and settings of a request."""
-    from pavetwin.app.piloting import fly_by_hand
+    from pavetwin.app.steering import fly_by_hand
 
     spec, inputs = _steered(task, tell)
     with inputs.replay:
@@ -123,7 +122,7 @@ def _pilot(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
 
 def _drive(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
     """A drive by hand, with the same."""
-    from pavetwin.app.driving import drive_by_hand
+    from pavetwin.app.steering import drive_by_hand
 
     spec, inputs = _steered(task, tell)
     with inputs.replay:

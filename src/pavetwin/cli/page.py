@@ -60,8 +60,7 @@ async def _serve(folders: Sequence[Path], host: str, port: int, *, opens_browser
 
 
 async def _serve_with(tasks: "TaskPool", folders: Sequence[Path], host: str, port: int, *, opens_browser: bool) -> None:
-    from pavetwin.app.addresses import name_for_others, own_name
-    from pavetwin.app.guard import Guard
+    from pavetwin.app.guard import Guard, name_for_others, own_name
     from pavetwin.app.server import serve_forever
     from pavetwin.app.session import Session
 
@@ -115,9 +114,8 @@ def replay(
     if target.is_dir():
         raise PaveTwinError(f"`output` '{target}' is a folder; name a file.")
 
+    from pavetwin.app.exports import check_installed, replay_page, write_rerun
     from pavetwin.app.flights import again, descriptions, write_played
-    from pavetwin.app.replay_page import replay_page
-    from pavetwin.app.rerun_file import check_installed, write_rerun
     from pavetwin.app.street_map import packed_map
     from pavetwin.files import writing
     from pavetwin.mission.folder import MissionFolder

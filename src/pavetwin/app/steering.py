@@ -1,42 +1,306 @@
-"""Driving the survey car by hand for the page, as `pavetwin.app.live_loop` steers it.
-
-Afterwards the drive is played like a flight: track, captures, defects and a table, with the car in place of the UAV. It
-is no mission: what it wrote, and the list of what the driver did, are in the session's folder.
-"""
+"""Flights and drives by hand, in step with the clock."""
 
 import csv
+import gzip
 import json
-from collections.abc import Iterable, Mapping, Sequence
+import shutil
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from hashlib import sha256
+from math import isnan, nan
 from pathlib import Path
-from typing import Any, Final
+from secrets import token_hex
+from typing import Any, Final, Protocol
 
 import numpy as np
 
-from pavetwin.app.live_loop import CAPTURES, PilotReport, steer_live
-from pavetwin.app.made_once import made_once
+from pavetwin.app.frame_source import write_frame_source
 from pavetwin.app.playback import (
+    MINUTE_S,
+    AgentSizes,
+    bodies,
     defect_values,
     found_values,
+    minute,
+    minute_file,
     rounded,
     standing_values,
+    still_values,
     write_agents,
     write_flight,
+    write_playback,
 )
 from pavetwin.app.requests import StickRequest
+from pavetwin.app.session_cache import made_once
 from pavetwin.capture.platforms.car import FRONT, REAR
 from pavetwin.draw.marks import DefectOutcome
 from pavetwin.driving.car import BODY, Pedals
 from pavetwin.driving.drive import DefectLooks, Drive, DrivenSegment, pedals_as_values
+from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
-from pavetwin.mission.by_hand import STEP_S
+from pavetwin.mission.by_hand import PILOT, STEP_S, ByHand, Stick, sticks_as_values
+from pavetwin.mission.events import BatteryRanLow, DefectsConfirmed, MissionEvent
 from pavetwin.mission.inputs import MissionInputs
 from pavetwin.mission.inspected_defects import MissReason
 from pavetwin.mission.mission import Traffic
+from pavetwin.mission.saving import save_mission
 from pavetwin.mission.spec import MissionSpec
-from pavetwin.sensing import load_sensor
+from pavetwin.sensing import Sensor, load_sensor
 from pavetwin.world.model import Defect
+
+FIRST_MINUTES: Final = 2
+"""Of traffic that are there at the beginning; the others follow while it goes on."""
+
+PATIENCE_S: Final = 1.5
+"""A stick that is held is told again and again; after this long without, it is let go."""
+
+LATE_S: Final = 1.0
+"""What is this much behind the clock, while traffic was recorded, goes on from there."""
+
+TRACK: Final = (
+    *("t_s", "x_m", "y_m", "altitude_m", "speed_mps", "yaw_rad", "battery", "visibility", "mode", "segment"),
+)
+CAPTURES: Final = ("t_s", "x_m", "y_m", "yaw_rad")
+"""Columns of a mission that grow; see `pavetwin.app.playback.mission_values`."""
+
+
+class PilotReport(Protocol):
+    """Who is told how it goes, and tells what the pilot does."""
+
+    def __call__(self, share: float, what: str, /) -> None: ...
+
+    def ready(self, values: Mapping[str, Any], /) -> None: ...
+
+    def live(self, values: Mapping[str, Any], /) -> None: ...
+
+    def said(self) -> list[Mapping[str, Any]]:
+        """What was said since."""
+
+
+class LiveVehicle(Protocol):
+    """What is steered."""
+
+    policy: str
+    """Stands where the name of a policy does."""
+
+    @property
+    def is_over(self) -> bool: ...
+
+    @property
+    def time_s(self) -> float: ...
+
+    @property
+    def traffic(self) -> Traffic: ...
+
+    def step(self, stick: StickRequest) -> None:
+        """Go on for `STEP_S`."""
+
+    def still(self) -> Mapping[str, Any]:
+        """What of the mission does not change."""
+
+    def state(self) -> Mapping[str, Any]:
+        """What has changed with the last step, and is now."""
+
+
+def steer_live(vehicle: LiveVehicle, inputs: MissionInputs, session: Path, tell: PilotReport) -> None:
+    """Go on until it is over, with a folder of the session that is gone afterwards.
+
+    Raises:
+        PaveTwinError: it cannot go on.
+    """
+    inputs.on_extend(lambda share: tell(share, "Recording more traffic"))
+    with _live_folder(session) as folder:
+        _Live(vehicle, inputs, folder, tell).run()
+        tell(1.0, "Preparing to play")
+
+
+@contextmanager
+def _live_folder(session: Path) -> Iterator[Path]:
+    folder = session / f"live{token_hex(8)}"
+    folder.mkdir(parents=True)
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+class _Live:
+    """A vehicle as the page sees it while it goes on."""
+
+    def __init__(self, vehicle: LiveVehicle, inputs: MissionInputs, folder: Path, tell: PilotReport) -> None:
+        self._vehicle, self._inputs, self._folder, self._tell = vehicle, inputs, folder, tell
+        self._minutes = 0
+        self._sizes: AgentSizes = {}
+        self._agents: dict[str, Any] = {}
+        self._stick, self._said_s = StickRequest(), time.monotonic()
+
+    def run(self) -> None:
+        self._write_minutes(FIRST_MINUTES)
+        self._begin()
+        begun_s, step = time.monotonic(), 0
+        while not self._vehicle.is_over:
+            self._vehicle.step(self._read_stick())
+            known, state = self._minutes, self._vehicle.state()
+            self._write_minutes(int(self._vehicle.time_s / MINUTE_S) + FIRST_MINUTES)
+            more = {} if known == self._minutes else {"minutes": self._minutes, "agents": self._agents}
+            self._tell.live({**state, **more})
+            step += 1
+            behind_s = time.monotonic() - begun_s - step * STEP_S
+            if behind_s > LATE_S:
+                begun_s += behind_s
+            elif behind_s < 0:
+                time.sleep(-behind_s)
+
+    def _read_stick(self) -> StickRequest:
+        now_s = time.monotonic()
+        for values in self._tell.said():
+            self._stick, self._said_s = StickRequest.of(values), now_s
+        if now_s - self._said_s > PATIENCE_S:
+            self._stick = StickRequest(lands=self._stick.lands)
+        return self._stick
+
+    def _begin(self) -> None:
+        known = {
+            "step_s": self._inputs.replay.recording.step_s,
+            "minutes": self._minutes,
+            "agents": self._agents,
+            "missions": [
+                {
+                    **self._vehicle.still(),
+                    "duration_s": 0.0,
+                    "targets": [],
+                    "events": [],
+                    "defects": [],
+                    "track": {name: [] for name in TRACK},
+                    "captures": {name: [] for name in CAPTURES},
+                }
+            ],
+            "tables": [],
+            "sentence": "",
+            "remarks": [],
+        }
+        write_flight(known, self._folder, level=1)
+        played = {"key": self._folder.name, "results": str(self._folder), "names": []}
+        self._tell.ready({**played, "captures": [0], "policies": [self._vehicle.policy]})
+
+    def _write_minutes(self, count: int) -> None:
+        """The traffic of the first minutes; what was not recorded yet is recorded now."""
+        step_s = self._inputs.replay.recording.step_s
+        for number in range(self._minutes, count):
+            from_s, until_s = number * MINUTE_S, (number + 1) * MINUTE_S
+            trace = self._vehicle.traffic.extend(until_s)
+            content = minute(trace, step_s, number)
+            (self._folder / minute_file(number)).write_bytes(gzip.compress(content, 1, mtime=0))
+            self._agents = bodies(trace, step_s, until_s, from_s=from_s, known=self._sizes)
+            self._minutes = number + 1
+
+
+STICKS: Final = "by-hand.json"
+
+
+def fly_by_hand(spec: MissionSpec, inputs: MissionInputs, session: Path, tell: PilotReport) -> dict[str, Any]:
+    """Fly until the pilot has landed, and write what plays the flight.
+
+    Args:
+        spec: whose environment, traffic, sensor and settings are flown with.
+        session: the folder of the session.
+
+    Raises:
+        PaveTwinError: the sensor does not answer in flight, or the flight cannot go on.
+    """
+    sensor = load_sensor(spec.settings.sensing, spec.seed)
+    if sensor.after_landing:
+        raise PaveTwinError(
+            f"`sensor`: '{sensor.name}' looks at images after landing; by hand choose one that answers at once, as "
+            "calibrated does."
+        )
+    flight = ByHand(
+        inputs.environment,
+        inputs.traffic,
+        spec.settings,
+        [],
+        policy=PILOT,
+        sensor=sensor.name,
+        other_classes=sensor.other_classes,
+        every_capture=sensor.every_capture,
+        sees_confirmed=sensor.sees_confirmed,
+    )
+    steer_live(_Uav(flight, sensor), inputs, session, tell)
+    return _written_flight(flight, spec, inputs, session)
+
+
+class _Uav:
+    """The flight as the page sees it while it goes on."""
+
+    policy = PILOT
+
+    def __init__(self, flight: ByHand, sensor: Sensor) -> None:
+        self._flight, self._sensor = flight, sensor
+        self._captures = 0
+        self._events: Sequence[MissionEvent] = ()
+
+    @property
+    def is_over(self) -> bool:
+        return self._flight.is_over
+
+    @property
+    def time_s(self) -> float:
+        return self._flight.duration_s
+
+    @property
+    def traffic(self) -> Traffic:
+        return self._flight.traffic
+
+    def step(self, stick: StickRequest) -> None:
+        self._events = self._flight.step(Stick(**stick.model_dump()), self._sensor)
+
+    def still(self) -> Mapping[str, Any]:
+        return still_values(self._flight.environment, self._flight.settings, PILOT, self._flight.sensor)
+
+    def state(self) -> Mapping[str, Any]:
+        flight, uav, events = self._flight.flight, self._flight.state(), self._events
+        captures = flight.captures()
+        new = slice(self._captures, None)
+        self._captures = len(captures["t_s"])
+        looks = flight.track()["visibility"]
+        visibility = float(looks[-1]) if len(looks) else nan
+        found = [number for event in events if isinstance(event, DefectsConfirmed) for number in event.defects]
+        return {
+            "t_s": round(flight.time_s, 3),
+            "place_m": [round(each, 3) for each in uav.position],
+            "altitude_m": round(uav.altitude_m, 3),
+            "yaw_rad": round(uav.yaw_rad, 4),
+            "speed_mps": round(uav.speed_mps, 3),
+            "battery": round(uav.battery, 5),
+            "mode": flight.mode,
+            "visibility": None if isnan(visibility) else round(visibility, 4),
+            "segment": self._flight.looked_at,
+            "coverage": {name: round(share, 4) for name, share in self._flight.coverage().items()},
+            "captures": {name: captures[name][new].round(4).tolist() for name in CAPTURES},
+            "found": [found_values(self._flight.environment.defects[number], flight.time_s) for number in found],
+            "is_low": any(isinstance(event, BatteryRanLow) for event in events),
+        }
+
+
+def _written_flight(flight: ByHand, spec: MissionSpec, inputs: MissionInputs, session: Path) -> dict[str, Any]:
+    """The flight as the page plays it, its files, and the list of what the pilot did."""
+    result = flight.result(spec.seed)
+    sticks = {"step_s": STEP_S, "sticks": sticks_as_values(flight.changes)}
+    known = json.dumps([spec.as_values(), sticks], sort_keys=True)
+    key = sha256(known.encode()).hexdigest()[:20]
+    target = session / key
+    with made_once(target) as made:
+        write_playback([result], made, step_s=inputs.replay.recording.step_s)
+        write_frame_source([result], made)
+        save_mission(result, made / "results")
+        (made / "results" / STICKS).write_text(json.dumps(sticks, indent=1), encoding="utf-8")
+    results = target / "results"
+    names = sorted(path.name for path in results.iterdir() if path.is_file())
+    known_as = {"key": key, "captures": [len(result.captures["t_s"])], "policies": [PILOT]}
+    return {**known_as, "results": str(results), "names": names}
+
 
 DRIVER: Final = "by-car"
 """Stands where the name of a policy does."""
@@ -45,7 +309,7 @@ LONGEST_S: Final = 3600.0
 """A drive ends by itself after this long: it is forgotten."""
 
 PEDALS: Final = "by-car.json"
-SEGMENTS, TRACK, DEFECTS = "segments.csv", "track.csv", "defects.csv"
+SEGMENTS, TRACK_FILE, DEFECTS = "segments.csv", "track.csv", "defects.csv"
 
 STANDS, DRIVES, REVERSES, BLOCKED = range(4)
 _MODES: Final = (("stand", "stands"), ("drive", "drives"), ("reverse", "reverses"), ("blocked", "is stopped"))
@@ -70,7 +334,7 @@ def drive_by_hand(spec: MissionSpec, inputs: MissionInputs, session: Path, tell:
     sensor = load_sensor(spec.settings.sensing, spec.seed)
     drive = Drive(inputs.environment, inputs.traffic, spec.settings, sensor, street=next(iter(spec.targets), None))
     steer_live(_Car(drive), inputs, session, tell)
-    return _written(drive, spec, inputs, session)
+    return _written_drive(drive, spec, inputs, session)
 
 
 class _Car:
@@ -101,7 +365,7 @@ class _Car:
         self._found = self._drive.step(pedals)
 
     def still(self) -> Mapping[str, Any]:
-        return _still(self._drive)
+        return _still_drive(self._drive)
 
     def state(self) -> Mapping[str, Any]:
         drive, car = self._drive, self._drive.state
@@ -134,7 +398,7 @@ def _mode(speed_mps: float, *, is_blocked: bool) -> int:
     return DRIVES if speed_mps > 0 else REVERSES if speed_mps < 0 else STANDS
 
 
-def _still(drive: Drive) -> dict[str, Any]:
+def _still_drive(drive: Drive) -> dict[str, Any]:
     """What of a drive does not change."""
     window = [round(each, 3) for each in drive.camera.window_m(REAR.z_m)]
     return {
@@ -161,7 +425,7 @@ def _still(drive: Drive) -> dict[str, Any]:
     }
 
 
-def _written(drive: Drive, spec: MissionSpec, inputs: MissionInputs, session: Path) -> dict[str, Any]:
+def _written_drive(drive: Drive, spec: MissionSpec, inputs: MissionInputs, session: Path) -> dict[str, Any]:
     """The drive as the page plays it, its files, and the list of what the driver did."""
     pedals = {"step_s": STEP_S, "limits": asdict(drive.limits), "pedals": pedals_as_values(drive.changes)}
     known = json.dumps([spec.as_values(), pedals], sort_keys=True)
@@ -175,7 +439,7 @@ def _written(drive: Drive, spec: MissionSpec, inputs: MissionInputs, session: Pa
         write_flight({**agents, **_played(drive, rows, defects)}, made)
         (results / PEDALS).write_text(json.dumps(pedals, indent=1), encoding="utf-8")
         _write_table(results / SEGMENTS, map(asdict, rows))
-        _write_table(results / TRACK, _track_rows(drive))
+        _write_table(results / TRACK_FILE, _track_rows(drive))
         flat = (
             {name: value for name, value in each.items() if name not in ("place_m", "hidden_by")} for each in defects
         )
@@ -190,7 +454,7 @@ def _played(drive: Drive, rows: Sequence[DrivenSegment], defects: Sequence[Mappi
     indices = {segment.id: index for index, segment in enumerate(drive.environment.world.segments)}
     last = {"t_s": round(drive.time_s, 3), "kind": "finish"}
     mission = {
-        **_still(drive),
+        **_still_drive(drive),
         "duration_s": round(drive.time_s, 3),
         "targets": [row.segment for row in rows],
         "track": {
