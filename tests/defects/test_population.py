@@ -85,8 +85,8 @@ def test_segments_of_one_street_are_alike_and_streets_differ() -> None:
 
 def test_the_default_population_is_that_of_surveys() -> None:
     assert add_defects(built("cross"), DefectOptions(per_segment=0)).record.defects["population"] == "survey"
-    before = BuildRecord(source="town.osm", defects={"per_segment": 30.0, "mix": {}})
-    assert DefectOptions.of_record(before) == DefectOptions(population="paper", per_segment=30)
+    recorded = BuildRecord(source="town.osm", defects={"population": "paper", "per_segment": 30.0, "mix": {}})
+    assert DefectOptions.of_record(recorded) == DefectOptions(population="paper", per_segment=30)
     assert DefectOptions.of_record(BuildRecord(source="town.osm")) == DefectOptions(population="survey")
 
 
