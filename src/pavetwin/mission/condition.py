@@ -59,9 +59,7 @@ def condition_of_mission(mission: MissionFolder) -> ConditionReport:
         PaveTwinError: its world has changed, or its `captures.geojson` is gone or damaged.
     """
     if mission.captures is None:
-        raise PaveTwinError(
-            f"'{mission.folder}' has no captures.geojson, or a damaged one; fly it again."
-        )
+        raise PaveTwinError(f"'{mission.folder}' has no captures.geojson, or a damaged one; fly it again.")
     world = world_of(mission.spec.world)
     check_unchanged(mission.spec, world)
     targets = [world.segment(name) for name in mission.spec.targets]
