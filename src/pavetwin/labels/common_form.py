@@ -13,11 +13,14 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import yaml
 
+from pavetwin.arrays import BoolArray
 from pavetwin.defects.registry import DEFECT_CLASSES
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import FORMAT, check_format, writing
+from pavetwin.labels import outlines
 from pavetwin.labels.boxes import PixelBox
 from pavetwin.labels.classes import categories
 from pavetwin.labels.safe_xml import Element, XmlError, parse_xml
@@ -289,3 +292,15 @@ def count_images(images: Iterable[AnnotatedImage]) -> DatasetCounts:
     for image in images:
         counts.add(image)
     return counts
+
+
+def filled(annotation: Annotation, size_px: tuple[int, int]) -> BoolArray:
+    """Mask (height, width) of an annotation: its outline, or its box if the outline is too thin for a pixel."""
+    if annotation.outline is not None:
+        within = outlines.filled(np.array(annotation.outline), size_px)
+        if within.any():
+            return within
+    mask = np.zeros(size_px[::-1], dtype=np.bool_)
+    left, top, right, bottom = annotation.box
+    mask[top:bottom, left:right] = True
+    return mask

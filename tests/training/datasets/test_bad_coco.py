@@ -1,4 +1,4 @@
-"""What is wrong with a COCO file is told with its line, and the rest goes on."""
+"""Problems of COCO files are reported with their line, and the import continues."""
 
 from collections.abc import Callable
 from functools import partial

@@ -1,4 +1,4 @@
-"""What is wrong with a file is told with its name and line, and the rest goes on."""
+"""Problems of label files are reported with name and line, and the import continues."""
 
 import struct
 import zlib

@@ -100,7 +100,7 @@ def test_resumed_or_again_it_is_the_same_bytes(dataset: Path, composed: Composit
         next((tmp_path / "again" / "Annotations").glob("*-composite.xml")).unlink()
         next((tmp_path / "again" / "CutOuts").glob("uav-cars-*.json")).unlink()
         (tmp_path / "again" / "Annotations" / "uapd-1.xml").unlink()
-    # What is told of composites that were there already is told again.
+    # Findings of existing composites are reported again.
     assert any("no other Car fits" in each.text for each in composed.report)
     compose(dataset, tmp_path / "other", SETTINGS, seed=1, shares=ALL_TRAIN)
     assert content(tmp_path / "other") != content(composed.folder)
@@ -301,7 +301,7 @@ def test_the_command_and_its_refusals(dataset: Path, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "Cut-outs: 2 of Car. Composites: 4." in done.stdout
     for more, words in (
-        ((), "Say which sources show roads"),
+        ((), "Name sources that show roads"),
         (("--roads", "uadp"), "--roads: no source of this dataset 'uadp' (did you mean 'uapd'?)"),
         (("--roads", "uapd", "--share", "0.3"), "--share: it must be a percentage, from 1 to 100 (got 0.3)"),
         (("--roads", "uapd", "--road-masks", tmp_path / "no"), "--road-masks: there is no folder"),

@@ -10,7 +10,7 @@ from pavetwin.labels.boxes import of_mask
 from pavetwin.labels.common_form import AnnotatedImage, Annotation
 from pavetwin.labels.outlines import filled
 from pavetwin.training.datasets.augmenting import ImageChange, changed, changed_picture
-from pavetwin.training.datasets.covering import covered, pasted
+from pavetwin.training.datasets.blending import covered, pasted
 
 SIZE = (120, 90)
 

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from pavetwin.arrays import BoolArray, UInt8Array
 from pavetwin.labels.common_form import Annotation
-from pavetwin.training.datasets.blending import EDGE_PX, Sun, blended, turned
-from pavetwin.training.datasets.covering import GONE_SHARE, KEPT_SHARE, covered, pasted
+from pavetwin.training.datasets.blending import EDGE_PX, GONE_SHARE, KEPT_SHARE, Sun, blended, covered, pasted, turned
 from pavetwin.training.datasets.cutouts import CutOut
 from pavetwin.training.datasets.road import FreeRoad, Standing, road_direction_deg, road_mask
 from scenes.photographs import pavement

@@ -1,7 +1,14 @@
-"""An object put into a picture: at another scale, turned, with soft edges, in the light of its new place, and with the
-shadow that falls there."""
+"""Pasting of cut-outs: the object in the picture, and the labels under and of it.
 
-from dataclasses import dataclass
+An object is scaled and rotated, with soft edges, in the light of its new place and with the shadow that falls there.
+The visible share of an annotation under pasted objects decides its fate:
+
+1. From `KEPT_SHARE` on it stays, with the box and the outline of its visible part.
+2. Below that it is ignored, neither an object nor background.
+3. Below `GONE_SHARE` it is left out.
+"""
+
+from dataclasses import dataclass, replace
 from math import cos, radians, sin, tan
 from typing import Final
 
@@ -10,9 +17,53 @@ import numpy as np
 from scipy import ndimage
 
 from pavetwin.arrays import BoolArray, Float32Array, UInt8Array
+from pavetwin.labels import CUT_OUT, outlines
+from pavetwin.labels.boxes import of_mask
 from pavetwin.labels.classes import CAR, PERSON
+from pavetwin.labels.common_form import Annotation, Polygon, filled
+from pavetwin.training.datasets.augmenting import GONE_SHARE
 from pavetwin.training.datasets.cutouts import CutOut
 from pavetwin.training.datasets.road import Standing
+
+KEPT_SHARE: Final = 0.6
+"""Visible share of an annotation's area from which it stays a label."""
+
+COVERED: Final = "covered"
+
+
+def covered(annotation: Annotation, over: BoolArray, size_px: tuple[int, int]) -> Annotation | None:
+    """An annotation under objects; None where nothing is left of it.
+
+    Args:
+        over: (height, width) the pixels of the objects.
+    """
+    region = filled(annotation, size_px)
+    visible = region & ~over
+    if visible.sum() == region.sum():
+        return annotation
+    share, box = visible.sum() / region.sum(), of_mask(visible)
+    if share < GONE_SHARE or box is None:
+        return None
+    ignored = COVERED if share < KEPT_SHARE and annotation.ignored is None else annotation.ignored
+    shape = _outline(visible) if annotation.outline is not None else None
+    return replace(annotation, box=box, outline=shape, ignored=ignored)
+
+
+def pasted(mask: BoolArray, category: str, name: str) -> Annotation:
+    """The label of an object that was put into an image.
+
+    Args:
+        mask: (height, width) its pixels.
+        name: of its cut-out.
+    """
+    box = of_mask(mask)
+    assert box is not None, "an object has pixels"
+    return Annotation(category, box, outline=_outline(mask), original="cut out", attributes={CUT_OUT: name})
+
+
+def _outline(mask: BoolArray) -> Polygon:
+    return tuple((x, y) for x, y in outlines.boundary(mask).tolist())
+
 
 EDGE_PX: Final = 0.8
 """Standard deviation of the edge's softness; a lens and a sensor leave about as much."""

@@ -36,6 +36,7 @@ from pavetwin.labels.common_form import (
     annotation_path,
     as_xml,
     defect_names,
+    filled,
     image_names,
     read_image,
     read_images,
@@ -43,8 +44,7 @@ from pavetwin.labels.common_form import (
 )
 from pavetwin.labels.voc import ANNOTATIONS, PICTURES
 from pavetwin.seeds import Stream, child
-from pavetwin.training.datasets.blending import Sun, blended, turned
-from pavetwin.training.datasets.covering import covered, filled, pasted
+from pavetwin.training.datasets.blending import Sun, blended, covered, pasted, turned
 from pavetwin.training.datasets.cutouts import (
     CUT_OUTS,
     CutOut,

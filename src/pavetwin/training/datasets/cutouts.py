@@ -26,9 +26,8 @@ from scipy import ndimage
 from pavetwin.arrays import BoolArray, Float64Array, UInt8Array
 from pavetwin.labels.boxes import PixelBox, area, of_mask, within
 from pavetwin.labels.classes import CAR, PERSON
-from pavetwin.labels.common_form import AnnotatedImage, image_names, read_images
+from pavetwin.labels.common_form import AnnotatedImage, filled, image_names, read_images
 from pavetwin.labels.voc import PICTURES
-from pavetwin.training.datasets.covering import filled
 from pavetwin.training.datasets.pictures import PictureError, opened
 from pavetwin.training.datasets.report import Finding, Report
 from pavetwin.training.datasets.resuming import OnStage, made_ahead, move_in
