@@ -139,54 +139,6 @@ def test_what_a_region_of_no_class_hides_is_neither_right_nor_wrong(exported: Pa
             assert wrong == expected, (category, corner)
 
 
-@pytest.mark.parametrize("layout", ["coco", "yolo"])
-def test_datumaro_of_cvat_opens_it(exported: Path, layout: str) -> None:
-    components = pytest.importorskip(
-        "datumaro.components.dataset", reason="Datumaro is not installed: it needs older versions than those locked"
-    )
-    found = components.Dataset.import_from(str(exported), layout)
-    items = {item.id.split("/")[-1]: item for item in found}
-    assert sorted(items) == ["a", "b", "c"]
-    assert {name: item.subset for name, item in items.items()} == {name: place(exported, name) for name in items}
-    names = [label.name for label in found.categories()[next(iter(found.categories()))].items]
-    assert names == list(class_names())
-    boxes = {
-        (names[each.label], tuple(map(round, each.points)), bool(each.attributes.get("is_crowd")))
-        for each in items["b"].annotations
-        if each.type.name == "bbox"
-    }
-    ignored = {("Car", HIDDEN.box, True)} if layout == "coco" else set()
-    assert boxes == {("Car", CAR.box, False)} | ignored
-
-
-def test_fiftyone_reads_coco(exported: Path) -> None:
-    """By its importer: a dataset of FiftyOne's own needs a MongoDB server."""
-    coco = pytest.importorskip("fiftyone.utils.coco", reason="FiftyOne is not installed: it brings a database along")
-    for name, annotations in (("a", (POTHOLE, *[BLOCK] * len(class_names()))), ("b", (CAR, HIDDEN)), ("c", ())):
-        split = place(exported, name)
-        importer = coco.COCODetectionDatasetImporter(
-            data_path=str(exported / "images" / split),
-            labels_path=str(exported / "annotations" / f"instances_{split}.json"),
-            label_types=["detections", "segmentations"],
-        )
-        with importer:
-            ((path, metadata, labels),) = importer
-        assert (Path(path).name, metadata.width, metadata.height) == (f"{name}.jpg", *SIZE)
-        found = labels["detections"].detections if labels else []
-        boxes = [
-            (each.label, *(round(value * side) for value, side in zip(each.bounding_box, SIZE * 2, strict=True)))
-            for each in found
-        ]
-        names = [each.category for each in annotations if each is not BLOCK] + [
-            category for category in class_names() if BLOCK in annotations
-        ]
-        assert boxes == [
-            (category, left, top, right - left, bottom - top)
-            for category, (left, top, right, bottom) in zip(names, (each.box for each in annotations), strict=True)
-        ]
-        assert [bool(each["iscrowd"]) for each in found] == [each.ignored is not None for each in annotations]
-
-
 def test_coco_is_imported_again_with_scenes_and_ground_resolution(exported: Path, tmp_path: Path) -> None:
     mapping = tmp_path / "again.yaml"
     rules = "".join(f"  {name}: {name}\n" for name in class_names())
