@@ -348,14 +348,14 @@ def test_the_front_is_taken_in_each_density() -> None:
 
 
 @pytest.mark.parametrize(("replicates", "warned"), [(10, True), (20, False)])
-def test_few_replicates_warn_of_differences_that_rest_on_waiting(replicates: int, warned: bool) -> None:
+def test_few_replicates_warn_of_differences_that_depend_on_waiting(replicates: int, warned: bool) -> None:
     text = page_of(study_of(table_of({**SMALL, "altitude_m": (6.0,)}, replicates)))
-    assert ("differences in time and energy that rest on waiting (hover)" in text) is warned
+    assert ("Differences in time and energy that depend on waiting (hover)" in text) is warned
     dry = table_of({"policy": ("baseline", "skip")}, replicates)
-    assert "rest on waiting" not in page_of(study_of(dry))
+    assert "depend on waiting" not in page_of(study_of(dry))
 
 
-def test_energy_that_is_time_in_another_unit_is_said_to_be() -> None:
+def test_energy_proportional_to_time_has_a_note() -> None:
     table = table_of(SMALL, 4)
     (other,) = study_of(table).groups()
     (group,) = study_of(table.with_columns(energy=pl.col("time_s") / 1800)).groups()
@@ -363,15 +363,3 @@ def test_energy_that_is_time_in_another_unit_is_said_to_be() -> None:
     assert said in headline_table(group, metric_named("energy")).notes
     assert said not in headline_table(group, metric_named("time_s")).notes
     assert said not in headline_table(other, metric_named("energy")).notes
-
-
-def test_the_words_on_method_promise_no_more_than_simulations_showed(small: str) -> None:
-    words = " ".join(" ".join(Outline(small).words).split())
-    assert "in 77 with 20 replicates and in 25 with 10" in words
-    assert "stays below 5 %" not in words
-    assert "are a family of their own with 5 % each" in words
-    assert "an interval may end at exactly 0 although p is large" in words
-    assert "the signs of the residuals are flipped" in words
-    assert "have p = 0.002 by themselves and may not be significant among 144 comparisons" in words
-    assert "an interval may end at the smallest or the largest of the differences" in words
-    assert "Interactions of three and more factors are in the residual" in words

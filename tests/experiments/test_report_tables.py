@@ -112,10 +112,10 @@ def test_cells_with_too_few_values_are_marked() -> None:
     table = table.with_columns(pl.when(gone).then(None).otherwise("coverage").alias("coverage"))
     grid = headline_table(only_group(study_of(table)), metric_named("coverage"))
     assert [cell.aside for cell in grid.rows[0][2:]] == ["", " (4†)"]
-    assert "†: too few to say how sure the mean is." in grid.notes
+    assert "†: too few for the certainty of the mean." in grid.notes
     assert r"(4\dag{})" in latex_table(grid, "tab:x")
     every = headline_table(only_group(study_of(table_of({}, 3))), metric_named("coverage"))
-    assert "These are too few to say how sure a mean is." in every.notes
+    assert "These are too few for the certainty of a mean." in every.notes
 
 
 def test_one_replicate_has_no_spread() -> None:

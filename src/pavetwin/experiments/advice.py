@@ -1,4 +1,4 @@
-"""What a study advises: a recommendation for each combination of its assumptions."""
+"""Advice of a study: a recommendation for each combination of its assumptions, and the view of its camera."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ _WORDS: Final[Mapping[str, tuple[str, str]]] = {
     "pothole": ("potholes", "narrower"),
 }
 _BLUR_COUNTS: Final = 1.1
-"""Where blur widens the least crack by less than a tenth, its direction is not worth saying."""
+"""Blur that widens the least crack by less than this factor is not described by direction."""
 
 
 @dataclass(frozen=True)
@@ -41,18 +41,18 @@ class GroundView:
 
     altitude_m: float
     camera: str
-    """As `camera.model` names it."""
+    """Name in `camera.model`."""
     pixel_m: float
-    """What a pixel covers on the ground."""
+    """Ground covered by a pixel."""
     blur_px: float
     """Motion blur at the speed of inspection."""
     unseen_m: Mapping[str, float]
     """By class the extent below which a defect covers fewer than `sensing.least_px` pixels, blur included: the width of
     a crack across the flight, else the shorter side."""
     unseen_along_m: Mapping[str, float]
-    """The same of thin classes along the flight, which blur does not widen."""
+    """Limit of thin classes along the flight, which blur does not widen."""
     is_counted: bool
-    """Whether the missions counted this. Else their sensor finds a defect whatever its size in pixels."""
+    """True if the sensor of the missions judges the size in pixels."""
 
     @property
     def sentence(self) -> str:
@@ -104,11 +104,11 @@ def ground_view(option: Mapping[str, Any], design: Mapping[str, Any]) -> GroundV
 
 
 def _settings(option: Mapping[str, Any], design: Mapping[str, Any]) -> MissionSettings:
-    """How its missions were flown. Where a swept setting is averaged over, the first of its values counts."""
+    """Settings of its missions. The first value of a swept setting stands for an average over it."""
     values = dict(design.get("set") or {})
     for key, levels in (design.get("sweep") or {}).items():
         column = key if key in option else f"{key}_set"
-        if column not in option or option[column] is not None:  # else its policy or sensor lacks the setting
+        if column not in option or option[column] is not None:  # else its policy or sensor does not have the setting
             values[key] = next((level for level in levels if str(level) == str(option.get(column))), levels[0])
     overrides = [f"{ALIASES.get(key, key)}={value}" for key, value in values.items()]
     return load_settings(
@@ -161,7 +161,7 @@ def advise(
         design: plain values of `design.yaml`, for what the camera shows.
 
     Raises:
-        PaveTwinError: an option that finds nothing may be the best by the objective, and nothing says what must be
+        PaveTwinError: the objective needs a least coverage, since an option that finds nothing could win, and none is
             found; or it asks for the most accurate index, and no mission has one by what was detected.
     """
     table = by_mission(table)

@@ -1,4 +1,4 @@
-"""What a study varies, holds fixed and repeats: a YAML file, typed, unknown keys refused."""
+"""The design of a study: what it varies, holds fixed and repeats, as typed YAML without unknown keys."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -51,8 +51,7 @@ _PRESETS: Final = {
         "defects": "placed",
     },
 }
-"""What differs between the designs that ship with the package, each of missions with the preset of settings of its
-name; see `design_template.yaml`."""
+"""Values of the shipped designs in `design_template.yaml`. Each uses the preset of settings of its name."""
 
 IN_DESIGN: Final = dict(
     zip(FACTORS, ("worlds", "densities", "altitudes_m", "policies", "sensors", "presets"), strict=True)
@@ -69,18 +68,18 @@ OWN_ROUTES: Final = "routes"
 """The level of the factor traffic in a world with the user's own routes."""
 
 FROM_FILES: Final = ("aircraft", "camera.model")
-"""The settings that may name a file, beside the factors that do."""
+"""Settings that may name a file, besides the factors that do."""
 
 Value = bool | int | float | str
 
 ALL: Final = "all"
-"""What a design says to inspect every segment that can be reached."""
+"""Value of `segments` for every reachable segment."""
 
 SegmentCount = Annotated[
     Annotated[Literal["all"], Tag("all")] | Annotated[int, Field(ge=1, le=1000), Tag("number")],
     Discriminator(lambda value: "all" if value == ALL else "number"),
 ]
-"""How many segments a mission inspects. Discriminated first, so that an error does not speak of both."""
+"""Number of segments of a mission. Discriminated first, so that an error mentions one kind only."""
 
 _LISTS: Final = ("worlds", "densities", "altitudes_m", "policies", "sensors", "presets", "plugins", "streets")
 
@@ -89,7 +88,7 @@ Placing = Annotated[
     Annotated[Literal["placed", "world"], Tag("how")] | Annotated[DefectOptions, Tag("options")],
     Discriminator(lambda value: "how" if isinstance(value, str) else "options"),
 ]
-"""How defects come onto the segments. Discriminated first, so that an error names its own key."""
+"""Placement of defects. Discriminated first, so that an error names its own key."""
 
 
 class WorldEntry(Settings):
@@ -102,7 +101,7 @@ class WorldEntry(Settings):
     take_off_s: tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]] | None = Field(
         default_factory=lambda given: None if given.get("routes") or given.get("recordings") else (0.0, 0.0)
     )
-    """With routes or recordings: earliest and latest take-off, in seconds after the first departure, or within the
+    """Earliest and latest take-off with routes or recordings, in seconds after the first departure, or within the
     recording; drawn in each replicate. Unless given, after a warm-up, as `fly` does."""
     nearest: dict[str, str] = Field(default_factory=dict)
     """Levels of service of the design that the world cannot reach → the nearest that it can, flown in their place; a
@@ -145,7 +144,7 @@ class Design(Settings):
     numbers as `v12-p40` (vehicles per kilometre of lane, pedestrians per kilometre of sidewalk), each with a mix of
     vehicles behind a plus sign (`los-C+south_asia`)."""
     or_nearest: bool = False
-    """Where a world cannot reach a level of service, fly over it in the nearest that it can, and say so; unless set,
+    """In a world that cannot reach a level of service, fly in the nearest that it can, with a notice; unless set,
     these missions fail."""
     altitudes_m: Annotated[tuple[Altitude, ...], Field(min_length=1)] = (6.0, 10.0, 15.0)
     policies: Annotated[tuple[str, ...], Field(min_length=1)] = ("baseline", "hover", "micro", "skip")
@@ -161,9 +160,9 @@ class Design(Settings):
     streets: tuple[str, ...] = ()
     """Names of streets or ids of segments that missions inspect; all that can be reached where there are none."""
     segments: SegmentCount = 1
-    """How many a mission inspects, drawn in each replicate; `all` that can be reached."""
+    """Number of segments of a mission, drawn in each replicate; `all` for every reachable one."""
     order: Literal["random", "near"] = "random"
-    """Of the segments of a mission: drawn in each replicate, or a short tour from the base."""
+    """Order of the segments of a mission: drawn in each replicate, or a short tour from the base."""
     seed: Annotated[int, Field(ge=0)] = 1
     compare: str = REFERENCE
     """The policy that the others are compared with, by the name that the table has; `all` for every pair."""
@@ -180,7 +179,7 @@ class Design(Settings):
     @field_validator("densities", "streets", mode="before")
     @classmethod
     def _texts(cls, value: Any) -> Any:
-        """A number is not a name of a density; what reads the names says so. Streets may be called by a number."""
+        """Numbers as texts: the reader of densities refuses them with a message, and streets may have them."""
         return [str(each) for each in value] if isinstance(value, list | tuple) else value
 
     @field_validator("sweep", mode="before")
@@ -244,7 +243,7 @@ class Design(Settings):
 
     @property
     def tours(self) -> bool:
-        """Whether a mission is a tour, which is judged as a whole, from take-off to landing, and not by segment."""
+        """True if a mission is a tour, judged as a whole from take-off to landing instead of by segment."""
         return self.segments == ALL or self.order == "near"
 
     @property

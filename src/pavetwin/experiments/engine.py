@@ -24,7 +24,7 @@ DIED: Final = f"The process that flew it died {ATTEMPTS} times, perhaps out of m
 
 @dataclass(frozen=True)
 class Listener:
-    """What an engine calls while it flies. An exception from `on_ready` or `on_unit` ends it."""
+    """Callbacks of an engine. An exception from `on_ready` or `on_unit` ends it."""
 
     on_ready: Callable[[], None]
     """Called once the workers are ready; until then nothing is written."""
@@ -49,7 +49,7 @@ class Engine(ABC):
     """Flies units, each once, in any order."""
 
     def started(self) -> AbstractContextManager[object]:
-        """While it lasts, workers start that `fly` uses, before it is known what they fly."""
+        """Context in which workers of `fly` start before their plan is known."""
         return nullcontext()
 
     @abstractmethod
@@ -109,7 +109,7 @@ def _start(plan: Plan, on_tick: OnTick) -> Callable[[list[Unit]], list[bytes]]:
 
 
 ANSWER_S: Final = 15.0
-"""How long a scheduler, and then its first worker, may take to answer."""
+"""Timeout of a scheduler's answer, and then of its first worker's."""
 
 
 class Cluster(Engine):
@@ -222,7 +222,7 @@ def _check_workers(client: Any, plan: Plan) -> None:
 
 
 def _complaint(plan: Plan, wanted: str) -> str:
-    """What a worker lacks; empty for nothing."""
+    """A worker's fault; empty if there is none."""
     if version("pavetwin") != wanted:
         return f"it has PaveTwin {version('pavetwin')}, not {wanted}."
     try:

@@ -60,14 +60,14 @@ from pavetwin.world.solids import Solids, solids
 from pavetwin.world.store import load_record
 
 RECORDED_S: Final = 100.0
-"""Of traffic before the first mission of one segment: half of the units in light traffic need no more. Longer missions
+"""Recorded before the first mission of one segment: half of the units in light traffic need no more. Longer missions
 extend it."""
 
 QUIET_S: Final = 300.0
 """A user's demand without any agent for so long after the take-off has ended."""
 
 _LEFT_OUT: Final = ("start_s", "end_s")
-"""Of a segment's row: they tell of the mission's clock alone."""
+"""Columns of a segment's row that only state the mission's clock."""
 
 _TYPES: Final = {int: pl.Int64, float: pl.Float64, str: pl.String, bool: pl.Boolean}
 
@@ -134,12 +134,12 @@ def schema(plan: Plan) -> dict[str, Any]:
 
 
 def has_fitted(design: Design) -> bool:
-    """Whether a study has a sensor whose parameters were fitted."""
+    """True if a study has a fitted sensor."""
     return any(sensor_class(name).is_fitted for name in design.sensors)
 
 
 def measures_sizes(design: Design) -> bool:
-    """Whether a study has a sensor that measures sizes."""
+    """True if a study has a sensor that measures sizes."""
     return any(sensor_class(name).measures_sizes for name in design.sensors)
 
 
@@ -171,11 +171,11 @@ def _flown(plan: Plan, unit: Unit, cell: Cell, ground: "_Ground", on_flown: OnFl
         on_flown(unit, cell, result)
     except Exception as error:
         return _failed(plan, unit, cell, _words(error))
-    said: Row = {RENDERER: renderer_of(result.spec.versions), STATUS: FLOWN, REASON: reason}
+    common: Row = {RENDERER: renderer_of(result.spec.versions), STATUS: FLOWN, REASON: reason}
     if plan.design.tours:
-        said |= dict(zip(MISSION_COLUMNS, _whole(result), strict=True))
+        common |= dict(zip(MISSION_COLUMNS, _whole(result), strict=True))
     return [
-        _factors(plan, unit, cell) | said | _measured(row) | _drawn(row, result, eyes) | detected.get(row.segment, {})
+        _factors(plan, unit, cell) | common | _measured(row) | _drawn(row, result, eyes) | detected.get(row.segment, {})
         for row in result.rows
     ]
 
@@ -284,7 +284,7 @@ def _words(error: Exception) -> str:
 
 @dataclass(frozen=True)
 class _Ground:
-    """What the missions of a unit share."""
+    """World, traffic and sensors that the missions of a unit share."""
 
     place: "_Place"
     replay: Replay
@@ -330,14 +330,14 @@ class _Ground:
 
 @dataclass(frozen=True)
 class _Place:
-    """What the ground of a unit is made from: the same in all traffic of a replicate."""
+    """Inputs of a unit's ground, equal in all traffic of a replicate."""
 
     path: str
     content_hash: str
     targets: tuple[int, ...]
     seed: int
     defects: str
-    """As the design has it: placed, world, or options as JSON."""
+    """Placement in the design: placed, world, or options as JSON."""
 
     @property
     def world(self) -> World:
@@ -368,7 +368,7 @@ def _inspected(place: _Place) -> World:
 
 
 def _defects_text(design: Design) -> str:
-    """What a design says of defects: placed, world, or options as JSON."""
+    """Placement of defects in a design: placed, world, or options as JSON."""
     return design.defects if isinstance(design.defects, str) else design.defects.model_dump_json()
 
 
@@ -379,7 +379,7 @@ def _policy_input(name: str) -> PolicyInput:
 
 @lru_cache(maxsize=16)
 def _defect_options(path: str, defects: str) -> DefectOptions:
-    """How defects are placed over the world at `path`."""
+    """Options of placement over the world at `path`."""
     if defects == "placed":
         return DefectOptions.of_record(load_record(Path(path)))
     return DefectOptions.parse(json.loads(defects), where="the design: defects")
@@ -410,14 +410,14 @@ def _environment(
 
 @lru_cache(maxsize=16)
 def _surroundings(path: str, content_hash: str, altitude_m: float, uav: UavSettings) -> Surroundings:
-    """The same in all replicates."""
+    """Cached, since all replicates share it."""
     world = world_of_study(path, content_hash)
     return Surroundings.of(world, altitude_m, uav, standing=_solids(path, content_hash))
 
 
 @lru_cache(maxsize=2)
 def _solids(path: str, content_hash: str) -> Solids:
-    """Of a world: the same at all altitudes."""
+    """Solids of a world, equal at all altitudes."""
     return solids(world_of_study(path, content_hash))
 
 

@@ -1,4 +1,4 @@
-"""A design checked against its worlds before anything is flown, which gives a plan."""
+"""The plan of a study: a design checked against its worlds, with levels of service that these can reach."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -65,7 +65,7 @@ def plan(design: Design, worlds: Sequence[World], tell: Callable[[str], None] = 
     names = tuple(world.name for world in worlds)
     if twice := next((name for at, name in enumerate(names) if name in names[:at]), None):
         raise PaveTwinError(
-            f"the design: two of its worlds are called '{twice}', and the table could not tell them apart; rename the "
+            f"the design: two of its worlds are called '{twice}', and the table could not distinguish them; rename the "
             "folder of one."
         )
     targets = tuple(
@@ -175,7 +175,7 @@ def _packages(design: Design, worlds: Sequence[World], cells: Sequence[Cell]) ->
 
 
 def _named(design: Design, worlds: Sequence[World]) -> list[dict[str, list[int]]]:
-    """For each world, the places of the segments that go by each name of the design's streets.
+    """For each world, the places of the segments with each name of the design's streets.
 
     Raises:
         PaveTwinError: no world has a street or segment of one of the names.
@@ -230,7 +230,7 @@ def _targets(
 def _surroundings(
     design: Design, world: World, cells: Sequence[Cell], tell: Callable[[str], None]
 ) -> list[Surroundings]:
-    """Where the missions of all cells fly; bakes and caches the NavMeshes."""
+    """Surroundings of the missions of all cells. Bakes and caches the NavMeshes."""
     ways: Mapping[tuple[float, float, str], MissionSettings] = {
         (settings.altitude_m, settings.uav.radius_m, settings.uav.base): settings
         for settings in (cell.settings(design) for cell in cells)
@@ -248,7 +248,7 @@ def with_levels_in_reach(
     """The design with the nearest levels for what its worlds cannot reach, where its `or_nearest` allows it.
 
     Args:
-        on_notice: told which levels are replaced in which world.
+        on_notice: called with the replaced levels of each world.
     """
     if not design.or_nearest:
         return design
@@ -263,7 +263,7 @@ def with_levels_in_reach(
 
 
 def replaced_sentence(world: str, nearest: Mapping[str, str]) -> str:
-    """Which levels are flown in place of which in a world."""
+    """A sentence on the replaced levels of a world."""
     levels = [(density_named(name).level, density_named(other).level) for name, other in nearest.items()]
     what, are = ("Level", "is") if len(levels) == 1 else ("Levels", "are")
     missed = listed([f"{level}" for level, _ in levels])
@@ -272,7 +272,7 @@ def replaced_sentence(world: str, nearest: Mapping[str, str]) -> str:
 
 
 def _records_areas(design: Design) -> bool:
-    """Whether traffic is recorded around what is inspected; False where the design is refused later."""
+    """True if traffic is recorded around the inspected segments; False for a design that is refused later."""
     with suppress(PaveTwinError):
         load_plugins(design.plugins)
         return traffic_area_m(design, cells_of(design)) is not None

@@ -9,13 +9,12 @@ from pathlib import Path
 import polars as pl
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.experiments import units as owners
 from pavetwin.experiments.design import Design
 from pavetwin.experiments.engine import Engine, Listener
 from pavetwin.experiments.metrics import FAILED, REASON, STATUS
 from pavetwin.experiments.planning import load_worlds, plan, with_levels_in_reach
 from pavetwin.experiments.store import FORMER, Store
-from pavetwin.experiments.units import ImageSourceFactory, Plan, Unit
+from pavetwin.experiments.units import ImageSourceFactory, Plan, Unit, ownership_notes
 from pavetwin.files import working_in
 from pavetwin.mission.inputs import OnProgress
 from pavetwin.reports.words import counted, listed
@@ -35,7 +34,7 @@ class Ran:
 
     @property
     def failures(self) -> Counter[str]:
-        """How many rows failed, by reason; the most frequent first."""
+        """Number of failed rows by reason, the most frequent first."""
         reasons = self.table.filter(pl.col(STATUS) == FAILED)[REASON].to_list()
         return Counter(dict(Counter(reasons).most_common()))
 
@@ -56,8 +55,8 @@ def run(
         design: with absolute paths, as `read_design` gives it.
         image_source_factory: for sensors that look at images, such as `pavetwin.capture.mission_images.MissionImages`.
         retry: fly failed missions again.
-        on_notice: told before anything is flown which levels of service are replaced, which files have changed, and
-            how much is flown again for that.
+        on_notice: called before anything is flown with the replaced levels of service, the changed files, and the
+            missions that are flown again.
 
     Raises:
         PaveTwinError: the design does not fit its worlds, the folder holds another, or it cannot be written. Flown
@@ -107,8 +106,8 @@ def _run(
             )
 
         if missing and made.owners:
-            said = owners.sentences(design, made.owners, made.policies)
-            on_notice(f"{' '.join(said)} That makes {counted(made.missions, 'mission')}.")
+            notes = ownership_notes(design, made.owners, made.policies)
+            on_notice(f"{' '.join(notes)} That makes {counted(made.missions, 'mission')}.")
 
         def on_ready() -> None:
             store.begin(made)
@@ -143,7 +142,7 @@ def _run(
 def _find_demand(world: World, traffic: str, tell: OnProgress, *, of_areas: bool) -> None:
     """Search for the density of a level of service or an hour once, before every worker process would.
 
-    A world that cannot reach it is no failure of the study: its units say so.
+    A world that cannot reach it does not fail the study; its units report it.
     """
 
     def on_search(_share: float) -> None:

@@ -66,29 +66,29 @@ def owners_of(design: Design) -> dict[str, list[str]]:
 
 
 def has_setting(owners: Owners, key: str, policy: str, sensor: str) -> bool:
-    """Whether missions of a policy with a sensor have a swept setting."""
+    """True if missions of a policy with a sensor have a swept setting."""
     if key not in owners:
         return True
     return (policy if _is_of_policies(key) else sensor) in owners[key]
 
 
-def sentences(design: Design, owners: Owners, names: Mapping[str, str]) -> list[str]:
+def ownership_notes(design: Design, owners: Owners, names: Mapping[str, str]) -> list[str]:
     """`Only hover has wait_s: baseline and skip are flown once for all its values.`
 
     Args:
         names: of the policies of the design.
     """
-    said = []
+    notes = []
     for key, having in owners.items():
         every = design.policies if _is_of_policies(key) else design.sensors
         lacking = [names.get(name, name) for name in every if name not in having]
         verb = "is" if len(lacking) == 1 else "are"
         only = listed([names.get(name, name) for name in having])
-        said.append(
+        notes.append(
             f"Only {only} {'has' if len(having) == 1 else 'have'} {key}: {listed(lacking)} {verb} flown once for all "
             "its values."
         )
-    return said
+    return notes
 
 
 def _is_of_policies(key: str) -> bool:
@@ -124,14 +124,14 @@ class Cell:
 
     altitude_m: float
     policy: str
-    """As the design names it."""
+    """Name in the design."""
     sensor: str
     preset: str
     swept: tuple[Value | None, ...]
-    """Values of the sweep, in its order; None where the policy or the sensor lacks the setting."""
+    """Values of the sweep, in its order; None if the policy or sensor does not have the setting."""
 
     def settings(self, design: Design) -> MissionSettings:
-        """How its missions are flown.
+        """Settings of its missions.
 
         Raises:
             PaveTwinError: a setting is not known, or a value does not fit.
@@ -173,7 +173,7 @@ class ReplicateSeeds:
 
 @dataclass(frozen=True)
 class Unit:
-    """What is flown together, and written as one part of the table."""
+    """Missions that are flown together and written as one part of the table."""
 
     world: int
     """Its place in the design."""
@@ -193,16 +193,16 @@ class Plan:
 
     design: Design
     hashes: tuple[str, ...]
-    """Of the worlds' content, see `content_of`."""
+    """Hashes of the worlds' content, see `content_of`."""
     names: tuple[str, ...]
-    """Of the worlds, all distinct."""
+    """Distinct names of the worlds."""
     targets: tuple[tuple[int, ...], ...]
-    """For each world the segments, by their place in it, that can be reached in every cell; where the order of the
+    """For each world the segments, by their place in it, that are reachable in every cell; where the order of the
     design is `near`, along a short tour from the base."""
     policies: Mapping[str, str]
     """The name of each policy of the design."""
     owners: Owners = field(default_factory=dict)
-    """Of swept settings that not all policies or sensors have."""
+    """Owners of the swept settings that not all policies or sensors have."""
     files: Mapping[str, str] = field(default_factory=dict)
     """Hashes of the user's own files and of what they depend on, by path: of the content, or of what a recording was
     made from, since it is extended in place."""
@@ -217,7 +217,7 @@ class Plan:
     traffic_area_m: float | None = None
     """Traffic is recorded within this distance of a unit's segments; None: in the whole town."""
     image_source_factory: ImageSourceFactory | None = None
-    """For sensors that look at images; called in the worker processes."""
+    """Source of images for sensors that analyse them; called in the worker processes."""
 
     @cached_property
     def cells(self) -> tuple[Cell, ...]:
@@ -236,7 +236,7 @@ class Plan:
         return self.cells if unit.cells is None else tuple(self.cells[at] for at in unit.cells)
 
     def levels(self, unit: Unit, cell: Cell) -> dict[str, Any]:
-        """The factors of a mission and what is swept, as the table holds them: None for what the mission lacks."""
+        """Factors and swept settings of a mission as in the table; None for those that it does not have."""
         swept = zip(self.design.sweep_columns, self.design.sweep.values(), cell.swept, strict=True)
         return {
             "world": self.names[unit.world],
@@ -252,7 +252,7 @@ class Plan:
         }
 
     def files_hash(self, unit: Unit, cell: Cell) -> str | None:
-        """Of the user's own files that a mission depends on; None where there are none."""
+        """Hash of the user's own files that a mission depends on; None if there are none."""
         paths = {*self.used.get(cell, ()), *self.design.worlds[unit.world].files(unit.traffic)}
         hashes = "".join(sorted(self.files[path] for path in paths))
         return sha256(hashes.encode()).hexdigest()[:SHOWN] if hashes else None
@@ -268,7 +268,7 @@ class Plan:
         return float(round(earliest + self.seeds(unit.replicate).moment * (latest - earliest)))
 
     def segments(self, unit: Unit) -> list[int]:
-        """What the missions of a unit inspect, in this order: drawn in each replicate, or along the short tour."""
+        """Segments of the missions of a unit, in order: drawn in each replicate, or along the short tour."""
         rng = child(self.design.seed, Stream.EXPERIMENT, _SEGMENTS, unit.replicate)
         reachable = self.targets[unit.world]
         count = len(reachable) if self.design.segments == ALL else self.design.segments
@@ -296,7 +296,7 @@ def _warm_up_s(recording: Path) -> float:
 
 
 def units_of(design: Design) -> tuple[Unit, ...]:
-    """All units, a replicate's beside each other, in the order of the design."""
+    """All units in the order of the design, those of a replicate together."""
     return tuple(
         Unit(world, replicate, traffic)
         for world in range(len(design.worlds))
@@ -306,8 +306,10 @@ def units_of(design: Design) -> tuple[Unit, ...]:
 
 
 def cells_of(design: Design, owners: Owners = EVERYONE) -> tuple[Cell, ...]:
-    """Every combination of a design's factors but world and traffic, the policies of an altitude beside each other;
-    those that differ in nothing but a setting that their policy or sensor lacks are one."""
+    """Every combination of a design's factors except world and traffic, the policies of an altitude together.
+
+    Combinations that differ only in a setting that their policy or sensor does not have are one.
+    """
 
     def swept(values: tuple[Value, ...], policy: str, sensor: str) -> tuple[Value | None, ...]:
         keyed = zip(design.sweep, values, strict=True)
@@ -374,13 +376,13 @@ def recording_of(plan: Plan, world: World, file: Path) -> Recording:
 
 
 def are_texts(values: Sequence[Value]) -> bool:
-    """Whether the values of a swept setting are a column of texts."""
+    """True if the values of a swept setting are a column of texts."""
     kinds = {type(value) for value in values}
     return kinds != {bool} and not kinds <= {int, float}
 
 
 def check_worlds(plan: Plan) -> None:
-    """Whether the worlds are here as the study began with them.
+    """Check that the worlds are those that the study began with.
 
     Raises:
         PaveTwinError: one is gone, damaged or another.
@@ -390,7 +392,7 @@ def check_worlds(plan: Plan) -> None:
 
 
 def content_of(world: World, *, with_defects: bool) -> str:
-    """What names a world in a study: its content hash, and that of its defects where the study flies over them."""
+    """Identity of a world in a study: its content hash, with that of its defects if the study uses them."""
     return (
         sha256(f"{world.content_hash}{world.defects_hash}".encode()).hexdigest() if with_defects else world.content_hash
     )

@@ -1,4 +1,4 @@
-"""What an agency files and a pilot takes along: one folder with a page, plans, defects and condition of a mission."""
+"""Handover of a mission to agency and pilot: one folder with a page, plans, defects and pavement condition."""
 
 from pavetwin.handover.contents import Handover, handover_of
 from pavetwin.handover.files import HANDOVER_FILES, check_target, write_handover

@@ -1,4 +1,4 @@
-"""A mission's folder, read and checked: what its handover says, before any file is written."""
+"""The contents of a handover, read from a mission's folder and checked before any file is written."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ DEFECT_COLUMNS: Final[Mapping[str, Any]] = {
     **{"street": pl.String, "segment": pl.String},
     **dict.fromkeys(("length_m", "width_m", "depth_m", "area_m2", "longitude", "latitude"), pl.Float64),
 }
-"""Of the handover's table of defects; all are in a mission's `defects.csv`."""
+"""Columns of the handover's table of defects, taken from a mission's `defects.csv`."""
 
 _STREET_COLUMNS: Final[Mapping[str, Any]] = {
     **{"street": pl.String, "segments": pl.String, "length_m": pl.Float64, "area_m2": pl.Float64},
@@ -45,13 +45,13 @@ class Handover:
     """A mission, what it found, and what is flown for it."""
 
     name: str
-    """Of the mission, or of the study that recommends it."""
+    """Name of the mission, or of the study that recommends it."""
     mission: MissionFolder
     world: World
     plan: FlightPlan
     condition: ConditionReport
     shapes: Sequence[Defect]
-    """Of the rows of `defects`."""
+    """Defects of the rows of `defects`."""
     defects: pl.DataFrame
     """A row a defect of the inspected segments: `DEFECT_COLUMNS`."""
     units: pl.DataFrame
@@ -60,12 +60,12 @@ class Handover:
     """A row a street, the worst first: length, defects and found ones, what was seen, condition; of a study also what
     to fly there (`StreetAdvice`)."""
     reading: Reading
-    """What the mission's sensor reported."""
+    """Detections of the mission's sensor."""
     advice: StreetAdvice | None = None
 
     @property
     def measured(self) -> bool:
-        """Whether the sensor measured what it reported: it is what the agency would get of the real flight."""
+        """True if the sensor measured sizes, as on a real flight."""
         return any(each.sizes for each in self.reading.observations)
 
     @property
@@ -79,7 +79,7 @@ class Handover:
 
     @property
     def by_segment(self) -> tuple[list[int], list[int]]:
-        """Of each segment with defects, how many were found and how many there are."""
+        """Numbers of found and of all defects of each segment with defects."""
         counted = self.defects.group_by("segment", maintain_order=True).agg(
             (pl.col("outcome") == "found").sum().alias("found"), pl.len().alias("defects")
         )
@@ -95,7 +95,7 @@ class Handover:
 
     @property
     def reasons(self) -> Mapping[MissReason | None, int]:
-        """How many defects were missed for each reason."""
+        """Number of missed defects for each reason."""
         counted = self.defects["reason"].drop_nulls().value_counts().rows()
         return {MissReason(reason): count for reason, count in counted}
 
@@ -120,7 +120,7 @@ def handover_of(
     trigger: Trigger = Trigger.DISTANCE,
     advice: StreetAdvice | None = None,
 ) -> Handover:
-    """What a mission hands over.
+    """Gather the handover of a mission.
 
     Args:
         name: what it is called; as the mission's folder unless given.
@@ -207,7 +207,7 @@ def _matched(mission: MissionFolder, defects: pl.DataFrame, condition: Condition
     if not fits:
         raise PaveTwinError(
             f"'{mission.folder / DEFECTS}' is not of the same mission as {mission.file.name} and captures.geojson "
-            "beside it, or was changed; fly the mission again."
+            "next to it, or was changed; fly the mission again."
         )
     return [placed[number] for number in defects["id"]]
 
@@ -221,4 +221,4 @@ def _check_streets(path: Path, streets: pl.DataFrame, defects: pl.DataFrame) -> 
     )
     there = streets.filter(pl.col("defects") > 0).select("street", "defects", "found")
     if set(counted.rows()) != set(there.rows()):
-        raise PaveTwinError(f"'{path}' counts other defects than {DEFECTS} beside it; fly the mission again.")
+        raise PaveTwinError(f"'{path}' counts other defects than {DEFECTS} next to it; fly the mission again.")

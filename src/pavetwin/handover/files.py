@@ -29,7 +29,7 @@ from pavetwin.reports.page import render
 from pavetwin.world.layers import LayerStyle, Symbol, columns_of, write_layer, write_styles
 
 _FIRST_DATE = (1980, 1, 1, 0, 0, 0)
-"""Of the workbook's parts: the earliest that the format knows, so that the same tables give the same bytes."""
+"""Date of the workbook's parts, the earliest of the format: the same tables give the same bytes."""
 
 
 def write_workbook(sheets: Mapping[str, pl.DataFrame], path: Path) -> None:
@@ -78,7 +78,7 @@ MISSION: Final = "mission"
 INVENTORY: Final = "inventory"
 
 HANDOVER_FILES: Final = (SHEET, PAGE, MAP, "defects.csv", "units.csv", "streets.csv", GEOPACKAGE, WORKBOOK)
-"""Of every handover; the plans are in a folder beside them."""
+"""Files of every handover; the plans are in a folder next to them."""
 
 
 STYLES: Final[Mapping[str, LayerStyle]] = {
@@ -87,11 +87,11 @@ STYLES: Final[Mapping[str, LayerStyle]] = {
         "rating_found", {rating.value: colour for rating, colour in RATING_COLOURS.items()}, Symbol.AREA, opacity=0.6
     ),
 }
-"""Of the GeoPackage's layers."""
+"""Styles of the GeoPackage's layers."""
 
 
 def check_target(folder: Path, *, force: bool) -> None:
-    """Whether a handover may be written there.
+    """Check that a handover may be written into a folder.
 
     Raises:
         PaveTwinError: the folder is a file, or holds something: no handover, or one that `force` does not let replace.

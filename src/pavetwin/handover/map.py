@@ -33,7 +33,7 @@ _PASS_PT, _WAY_PT = 1.1, 0.7
 
 
 def map_bounds(handover: Handover) -> Bounds:
-    """What the map shows, in metres of the world frame."""
+    """Bounds of the map in metres of the world frame."""
     world = handover.world
     shown: list[shapely.Geometry] = [condition.unit.polygon for condition in handover.condition.true]
     shown += [shapely.MultiPoint(from_wgs84(world.georeference, flight.lonlat)) for flight in handover.plan.flights]
@@ -83,7 +83,7 @@ def _draw_defects(axes: Axes, handover: Handover) -> None:
 
 
 def legend_of(handover: Handover) -> Sequence[LegendEntry]:
-    """What the marks on the map mean; only those that are on it."""
+    """Legend of the marks that are on the map."""
     found = handover.condition.found
     assert found is not None
     entries = [

@@ -47,7 +47,7 @@ class StreetAdvice:
 
     study: str
     levels: Mapping[str, str]
-    """Of `CHOSEN`."""
+    """Levels of the columns `CHOSEN`."""
     overall: Advice
     table: pl.DataFrame
     """A row a street: `street`, `fly` (what to fly, in words), `replicates` (with a coverage), `expected_coverage` (the
@@ -81,7 +81,7 @@ def street_advice(
     objective: Objective = Objective.MOST_FOUND,
     seed: int = 0,
 ) -> StreetAdvice:
-    """What a study recommends, for all and for each street.
+    """The recommendation of a study, over all and for each street.
 
     Args:
         study: its name.
@@ -153,7 +153,7 @@ def _row(
 
 
 def _is_separate(here: Recommendation, usual: Mapping[str, Any], least: float) -> bool:
-    """Whether missions over a street show that its best option is better than the study's."""
+    """True if missions over a street show that its best option is better than the study's."""
     rows = here.options.filter(pl.col(name).eq_missing(level) for name, level in usual.items()).to_dicts()
     return any(row["p"] is not None and row["p"] < least and not row["same"] for row in rows)
 
@@ -178,7 +178,7 @@ def advice_of(
     limits: MissionLimits,
     objective: Objective = Objective.MOST_FOUND,
 ) -> StreetAdvice:
-    """What the study in a folder recommends; see `street_advice`.
+    """The recommendation of the study in a folder; see `street_advice`.
 
     Raises:
         PaveTwinError: there is no study, or as `street_advice`.
@@ -259,13 +259,13 @@ def _planned(
 
 
 def _with_models(settings: MissionSettings, models: Mapping[str, OptionValue]) -> MissionSettings:
-    """With the models that the study was flown with, where its design leaves them to the sensor."""
+    """Settings with the models of the study, if its design leaves them to the sensor."""
     sensing = settings.sensing.model_copy(update={"options": {**models, **settings.sensing.options}})
     return settings.model_copy(update={"sensing": sensing})
 
 
 def _defects(design: Design, world: World) -> DefectInput:
-    """As the design has them."""
+    """Settings of the design."""
     if isinstance(design.defects, DefectOptions):
         return DefectInput(seed=design.seed, options=design.defects)
     return defect_input(world, None if design.defects == "world" else design.seed)

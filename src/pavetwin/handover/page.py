@@ -40,7 +40,7 @@ class PageTable:
     note: str = ""
 
     def is_words(self, column: int) -> bool:
-        """Whether a column holds no numbers."""
+        """True if a column holds no numbers."""
         return column == 0 or self.heads[column] in _WORDS
 
 
@@ -55,7 +55,7 @@ class Page:
     title: str
     subtitle: str
     numbers: tuple[tuple[str, str], ...]
-    """What a reader looks for first: names and values."""
+    """Main numbers: names and values."""
     paragraphs: tuple[Paragraphs, ...]
     tables: tuple[PageTable, ...]
     credit: str
@@ -76,7 +76,7 @@ def page_of(handover: Handover, credit: str, *, most_streets: int | None = None)
         numbers=tuple(_numbers(handover)),
         paragraphs=(
             Paragraphs("When and how to fly", tuple(_flight(handover))),
-            Paragraphs("Who can fly the policy", tuple(_pilots(handover))),
+            Paragraphs("Pilots for the policy", tuple(_pilots(handover))),
             Paragraphs("What will be seen", tuple(_seen(handover))),
             Paragraphs("What will not be seen", tuple(_unseen(handover))),
             Paragraphs("Responsibility", (PILOT,)),
@@ -140,7 +140,7 @@ def _traffic(handover: Handover) -> str:
 
 
 def _pilots(handover: Handover) -> Iterator[str]:
-    """Of the mission's policy, then of the others."""
+    """Sentences on the pilot of the mission's policy, then of the others."""
     policy = policy_class(handover.mission.spec.policy.name)
     own = policy.pilot
     yield f"{policy.name}: {own}. {policy.by_hand}".strip()
@@ -156,8 +156,8 @@ def _seen(handover: Handover) -> Iterator[str]:
     totals = handover.mission.totals
     surface = totals["surface_coverage"]
     hidden = totals.get("permanently_hidden")
-    beside = f" (parked vehicles hide {percent(hidden)} for good)" if hidden else ""
-    yield f"{percent(surface)} of the surface of {counted(handover.streets.height, 'street')}{beside}."
+    parked = f" (parked vehicles hide {percent(hidden)} for good)" if hidden else ""
+    yield f"{percent(surface)} of the surface of {counted(handover.streets.height, 'street')}{parked}."
     share = found_share(*handover.by_segment)
     if share is None:
         yield "There are no defects on these streets."
@@ -168,23 +168,26 @@ def _seen(handover: Handover) -> Iterator[str]:
         "on streets like these)."
     )
     if alarms := totals.get("false_alarms"):
-        yield f"{counted(alarms, 'report')} of the sensor {'is' if alarms == 1 else 'are'} of nothing."
+        yield f"{counted(alarms, 'report')} of the sensor {'is' if alarms == 1 else 'are'} false."
     gap = handover.pci_found - handover.condition.pci
     yield (
-        f"Of what is found the Pavement Condition Index (ASTM D6433) is {handover.pci_found:.1f}, "
-        f"{rating_of(handover.pci_found)}; it is {handover.condition.pci:.1f}, {rating_of(handover.condition.pci)}: "
+        f"The Pavement Condition Index (ASTM D6433) of the found defects is {handover.pci_found:.1f}, "
+        f"{rating_of(handover.pci_found)}; the true one is {handover.condition.pci:.1f}, "
+        f"{rating_of(handover.condition.pci)}: "
         f"{abs(gap):.1f} points {'more' if gap >= 0 else 'less'}."
     )
     if (detected := handover.condition.pci_detected) is not None:
-        yield (f"By what the sensor measures, false alarms included, it is {detected:.1f}, {rating_of(detected)}.")
+        yield (
+            f"Computed from the sensor's measurements with false alarms, it is {detected:.1f}, {rating_of(detected)}."
+        )
 
 
 def _unseen(handover: Handover) -> Iterator[str]:
     if handover.missed:
         yield f"{counted(handover.missed, 'defect')}: {missed_words(handover.reasons)}."
     else:
-        yield "No defect of these streets is missed."
-    yield f"Defects are {PLACED}: the numbers say what such a flight finds, not what is on the road today."
+        yield "No defect on these streets is missed."
+    yield f"Defects are {PLACED}: the numbers show what such a flight finds, not what is on the road today."
     if left_out := sum(handover.condition.not_counted.values()):
         yield f"{counted(left_out, 'defect')} of classes without a distress of the standard are not in the index."
 
@@ -228,4 +231,4 @@ def _advice(handover: Handover) -> Iterator[str]:
         else "No street's own missions show that another option is better there."
     )
     if few := advice.table.filter(pl.col("replicates") < FEW).height:
-        yield f"{counted(few, 'street has', 'streets have')} fewer than {FEW} replicates, too few to say."
+        yield f"{counted(few, 'street has', 'streets have')} fewer than {FEW} replicates, too few for own advice."

@@ -33,7 +33,7 @@ _ROW_IN: Final = 0.148
 
 
 def sheet_figure(page: Page, handover: Handover) -> Figure:
-    """Draw the page; within `style.styled`. Rows of streets that have no room are left out, and the note says so."""
+    """Draw the page; within `style.styled`. Rows of streets without room are left out, with a note."""
     figure = style.new_figure(*A4_IN)
     paper = style.panel(figure, 0, 0, *A4_IN)
     width = A4_IN[0] - 2 * MARGIN_IN
@@ -124,7 +124,7 @@ def _legend(paper: Axes, handover: Handover, x: float, y: float, width: float, t
 
 
 def _streets(paper: Axes, table: PageTable, handover: Handover, y: float, bottom: float, width: float) -> None:
-    """As many streets as there is room for."""
+    """Number of streets that fit."""
     note = wrapped(table.note, _FOOT_PT, width)
     step = _FOOT_PT * _LINE / 72
     room = int((y - bottom - 0.62 - step * (len(note) + 1)) / _ROW_IN)

@@ -1,4 +1,4 @@
-"""The parts of a page as plain values: sections of paragraphs, tables and figures."""
+"""Blocks of a page as plain values: sections of paragraphs, tables and figures."""
 
 from base64 import b64encode
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ def text_cells(*texts: str) -> tuple[TableCell, ...]:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows under their heads; the first `lead` cells of a row say what it is about."""
+    """Rows under their heads; the first `lead` cells of a row identify it."""
 
     caption: str
     heads: tuple[str, ...]
@@ -28,19 +28,19 @@ class Table:
     lead: int = 2
     notes: Sequence[str] = ()
     span: str = ""
-    """What the columns after the lead are together, written over them."""
+    """Common heading of the columns after the lead."""
     merged: bool = True
-    """Whether equal lead cells below each other are written once."""
+    """True if equal lead cells below each other are written once."""
     opened_by: str = ""
-    """The words on which a reader clicks to see it; it is always seen where there are none."""
+    """Text that opens the table on a click; without one it is always visible."""
 
     def starts(self, row: int, column: int) -> bool:
-        """Whether a lead cell, or one before it, differs from that of the row above."""
+        """True if a lead cell, or one before it, differs from that of the row above."""
         here, above = self.rows[row], self.rows[row - 1]
         return row == 0 or any(here[at].text != above[at].text for at in range(column + 1))
 
     def height(self, row: int, column: int) -> int:
-        """How many rows the lead cell that starts here stands for; 0 where none starts.
+        """Number of rows of the lead cell that starts here; 0 if none starts.
 
         The last lead cell stands for its own row only.
         """
@@ -57,7 +57,7 @@ class ReportFigure:
     caption: str
     alt: str
     content: bytes
-    """Of its file."""
+    """Content of its file."""
     suffix: str
     """svg or png."""
     width_px: int
@@ -85,5 +85,5 @@ class Section:
 
     @property
     def empty(self) -> bool:
-        """Whether it has only text."""
+        """True if it has only text."""
         return not self.sections and all(isinstance(block, str) for block in self.blocks)

@@ -68,14 +68,14 @@ def panel_title(axes: Axes, words: str) -> None:
 
 
 def spans_wide(values: Sequence[float], ratio: float = 8.0) -> bool:
-    """Whether these are better seen on a logarithmic axis: all above 0, the largest above `ratio` times the least."""
+    """True if values suit a logarithmic axis: all above 0, the largest above `ratio` times the least."""
     return bool(values) and min(values) > 0 and max(values) / min(values) > ratio
 
 
 def logarithmic(axis: Axis, *alike: Axis) -> None:
     """A logarithmic axis whose ticks read 10, 20, 50, 100 …: as many of them as fit.
 
-    Its label says so, and so do those of the axes `alike` that share it; labels come before.
+    Its label and those of the axes `alike` that share it state the scale; set labels before.
     """
     for labelled in (axis, *alike):
         labelled.set_label_text(f"{labelled.get_label_text()}\n(log scale)".strip())
@@ -111,7 +111,7 @@ class _SpacedLogLocator(Locator):
         return found.tolist()
 
     def _clear(self, values: Float64Array, decades: float) -> bool:
-        """Whether the labels of all ticks fit without overlap."""
+        """True if the labels of all ticks fit without overlap."""
         flat, box = self._of is self._of.axes.xaxis, self._of.axes.get_window_extent()
         length_pt = (box.width if flat else box.height) * 72 / self._of.axes.figure.dpi
         widths = [style.text_width_pt(f"{value:g}", self._TICK_PT) if flat else self._TICK_PT for value in values]

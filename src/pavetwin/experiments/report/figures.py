@@ -85,7 +85,7 @@ def _altitude_legend(group: Group) -> list[Line2D]:
 
 
 _SPREAD: Final = 0.5
-"""Of the distance between two ticks, what the policies at one tick take."""
+"""Share of the distance between two ticks that the policies at one tick take."""
 _WIDEST: Final = 2.5
 """Numbers on the axis are to scale where that makes it at most so many times as long."""
 _FROM_ZERO: Final = 0.35
@@ -93,7 +93,7 @@ _FROM_ZERO: Final = 0.35
 
 
 WITHOUT: Final = "without"
-"""The tick of policies that lack the factor."""
+"""The tick of policies without the factor."""
 
 PanelRow = tuple[Metric, str, Callable[[Any, Any, Any], Row | None]]
 """A metric, the label of its row of panels, and the summary's row for a density, a tick and a policy."""
@@ -106,14 +106,14 @@ def by_altitude(group: Group, metrics: Sequence[Metric], traffics: Sequence[Any]
 
 
 def across(group: Group, factor: str, metric: Metric, traffics: Sequence[Any]) -> Figure:
-    """One metric over the levels of another factor: a row of panels an altitude, a column a density. Policies that lack
-    the factor stand before its levels.
+    """One metric over the levels of another factor: one row of panels per altitude, one column per density. Policies
+    without the factor stand before its levels.
 
     Args:
         group: its cells differ in `factor` as well.
     """
     levels = [key[factor] for key in group.study.combinations([factor])]
-    ticks = [None, *levels] if group.lacking(factor) else levels
+    ticks = [None, *levels] if group.without(factor) else levels
     by_level = {level: group.at({factor: level}) for level in ticks}
 
     def cell(altitude: Any, traffic: Any, level: Any, policy: Any) -> Row | None:
@@ -183,12 +183,12 @@ def _tick_places(ticks: Sequence[Any]) -> Float64Array:
 
 
 def _in_order(ticks: Sequence[Any]) -> bool:
-    """Whether a line from tick to tick means something: between numbers, not between names."""
+    """True if a line from tick to tick is meaningful: between numbers, not between names."""
     return all(isinstance(tick, int | float) and not isinstance(tick, bool) for tick in ticks if tick is not None)
 
 
 def _scale_axis(axes: Axes, metric: Metric, rows: Sequence[Row | None]) -> None:
-    """Logarithmic where values span a wide range, but for points of an index; else from 0 where that costs little room.
+    """Logarithmic if values span a wide range, except points of an index; else from 0 where that costs little room.
     A share ends at 100."""
     ends = np.concatenate([_values(metric, rows, name) for name in ("mean", "low", "high")])
     ends = ends[np.isfinite(ends)]
@@ -278,7 +278,7 @@ def _forest_mark(axes: Axes, y: int, row: Row, scale: float, look: style.PolicyS
 
 
 def _label_rows(axes: Axes, factors: Sequence[str], shown: Sequence[RowLevels]) -> None:
-    """The common label of a block of policies beside it, with every second block shaded in all panels."""
+    """Label each block of policies, and shade every second block in all panels."""
     blocks = [(place, [y for y, _ in rows]) for place, rows in groupby(enumerate(shown), key=lambda item: item[1][:-1])]
     figure = axes.get_figure(root=True)
     assert figure is not None
@@ -306,7 +306,7 @@ def _row_level(factor: str, level: Any) -> str:
 
 
 _MARK_SIZES_PT: Final = (3.4, 5.0, 6.6, 8.0, 9.2)
-"""Of marks, from the lowest altitude up."""
+"""Sizes of marks, from the lowest altitude up."""
 
 GainAndCost = tuple[float, float]
 """Gain (more is better) and cost (less is better)."""
@@ -324,12 +324,12 @@ class Option:
 
 
 def dominates(one: GainAndCost, other: GainAndCost) -> bool:
-    """Whether `one` is at least as good in both and better in one."""
+    """True if `one` is at least as good in both and better in one."""
     return one[0] >= other[0] and one[1] <= other[1] and one != other
 
 
 def on_front(points: Sequence[GainAndCost]) -> list[bool]:
-    """For each point, whether none dominates it (the Pareto front). Equal points are on the front together."""
+    """For each point, True if none dominates it (the Pareto front). Equal points are on the front together."""
     return [not any(dominates(one, point) for one in points) for point in points]
 
 
@@ -411,9 +411,9 @@ def _mark_size(group: Group, altitude: Any) -> float:
 
 
 _GOLDEN: Final = 0.6180339887498949
-"""Multiples of it, modulo 1, lie evenly: dots beside each other without a random number."""
+"""Multiples of it, modulo 1, are spread evenly: dots next to each other without a random number."""
 _MANY_DOTS: Final = 1500
-"""With more dots than this they are drawn as one picture, so that the page stays small."""
+"""More dots than this are drawn as one image, to keep the page small."""
 
 
 def spread(group: Group, metric: Metric, traffics: Sequence[Any]) -> Figure:
@@ -506,9 +506,9 @@ def _effect_panel(axes: Axes, metric: Metric, terms: Sequence[str], rows: dict[s
         omega = 100 * max(row["omega2"], 0.0) if row["omega2"] is not None else None
         if omega is not None:
             axes.plot(omega, y, "D", markersize=3.2, markerfacecolor=style.PAPER, markeredgecolor=style.INK, zorder=4)
-        told = number(share, 1) if omega is None else f"{number(share, 1)} ({number(omega, 0)})"
+        text = number(share, 1) if omega is None else f"{number(share, 1)} ({number(omega, 0)})"
         axes.annotate(
-            told, (max(share, omega or 0.0), y), xytext=(4, 0), textcoords="offset points",
+            text, (max(share, omega or 0.0), y), xytext=(4, 0), textcoords="offset points",
             va="center_baseline", fontsize=6,
         )  # fmt: skip
     axes.set(ylim=(len(terms) - 0.4, -0.6), xlabel="share of variation, %")
@@ -561,7 +561,7 @@ def lattice(
 def policy_legend(
     figure: Figure, chosen: PolicyStyles, more: Sequence[Line2D] = (), drawn: Collection[str] | None = None
 ) -> None:
-    """Above the panels, in one line where the figure is wide enough. Nothing when there is nothing to tell apart.
+    """Legend above the panels, in one line if the figure is wide enough; none if there is nothing to distinguish.
 
     Args:
         drawn: those of the policies that are in the figure; all unless given.

@@ -42,7 +42,7 @@ _ASKED = {
 
 
 MOST_WHOLE, MOST_GROUPS = 4, 16
-"""Combinations of the other factors that have figures, and that have tables; all are in the files beside the page."""
+"""Largest numbers of combinations of the other factors with figures, and with tables; the files hold all."""
 
 
 def write_report(
@@ -52,14 +52,14 @@ def write_report(
     `differences.csv` into `folder`. The same study gives the same bytes.
 
     Args:
-        on_progress: told the share done.
+        on_progress: called with the share done.
         figures: write each figure also as a file of its own, `figures/figure-N.svg`; maps as PNG.
 
     Returns:
         The files.
 
     Raises:
-        PaveTwinError: one cannot be written; it is then as it was before.
+        PaveTwinError: a file cannot be written; it is then unchanged.
     """
     report = on_progress or (lambda _: None)
     sections = sections_of(study, report)
@@ -131,7 +131,7 @@ def design_words(study: Study) -> str:
 
 
 def _missions_words(study: Study) -> str:
-    """How many missions were flown, and how many rows that makes where one inspects several segments."""
+    """Number of missions, and of rows if one inspects several segments."""
     missions = counted(missions_of(study), "mission")
     rows = study.rows.height or study.table.height
     if study.tours:
@@ -142,7 +142,7 @@ def _missions_words(study: Study) -> str:
 
 
 def grounds(study: Study) -> str:
-    """On how much of each world the numbers rest."""
+    """Flown share of each world."""
     parts = []
     for name, world in study.worlds.items():
         flown = set(study.by_segment.filter(world=name)["segment"].to_list())
@@ -154,8 +154,7 @@ def grounds(study: Study) -> str:
 
 
 def defect_words(design: Mapping[str, Any]) -> str:
-    """How many defects of which classes were placed, and which files of the user's own were used; empty where the
-    design does not say."""
+    """Number and classes of the placed defects, and the user's own files; empty if the design states neither."""
     placing, sentences = design.get("defects"), []
     if placing == "world":
         sentences.append("Defects are those of the world.")
@@ -202,7 +201,7 @@ def design_text(design: Mapping[str, Any]) -> str:
 
 
 def sections_of(study: Study, on_progress: Callable[[float], None] = lambda _: None) -> list[Section]:
-    """What the page holds under its head, with every figure drawn.
+    """The sections of the page, with every figure drawn.
 
     Args:
         on_progress: called with the share done.
@@ -245,7 +244,7 @@ def _levels(study: Study, name: str) -> str:
 
 
 def question(study: Study) -> str:
-    """What the study was flown to answer, under the limits of its recommendation."""
+    """The question that the study answers, under the limits of its recommendation."""
     choices = [
         factor_text(name).lower() for name in ("altitude_m", "policy", *study.swept) if len(study.levels(name)) > 1
     ]

@@ -25,14 +25,14 @@ WRONG: Final = ("precision", "false_alarms_per_100_m2")
 ACCURACY: Final = (INDEX_ERROR,)
 
 _ENOUGH_OF_WAITING: Final = 20
-"""With fewer replicates, simultaneous intervals of what rests on waiting are far from what they promise."""
+"""With fewer replicates, simultaneous intervals of metrics that depend on waiting miss their level by far."""
 _MOST_COLUMNS: Final = 4
 _MOST_ROWS: Final = 44
-"""Of a forest plot: what fits a page."""
+"""Largest number of rows of a forest plot that fits a page."""
 
 
 def group_builders(group: Group, *, brief: bool = False) -> list[Callable[[str], Section]]:
-    """What makes the sections of a group in the order of the page, given what their anchors begin with.
+    """Builders of the sections of a group in the order of the page; each takes the prefix of the anchors.
 
     Args:
         brief: only the tables of means.
@@ -51,7 +51,7 @@ def group_builders(group: Group, *, brief: bool = False) -> list[Callable[[str],
             partial(_differences, factor="policy"),
         ),
         ("altitudes", "Altitudes against each other", partial(_differences, factor="altitude_m")),
-        ("tradeoffs", "What coverage costs", _tradeoffs),
+        ("tradeoffs", "Cost of coverage", _tradeoffs),
         ("spread", "Spread and tails", _spread),
     )
 
@@ -66,7 +66,7 @@ def _means(group: Group) -> Iterator[Block]:
 
 
 def _over(group: Group, factor: str) -> Iterator[Block]:
-    """What a swept setting changes: every metric over its values, and their differences."""
+    """Every metric over the values of a swept setting, and their differences."""
     usual = group.at(
         {name: level for name, level in group.study.usual.items() if name in group.swept and name != factor}
     )
@@ -114,7 +114,7 @@ def _side_by_side(factor: str) -> str:
 
 
 def _without(group: Group, factor: str) -> str:
-    named = group.lacking(factor)
+    named = group.without(factor)
     return f"At “{figures.WITHOUT}” stand policies that have no {factor_text(factor)}: {named}." if named else ""
 
 
@@ -138,15 +138,14 @@ def _against(
         why = f" ({comparison.reason})" if comparison.reason else ""
         whom = f"{other}{why}" if comparison.number == comparison.differences["p"].count() else "the others"
         yield (
-            "Missions of one replicate flew the same segment with the same traffic, defects and seed, so each is "
-            f"compared with {whom} mission by mission. An interval that includes 0 leaves open which of the two is "
-            "better."
+            "Missions of one replicate share segment, traffic, defects and seed, so each is compared with "
+            f"{whom} mission by mission. An interval that includes 0 leaves open which of the two is better."
         )
         if narrow := _narrow(group, metrics):
             yield narrow
     family = f"{counted(comparison.number, 'comparison')} {_family(group, factor)} in {_COMPARED}"
     together = (
-        f"Intervals and p are corrected for all {family} together: an interval excludes 0 just where p < {ALPHA:g}"
+        f"Intervals and p are corrected for all {family} together: an interval excludes 0 exactly where p < {ALPHA:g}"
     )
     for traffics in _fitting(group, rows):
         yield vector(
@@ -165,7 +164,7 @@ def _family(group: Group, factor: str) -> str:
 
 
 def _narrow(group: Group, metrics: Sequence[Metric]) -> str:
-    """A warning where few replicates say little of how long a policy waits."""
+    """A warning if few replicates hold little evidence about waiting times."""
     result, count = group.result, replicates(group.study)
     waits = set(result.filter(pl.col("wait_s") > 0)["policy"].to_list())
     costs = [metric.label.lower() for metric in metrics if metric.name in SPENT]
@@ -173,9 +172,9 @@ def _narrow(group: Group, metrics: Sequence[Metric]) -> str:
         return ""
     named = listed([level_text("policy", policy) for policy in group.policies if policy in waits])
     return (
-        f"Be careful with the differences in {listed(costs)} that rest on waiting ({named}): it is lopsided, and "
-        f"{counted(count, 'replicate')} show too little of its tail. Their intervals are too short: in simulations all "
-        f"of a family held in 25 of 100 cases with 10 replicates, in 77 with {_ENOUGH_OF_WAITING}, instead of in 95."
+        f"Differences in {listed(costs)} that depend on waiting ({named}) are uncertain: waiting is skewed, and "
+        f"{counted(count, 'replicate')} show too little of its tail. Their intervals are too short: in simulations a "
+        f"whole family held in 25 of 100 cases with 10 replicates and in 77 with {_ENOUGH_OF_WAITING}, instead of 95."
     )
 
 
@@ -218,9 +217,9 @@ def _tradeoffs(group: Group) -> Iterator[Block]:
     if gain not in known or len(group.altitudes) * len(group.policies) < 2:
         return
     yield (
-        "Of the options in one traffic density, those on the front are worth considering: no other has at least their "
-        "mean coverage at no more of their mean cost. The front is one of means: where intervals overlap, another "
-        "sample may order two neighbours the other way round." + _kept_off(group)
+        "The options on the front of a traffic density are worth considering: no other has at least their mean "
+        "coverage at no more than their mean cost. The front is one of means: where intervals overlap, another "
+        "sample may swap two neighbours." + _kept_off(group)
     )
     for cost in known[1:]:
         for traffics in _parts(group.traffics, _MOST_COLUMNS):
@@ -249,7 +248,7 @@ def _kept_off(group: Group) -> str:
     if not named:
         return ""
     return (
-        " In a density in which an option failed in missions that others flew it is not on the front, since its means "
+        " An option that failed in missions that others flew is not on the front of that density, since its means "
         f"leave them out: {listed(named)}."
     )
 
@@ -264,7 +263,7 @@ def _front_table(group: Group, gain: Metric, cost: Metric) -> Table:
     heads = (*(factor_text(axis) for axis in AXES), heading(gain), heading(cost))
     caption = f"On the front of mean coverage and mean {cost.label.lower()}{_of(group)}, the cheapest first"
     few = any(row["n"] < FEW for row in group.summary.filter(pl.col("n") > 0).iter_rows(named=True))
-    notes = ("In brackets: 95 % intervals.", *([f"{FEW_MARK}: too few values to say."] if few else []))
+    notes = ("In brackets: 95 % intervals.", *([f"{FEW_MARK}: too few values."] if few else []))
     return Table(caption, heads, tuple(rows), lead=3, notes=notes)
 
 

@@ -1,4 +1,4 @@
-"""What a report is made of: a study with its table and statistics, and the groups of cells that it shows."""
+"""A study as its report shows it: the table, its statistics, and the groups of cells."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -68,25 +68,25 @@ class Study:
     """Paired differences of policies, then of altitudes, each with every lower one, then of each swept setting; those
     with nothing to compare are left out."""
     effects: pl.DataFrame
-    """Which factor explains how much; empty where nothing varies."""
+    """Shares of variation by factor; empty if nothing varies."""
     worlds: Mapping[str, World]
     """By the names in the table; worlds that are not here get no map."""
     advice: Sequence[Advice] = ()
-    """What it recommends; one for each combination of its assumptions."""
+    """Recommendations, one for each combination of the assumptions."""
     advice_in: Mapping[str, Sequence[Advice]] = field(default_factory=dict)
-    """The same in each traffic, where there are several."""
+    """Recommendations in each traffic, if there are several."""
 
     rows: pl.DataFrame = field(default_factory=pl.DataFrame)
-    """The same with one row a segment mission; empty: the table is that."""
+    """The table with one row per segment mission; empty if `table` is that."""
 
     @property
     def tours(self) -> bool:
-        """Whether missions are judged as a whole, and not by segment."""
+        """True if missions are judged as a whole instead of by segment."""
         return is_by_mission(self.table)
 
     @property
     def by_segment(self) -> pl.DataFrame:
-        """What was flown, with one row a segment mission."""
+        """The flown rows, one per segment mission."""
         rows = self.rows if self.rows.height else self.table
         return rows.filter(pl.col(STATUS) == FLOWN)
 
@@ -112,7 +112,7 @@ class Study:
 
     @cached_property
     def usual(self) -> Mapping[str, Any]:
-        """For each swept setting the level at which everything else is drawn: what the others are compared with."""
+        """The reference level of each swept setting, at which everything else is drawn."""
         compared = {found.factor: found.reference for found in self.comparisons}
         return {name: compared.get(name, self.levels(name)[0]) for name in self.swept}
 
@@ -143,7 +143,7 @@ class Study:
     def combinations(self, names: Sequence[str]) -> list[dict[str, Any]]:
         """Those of the levels of some other factors that were flown, in their order; an empty one of no factors.
 
-        Policies that lack a swept setting make no combination of their own where those that have it can show them.
+        Policies without a swept setting make no combination of their own if those that have it can show them.
         """
         cells = self.summary.select(names).unique() if names else pl.DataFrame({"": [0]})
         keys = [{name: row[name] for name in names} for row in cells.iter_rows(named=True)]
@@ -151,7 +151,7 @@ class Study:
         return sorted(shown, key=self.place)
 
     def place(self, key: Mapping[str, Any]) -> list[int]:
-        """Where a combination of levels stands among others of the same factors: what is missing comes first."""
+        """Sort key of a combination of levels among others of the same factors; missing levels come first."""
         return [self._places[name].get(level, -1) for name, level in key.items()]
 
     @cached_property
@@ -179,7 +179,7 @@ class Group:
 
     @property
     def swept(self) -> tuple[str, ...]:
-        """The settings that vary within the group; those that all its missions lack do not."""
+        """The settings that vary within the group."""
         free = (name for name in self.study.swept if name not in self.key)
         return tuple(name for name in free if levels_of(self.summary, name))
 
@@ -226,11 +226,11 @@ class Group:
         return {(row[METRIC], *(row[axis] for axis in AXES)): row for row in self.summary.iter_rows(named=True)}
 
     def failed_alone(self, traffic: Any, altitude_m: Any, policy: Any) -> int:
-        """How many missions of a cell failed that another option in the same traffic flew."""
+        """Number of failed missions of a cell that another option in the same traffic flew."""
         return self._failed_alone.get((traffic, altitude_m, policy), 0)
 
-    def lacking(self, factor: str) -> str:
-        """`baseline and skip`: the policies that lack a factor; empty where all have it."""
+    def without(self, factor: str) -> str:
+        """`baseline and skip`: the policies without a factor; empty if all have it."""
         have_not = set(self.summary.filter(pl.col(factor).is_null())["policy"].to_list())
         return listed([level_text("policy", policy) for policy in self.policies if policy in have_not])
 
@@ -252,24 +252,24 @@ class Group:
         return frame.filter(*same) if same else frame
 
     def _placed(self, frame: pl.DataFrame) -> pl.DataFrame:
-        """Of this group, with all axes: one that the frame lacks takes its only level, or null for all together."""
+        """Rows of this group with all axes: a missing one takes its only level, or null for all together."""
         lacking = {axis: self.study.levels(axis) for axis in AXES if axis not in frame.columns}
         only = [pl.lit(levels[0] if len(levels) == 1 else None).alias(axis) for axis, levels in lacking.items()]
         return self._chosen(frame).with_columns(only)
 
 
 def _holds(key: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    """Whether a combination has all levels of another, and more."""
+    """True if a combination has all levels of another, and more."""
     return key != other and all(level in (None, key[name]) for name, level in other.items())
 
 
 def replicates(study: Study) -> int:
-    """How many replicates a world has, at most."""
+    """Largest number of replicates of a world."""
     return study.table[REPLICATE].n_unique() if study.table.height else 0
 
 
 def missions_of(study: Study) -> int:
-    """How many missions were flown or failed; one over several segments is several segment missions."""
+    """Number of missions, flown or failed; one over several segments is several segment missions."""
     table = study.table
     return table.select(table.columns[: table.columns.index(REPLICATE) + 1]).n_unique()
 
@@ -287,7 +287,7 @@ def _order(level: Any) -> tuple[int, Any]:
 
 
 _MOST_TRAFFICS = 6
-"""With more kinds of traffic there is no recommendation for each."""
+"""More kinds of traffic have no recommendation of their own."""
 
 
 def gather(
@@ -337,7 +337,7 @@ def gather(
 
 
 def references(levels: Mapping[str, Sequence[Any]], design: Mapping[str, Any]) -> dict[str, tuple[Any, str]]:
-    """For policies and every swept setting, where there are several: its reference, and why it is that one.
+    """The reference of policies and of every swept setting with several levels, and the reason for it.
 
     Args:
         levels: of each factor, in the design's order.
@@ -385,25 +385,25 @@ def gather_folder(
     Raises:
         PaveTwinError: the folder holds no study, nothing of it is flown, or a file is damaged.
     """
-    said, table, design = store.description(), store.table(), store.design()
+    description, table, design = store.description(), store.table(), store.design()
     return gather(
-        design.name, _plain(said), table, _worlds(design), limits=limits, objective=objective, seed=design.seed
+        design.name, _plain(description), table, _worlds(design), limits=limits, objective=objective, seed=design.seed
     )
 
 
-def _plain(said: dict[str, Any]) -> dict[str, Any]:
+def _plain(description: dict[str, Any]) -> dict[str, Any]:
     """The design and the versions it was flown with, as a report shows them."""
     return {
-        **said["design"],
-        "version": said["versions"]["pavetwin"],
-        "files": said.get("files") or {},
+        **description["design"],
+        "version": description["versions"]["pavetwin"],
+        "files": description.get("files") or {},
         "made_with": {
-            "SUMO": said["versions"]["libsumo"],
-            **{f"world {name}": content for name, content in said["worlds"].items()},
+            "SUMO": description["versions"]["libsumo"],
+            **{f"world {name}": content for name, content in description["worlds"].items()},
         },
         "worlds": [
             world if world["routes"] or world["recordings"] or world.get("nearest") else world["path"]
-            for world in said["design"]["worlds"]
+            for world in description["design"]["worlds"]
         ],
     }
 

@@ -45,7 +45,7 @@ _MOST_MAPS: Final = 4
 _WORST: Final = 10
 """Segments in the table of the least covered."""
 _FEW: Final = 10
-"""Of fewer defects not even half of the coverage is known: 3 of 6 found may be 12 to 88 %."""
+"""Fewer defects leave the coverage of a segment open: 3 of 6 found may be 12 to 88 %."""
 _MOST_REASONS: Final = 20
 _MOST_PLACES: Final = 4
 
@@ -107,7 +107,7 @@ def _significant(effects: pl.DataFrame) -> str:
 
 
 def _used(effects: pl.DataFrame) -> str:
-    """How many replicates an analysis had, where the frame says so."""
+    """Number of replicates of the analysis, if the frame states it."""
     if "replicates" not in effects.columns:
         return ""
     least, most = (int(value) for value in effects.select(low=pl.min("replicates"), high=pl.max("replicates")).row(0))
@@ -126,7 +126,7 @@ def streets_section(study: Study) -> Section:
 
 
 def _without_defects(table: pl.DataFrame, world: str) -> list[str]:
-    """How many segments were flown and have no coverage, if any."""
+    """Number of flown segments without coverage, if any."""
     flown = table.filter(pl.col("world") == world, pl.col(STATUS) == FLOWN)
     empty = flown.group_by("segment").agg(pl.col("coverage").count()).filter(pl.col("coverage") == 0).height
     if not empty:
@@ -150,7 +150,7 @@ def _worst(world: str, means: pl.DataFrame) -> Table:
         "Missions of one replicate share their traffic and defects: what counts as evidence is the replicates.",
     )
     if any(row["defects"] < _FEW for row in means.head(_WORST).iter_rows(named=True)):
-        notes += (f"A coverage of fewer than {_FEW} defects says little of its segment.",)
+        notes += (f"A coverage of fewer than {_FEW} defects is little evidence about its segment.",)
     return Table(f"{words} of {world}", (*heads, f"Mean {heading(time).lower()}"), rows, notes=notes, merged=False)
 
 
@@ -256,7 +256,7 @@ def _segments(axes: Axes, segments: Sequence[Segment], colours: Any) -> None:
 
 
 def _numbers(axes: Axes, segments: Sequence[Segment], found: Mapping[str, Any]) -> None:
-    """How many missions, in the middle of each segment where it fits."""
+    """Number of missions in the middle of each segment, where it fits."""
     per_m, occupied = shapes.points_per_m(axes), OccupiedSpace()
     for segment in sorted(segments, key=lambda segment: (-segment.length_m, segment.id)):
         text = f"{found[segment.id]['missions']}"
@@ -300,7 +300,7 @@ def _alt(world: World, segments: Sequence[Segment], values: Sequence[float]) -> 
 
 
 MOST_RECORDINGS: Final = 4
-"""Of one traffic in one world that are read."""
+"""Largest number of recordings to read for one traffic in one world."""
 
 HEADS: Final = (
     *("World", "Traffic", "Recordings", "Mean speed (km/h)", "Of free flow", "Level of service", "Standing"),
@@ -309,7 +309,7 @@ HEADS: Final = (
 
 
 def traffic_section(study: Study) -> Section:
-    """How the traffic of each level flows, from its recordings; empty where none is at hand."""
+    """Flow of the traffic of each level in its recordings; empty if none is on this machine."""
     rows = tuple(_rows(study))
     if not rows:
         return Section("traffic", "What the traffic is", [])

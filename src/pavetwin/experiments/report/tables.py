@@ -1,4 +1,4 @@
-"""Tables as files: tidy CSV, Markdown as GitHub shows it, LaTeX with booktabs."""
+"""Tables of means and tails, and their files: tidy CSV, Markdown, LaTeX with booktabs."""
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
@@ -19,7 +19,7 @@ HEADLINE: Final = (
     *(metric.name for metric in (*ERROR_METRICS, *DETECTED_METRICS)),
 )
 FEW_MARK: Final = "†"
-"""Of cells with too few values."""
+"""Mark of cells with too few values."""
 TAILS: Final = ("time_s", "energy")
 """Metrics whose rare large values matter."""
 
@@ -66,7 +66,7 @@ def tail_table(group: Group, metric: Metric) -> Table:
 
 
 def _by_time(group: Group) -> list[str]:
-    """That energy adds nothing to time where every mission spent it at one rate: the linear model of battery."""
+    """A note if every mission spent energy at one rate, as in the linear model: energy then adds nothing to time."""
     rates = group.result.filter(pl.col("time_s") > 0).select(rate=100 * pl.col("energy") / pl.col("time_s"))["rate"]
     known = rates.drop_nulls().to_numpy()
     if not len(known) or np.ptp(known) > 1e-6 * known.max():
@@ -75,7 +75,7 @@ def _by_time(group: Group) -> list[str]:
 
 
 def _lines(group: Group, metric: str) -> Iterator[tuple[list[TableCell], list[Row | None], list[bool]]]:
-    """What each row is about, its cells, a policy each, and which of these lack no mission that another option flew."""
+    """Lead cells of each row, a cell per policy, and True for cells without failures that another option flew."""
     for traffic in group.traffics:
         for altitude in group.altitudes:
             for part in group.parts:
@@ -150,17 +150,17 @@ def defects_under(rows: Iterable[Row]) -> str:
 
 
 def _without(group: Group) -> list[str]:
-    """That missions which lack a swept setting are shown with each of its values."""
-    lacking = {name: group.lacking(name) for name in group.swept}
+    """Notes on missions without a swept setting, which stand at each of its values."""
+    without_it = {name: group.without(name) for name in group.swept}
     return [
         f"The same missions of {policies} stand with every value of {factor_text(name)}, which they do not have."
-        for name, policies in lacking.items()
+        for name, policies in without_it.items()
         if policies
     ]
 
 
 def _of_bold(body: Sequence[Sequence[TableCell]], *, partial: bool) -> list[str]:
-    """What bold means, where any is.
+    """The meaning of bold, if any cell is.
 
     Args:
         partial: an option failed in missions that another flew.
@@ -172,13 +172,13 @@ def _of_bold(body: Sequence[Sequence[TableCell]], *, partial: bool) -> list[str]
 
 
 def _notes(rows: list[Row], usual: int) -> list[str]:
-    but = " but where a number in brackets says otherwise" if any(row["n"] != usual for row in rows) else ""
+    but = " unless a number in brackets states another" if any(row["n"] != usual for row in rows) else ""
     few = any(0 < row["n"] < FEW for row in rows)
     undefined, failed = (sum(row[name] or 0 for row in rows) for name in ("undefined", "failed"))
     notes = (
         (True, f"n = {usual} in each cell{but}."),
-        (usual < FEW, "These are too few to say how sure a mean is."),
-        (few and usual >= FEW, f"{FEW_MARK}: too few to say how sure the mean is."),
+        (usual < FEW, "These are too few for the certainty of a mean."),
+        (few and usual >= FEW, f"{FEW_MARK}: too few for the certainty of the mean."),
         (undefined, f"{counted(undefined, 'mission')} without a defined value (see the definitions) left out."),
         (failed, f"{counted(failed, 'mission')} failed and left out."),
         (any(row["mean"] is None for row in rows), f"{MISSING}: no defined value."),
@@ -207,7 +207,7 @@ _LATEX: Final = {
 
 
 _AIRY: Final = 5
-"""With more columns they stand closer, so that the page of an article holds them."""
+"""Tables with more columns are set tighter, to fit the page of an article."""
 
 
 def csv(summary: pl.DataFrame) -> str:
@@ -281,7 +281,7 @@ def latex_table(table: Table, label: str) -> str:
 
 
 def escape(text: str) -> str:
-    """As LaTeX sets it: its own signs escaped, line ends as spaces."""
+    """Text for LaTeX: its special characters escaped, line ends as spaces."""
     return "".join(_LATEX.get(sign, sign) for sign in _one_line(text))
 
 

@@ -6,12 +6,11 @@ A resample draws as many replicates, with replacement, as there are (in each wor
 
 with m the mean, s its standard error, n the number of replicates, and a star for the resample's own. The interval is
 m − t*(97.5 %) · s … m − t*(2.5 %) · s (Efron and Tibshirani, An Introduction to the Bootstrap, 1993, section 12.5). The
-term s² / n is ours: shares are often all 1 but for a few, and a resample that happens to draw none of those has s* = 0.
+term s² / n is ours: most shares are often 1, and a resample that happens to draw none of those has s* = 0.
 
 Its coverage in simulations, and that of other methods, stands in docs/decisions/0033-own-statistics.md
-(`python -m benchmarks.coverage`). No method
-solves this: five replicates say little about a tail that they do not contain, and a cell in which every replicate has
-the same value has an interval of that one value.
+(`python -m benchmarks.coverage`). No method solves this: five replicates hold little evidence about a tail that they do
+not contain, and a cell in which every replicate has the same value has an interval of that one value.
 """
 
 from collections.abc import Sequence
@@ -64,7 +63,7 @@ def intervals(units: Float64Array, worlds: IndexArray, seed: int) -> tuple[Float
 
 
 def strata(worlds: IndexArray) -> Sizes:
-    """How many replicates each world has; all are one stratum when one of them has a single replicate.
+    """Number of replicates of each world; all are one stratum if any has a single replicate.
 
     Args:
         worlds: (replicates,) ascending.

@@ -1,7 +1,7 @@
-"""A study's table as matrices: a row a cell of the design, a column an independent replicate.
+"""A study's table as matrices: one row per cell of the design, one column per independent replicate.
 
-A level that is missing (null) says that the missions lack the factor: a policy has no part in an option of another. Its
-one set of missions stands for all levels of that factor.
+A null level means that the missions do not have the factor, such as the option of another policy. Their one set of
+missions stands for all its levels.
 """
 
 from collections.abc import Hashable, Iterator, Sequence
@@ -20,7 +20,7 @@ CellKey = tuple[Any, ...]
 
 @dataclass(frozen=True)
 class Layout:
-    """Where every row of a table belongs. What is independent is a *block*: one replicate in one world."""
+    """Cell and block of every row of a table. A *block*, one replicate in one world, is the independent unit."""
 
     keys: tuple[CellKey, ...]
     """The cells, sorted by the first appearance of their levels, column by column."""
@@ -98,7 +98,7 @@ def failures(table: pl.DataFrame) -> BoolArray:
 def failed_alone(table: pl.DataFrame, by: Sequence[str]) -> BoolArray:
     """(rows,) where a mission failed that another cell of `by` flew: only such make the cells' means unequal.
 
-    Factors that some missions lack, and that `by` leaves out, are disregarded: these missions stand for all levels.
+    Factors that some missions do not have, and that are not in `by`, are disregarded.
     """
     rest = [name for name in (*varied_columns(table), REPLICATE) if name not in by and not table[name].null_count()]
     failed = pl.col(STATUS) == FAILED
@@ -106,7 +106,7 @@ def failed_alone(table: pl.DataFrame, by: Sequence[str]) -> BoolArray:
 
 
 def varied_columns(table: pl.DataFrame) -> list[str]:
-    """What tells the cells of a design apart: its factors and what it sweeps, the columns before `replicate`."""
+    """Columns that identify the cells of a design: factors and swept settings, those before `replicate`."""
     return table.columns[: table.columns.index(REPLICATE)]
 
 
@@ -117,7 +117,7 @@ def levels_of(table: pl.DataFrame, factor: str) -> list[Any]:
 
 def partners(keys: Sequence[CellKey], at: int, reference: Any) -> Iterator[tuple[int, int, CellKey]]:
     """Each cell with the cells that have the level `reference` of the factor at the place `at` and agree in all else; a
-    level that one of two lacks agrees with any.
+    level that one of two does not have agrees with any.
 
     Returns:
         Number of the cell, number of its partner, and the key of the pair, which has the levels of both.
@@ -146,7 +146,7 @@ def _of_both(key: CellKey, partner: CellKey) -> CellKey:
 
 
 def at_every_level(table: pl.DataFrame) -> pl.DataFrame:
-    """The table as if every mission had been flown at each level of the factors that it lacks, with the same result."""
+    """The table with missions repeated at each level of the factors that they do not have."""
     for name in varied_columns(table):
         if table[name].null_count():
             levels = table.select(name).drop_nulls().unique(maintain_order=True)

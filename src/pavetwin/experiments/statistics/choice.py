@@ -233,9 +233,9 @@ class MissionLimits:
 
     max_time_s: float | None = None
     max_energy: float | None = None
-    """As a share of a battery."""
+    """Share of a battery."""
     min_coverage: float | None = None
-    """As a share, 0 … 1."""
+    """Share, 0 … 1."""
 
     def __post_init__(self) -> None:
         for name, value in (("max_time_s", self.max_time_s), ("max_energy", self.max_energy)):

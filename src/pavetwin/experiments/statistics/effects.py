@@ -1,4 +1,4 @@
-"""Which factor explains how much: analysis of variance with the replicate as a block.
+"""Shares of variation by factor: analysis of variance with the replicate as a block.
 
 Within a replicate all cells share traffic, defects and segment, so the effect of a factor may differ between
 replicates. A factor is therefore tested against its interaction with the replicate, not against the residual, which
@@ -36,7 +36,7 @@ class _Term:
     ss: float
     error_df: int = 0
     error_ss: float = 0.0
-    """What the term is tested against; none for replicates and the residual."""
+    """Error term of the test; none for replicates and the residual."""
     epsilon: float = 1.0
     """Greenhouse and Geisser's correction of both degrees of freedom."""
     observed: int = 0
@@ -48,7 +48,7 @@ def effects(table: pl.DataFrame, factors: Sequence[str], metrics: Sequence[Metri
 
     Factors with one level are dropped. Only replicates with a value in every cell are used, which keeps the terms apart
     from each other; a metric without such a replicate has no rows. Missions that differ in none of the factors are
-    averaged. Those that lack a factor count at each of its levels.
+    averaged. Those without a factor count at each of its levels.
 
     Columns: `metric`, `term` ("traffic", "traffic × policy"; then "replicate" and "residual", which is all that is
     left: higher interactions, and how the factors work differently from replicate to replicate), `df`, `ss`, `f`, `p`

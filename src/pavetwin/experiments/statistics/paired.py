@@ -33,20 +33,20 @@ class Comparison:
     factor: str
     reference: Any
     reason: str
-    """Why it is this one that the others are compared with; empty where everyone expects it."""
+    """Reason for the choice of the reference; empty for the usual one."""
     differences: pl.DataFrame
-    """As the function of this name makes them."""
+    """Result of the function `differences`."""
     family: int = 0
-    """How many tests were made together where these are only some of them, else 0."""
+    """Number of tests in the family if these are only some of them, else 0."""
 
     @property
     def number(self) -> int:
-        """How many tests were made together."""
+        """Number of tests in the family."""
         return self.family or self.differences["p"].count()
 
 
 def is_significant(difference: Mapping[str, Any]) -> bool:
-    """Whether a row of `differences` shows one: its corrected p is below 0.05, so that its interval excludes 0."""
+    """True if the corrected p of a row of `differences` is below 0.05, so that its interval excludes 0."""
     p = difference["p_corrected"]
     return p is not None and p < ALPHA
 
@@ -63,9 +63,9 @@ def differences(
     """Level − reference of `factor`, for every other level and every cell of the other columns of `by`.
 
     A pair agrees in world, replicate and everything else that the design varies, as far as both have it: a policy that
-    lacks a swept setting is compared at each of its levels with the one set of missions that it has. Where `by` leaves
-    some of that out, a replicate's pairs are averaged first, since they are not independent. A pair that lacks a value
-    on either side, undefined or failed, is left out and counted.
+    does not have a swept setting is compared at each of its levels by its one set of missions. Where `by` leaves
+    some of that out, a replicate's pairs are averaged first, since they are not independent. A pair with an
+    undefined or failed side is left out and counted.
 
     Columns: `*by` (that of the factor holds the level compared), `metric`, `pairs` (replicates with a difference),
     `undefined` (replicates without), `mean`, `low`, `high` (simultaneous 95 % interval), `p` (of this comparison by
@@ -75,10 +75,10 @@ def differences(
     table.
 
     Raises:
-        ValueError: `by` lacks the factor.
+        ValueError: `by` does not contain the factor.
     """
     if factor not in by:
-        raise ValueError(f"by: {list(by)} lacks the factor '{factor}' whose levels are compared.")
+        raise ValueError(f"by: {list(by)} does not contain the factor '{factor}' whose levels are compared.")
     others = [level for level in levels_of(table, factor) if level != reference]
     return _together(table, by, metrics, [_Pairing(table, by, factor, reference, others)], seed)[0]
 
@@ -121,7 +121,7 @@ def _together(
 
 
 class _Pairing:
-    """Which cells of the whole design are compared, and which cell of `by` each comparison belongs to."""
+    """The compared cells of the whole design, and the cell of `by` of each comparison."""
 
     def __init__(
         self, table: pl.DataFrame, by: Sequence[str], factor: str, reference: Any, levels: Sequence[Any]

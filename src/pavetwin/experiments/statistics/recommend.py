@@ -83,7 +83,7 @@ class Recommendation:
     broken: str | None
     """The metric of that worst breach."""
     unit: str = "segment"
-    """What time and energy refer to: a segment, or a mission where missions are tours."""
+    """Reference of time and energy: a segment, or a mission for tours."""
     is_measured: bool = True
     """False if the objective's metric was measured for no option."""
 

@@ -2,7 +2,7 @@
 
 All comparisons of a family share their replicates. Two methods give the distribution of the most extreme of them:
 
-- Flipped signs (see `flips`): flipping the signs of the residuals (differences less their mean) shows how small the
+- Flipped signs (`sign_flip_p`): flipping the signs of the residuals (differences less their mean) shows how small the
   smallest of all p falls by chance (Westfall and Young, Resampling-Based Multiple Testing, 1993,
   single-step minimum p). Few replicates have few assignments of signs, so that many p are equal; |t| ranks those.
 - Resampled replicates (see `bootstrap`): the same for the smallest tail of all their t* (Beran, Balanced simultaneous
@@ -145,7 +145,7 @@ class Verdicts(NamedTuple):
     """(comparisons,) each; NaN where fewer than two pairs leave nothing to test."""
 
     p: Float64Array
-    """Of "the mean difference is 0" by flipped signs, two-sided, each comparison by itself."""
+    """p of "the mean difference is 0" by flipped signs, two-sided, each comparison by itself."""
     p_corrected: Float64Array
     low: Float64Array
     high: Float64Array
@@ -182,7 +182,7 @@ def _by_flips(units: Float64Array, seed: int) -> tuple[Float64Array, Float64Arra
 
 @dataclass(frozen=True)
 class _Rarest:
-    """What each assignment makes of the comparison in which it is rarest, sorted from the rarest assignment on."""
+    """Rank of each assignment in the comparison in which it is rarest, sorted from the rarest on."""
 
     reached: IndexArray
     """(assignments,) how many reach it."""

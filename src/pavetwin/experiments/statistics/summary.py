@@ -13,7 +13,7 @@ from pavetwin.experiments.statistics.cells import Layout, failures, key_columns,
 from pavetwin.mission.metrics import limits, usual_of_street
 
 FEW: Final = 5
-"""Fewer values in a cell are too few to say how sure its mean is."""
+"""With fewer values in a cell the certainty of its mean is unknown."""
 
 
 def summarise(
