@@ -104,7 +104,7 @@ lock:  ## Write the lock files again from what is asked for (UPGRADE=1: the newe
 		--universal --python-version 3.11 \
 		--generate-hashes --no-emit-index-url --no-header --quiet $(if $(UPGRADE),--upgrade) \
 		--output-file requirements.lock
-	@.venv/bin/uv pip compile pyproject.toml --all-extras --group dev --group dev-train \
+	@.venv/bin/uv pip compile pyproject.toml --all-extras --group dev \
 		--constraint requirements.lock --universal --python-version 3.11 \
 		--generate-hashes --no-emit-index-url --no-header --quiet $(if $(UPGRADE),--upgrade) \
 		--output-file requirements-train.lock
