@@ -18,7 +18,8 @@ from pavetwin.arrays import Float64Array
 from pavetwin.mission.folder import MissionFolder
 from pavetwin.mission.saving import LOOKS
 from pavetwin.sensing.fit.draws import found_by_draws
-from pavetwin.sensing.fit.fitting import GROUP, LookSource, fit_sensor
+from pavetwin.sensing.fit.fitting import fit_sensor
+from pavetwin.sensing.fit.tables import GROUP, LookSource
 from pavetwin.sensing.looks import Look
 from pavetwin.sensing.sensor_model import SensorModel
 
@@ -134,8 +135,8 @@ def summary(table: pl.DataFrame) -> dict[str, float]:
         "cells": table.height,
         "close": int((apart <= CLOSE).sum()),
         "within": int((apart <= 1.96 * table["deviation"]).sum()),
-        "mean_points": float(100 * apart.mean()),  # type: ignore[operator]
-        "bias_points": float(100 * table["difference"].mean()),  # type: ignore[operator]
+        "mean_points": float(100 * apart.to_numpy().mean()),
+        "bias_points": float(100 * table["difference"].to_numpy().mean()),
     }
 
 
