@@ -1,7 +1,8 @@
-"""How often `recommend` is right when it says how sure it is: simulated studies whose truth is known.
+"""Calibration of the probabilities of `recommend` in simulated studies with a known truth.
 
-    python -m benchmarks.calibration                 prints the tables of docs/explanation/statistics.md
-    python -m benchmarks.calibration --plot FILE     and draws docs/images/calibration.svg
+    python -m benchmarks.calibration
+
+prints the numbers of docs/explanation/statistics.md, next to those of resampling without shrinkage.
 
 A study has three altitudes and four policies, 10 or 20 replicates, and the paired structure of the paper's study over
 the demo's town (seed 1): its variances between replicates, of replicate by altitude, of replicate by policy and within;
@@ -10,11 +11,9 @@ differences of policies that are 0 in most replicates, since traffic hides a seg
 found from higher up, which takes less time, and a share of the defects is required that at least one option finds.
 """
 
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -62,7 +61,7 @@ DEFECTS: Final = 30
 
 @dataclass(frozen=True)
 class Truth:
-    """What a simulated study would find with endless replicates, by option."""
+    """True means of a simulated study, by option."""
 
     coverage: np.ndarray
     time_s: np.ndarray
@@ -73,12 +72,12 @@ class Truth:
 
     @property
     def kept(self) -> np.ndarray:
-        """(options,) which keep the limits."""
+        """(options,) whether each keeps the limits."""
         return keeping(self._means, self.limits)[0]
 
     @property
     def best(self) -> np.ndarray:
-        """(options,) which are the best of those; by coverage alone where that decides."""
+        """(options,) whether each is the best of those; by coverage alone where that decides."""
         if self.objective is Objective.MOST_FOUND:
             coverage = np.where(self.kept, self.coverage, -1.0)
             return np.asarray(self.kept & (coverage >= coverage.max() - 1e-9))
@@ -90,7 +89,7 @@ class Truth:
 
 
 def truth(kind: str, rng: np.random.Generator) -> Truth:
-    """A truth of one of the `KINDS`, drawn."""
+    """Draw a truth of one of the `KINDS`."""
     extra = np.array([0.0, rng.lognormal(np.log(60), 0.8), rng.uniform(5, 20), rng.uniform(10, 35)])
     time_s = SHORTEST_S + extra[POLICY] * rng.uniform(0.8, 1.1, ALTITUDES)[ALTITUDE]
     busy, limit = float(rng.choice([0.15, 0.3, 0.5])), None
@@ -144,7 +143,7 @@ def simulated(known: Truth, replicates: int, rng: np.random.Generator) -> np.nda
 def by_resampling(
     units: np.ndarray, limits: MissionLimits, seed: int, objective: Objective = Objective.MOST_FOUND
 ) -> np.ndarray:
-    """(options,) how often each is the best of resampled replicates: what was claimed before."""
+    """(options,) share of resamples of the replicates in which each option is the best."""
     counts = resamples((units.shape[2],), seed)
     means = np.einsum("mor,nr->mno", units, counts) / units.shape[2]
     return np.asarray(best_among(means, keeping(means, limits), objective, ALTITUDES_M).mean(axis=0))
@@ -159,7 +158,7 @@ def proposed(means: np.ndarray, known: Truth) -> int | None:
 
 
 def outcomes(seeds: int = SEEDS, kinds: Sequence[str] = KINDS) -> Iterator[dict[str, Any]]:
-    """One row a study that has an answer: what was claimed of the proposed option, and what is true."""
+    """One row per study with an answer: the claims about the proposed option, and the truth."""
     worlds = [np.zeros(count, dtype=np.intp) for count in REPLICATES]
     for seed in range(seeds):
         for kind in kinds:
@@ -177,19 +176,18 @@ def outcomes(seeds: int = SEEDS, kinds: Sequence[str] = KINDS) -> Iterator[dict[
                 yield {
                     "kind": kind,
                     "replicates": count,
-                    "before": float(by_resampling(units, known.limits, seed, known.objective)[at]),
-                    "after": float(chances.certainty[at]),
+                    "resampled": float(by_resampling(units, known.limits, seed, known.objective)[at]),
+                    "shrunk": float(chances.certainty[at]),
                     "right": bool(known.best[at]),
                     "keeps": float(chances.kept[at]),
                     "kept": bool(known.kept[at]),
-                    "error_before": float(means[0, at] - known.coverage[at]),
-                    "error_after": float(chances.expected[0, at] - known.coverage[at]),
+                    "error_resampled": float(means[0, at] - known.coverage[at]),
+                    "error_shrunk": float(chances.expected[0, at] - known.coverage[at]),
                 }
 
 
 def calibration(rows: pl.DataFrame, claim: str) -> pl.DataFrame:
-    """By bins of what was claimed: the studies, the mean claim, the share right and its 95 % interval
-    (Clopper and Pearson)."""
+    """Studies, mean claim, share right and its 95 % interval (Clopper and Pearson), by bins of the claim."""
     binned = rows.with_columns(bin=pl.col(claim).cut(list(EDGES[1:-1]), left_closed=True, labels=_BINS))
     table = binned.group_by("bin").agg(
         pl.len().alias("studies"), pl.col(claim).mean().alias("claimed"), pl.col("right").sum().alias("hits")
@@ -204,8 +202,8 @@ _BINS: Final = [f"{100 * low:.0f}–{100 * high:.0f}" for low, high in pairwise(
 
 
 def tables(rows: pl.DataFrame, kinds: Sequence[str] = KINDS) -> str:
-    """In Markdown: calibration before and after, and by kind of truth the claims and the error of the coverage."""
-    lines = ["| claimed, % | before: studies | right, % | after: studies | right, % |", "|---|---:|---|---:|---|"]
+    """Calibration of both claims, and claims and errors of the coverage by kind of truth, in Markdown."""
+    lines = ["| claimed, % | resampled: studies | right, % | shrunk: studies | right, % |", "|---|---:|---|---:|---|"]
     sides = [{row["bin"]: row for row in calibration(rows, claim).iter_rows(named=True)} for claim in _CLAIMS]
     for name in _BINS:
         cells = [
@@ -216,20 +214,23 @@ def tables(rows: pl.DataFrame, kinds: Sequence[str] = KINDS) -> str:
             for side in sides
         ]
         lines.append(f"| {name} | {' | '.join(cells)} |")
-    lines += ["", "| truth | studies | right, % | claimed before | after | coverage too high by, before | after |"]
+    lines += [
+        "",
+        "| truth | studies | right, % | claimed, resampled | shrunk | coverage too high by, observed | shrunk |",
+    ]
     lines += ["|---|" + "---:|" * 6]
     for kind in (*kinds, "all"):
         part = rows if kind == "all" else rows.filter(kind=kind)
         shares = [100 * _mean(part, name) for name in ("right", *_CLAIMS)]
-        errors = [100 * _mean(part, name) for name in ("error_before", "error_after")]
+        errors = [100 * _mean(part, name) for name in ("error_resampled", "error_shrunk")]
         numbers = [*(f"{share:.0f}" for share in shares), *(f"{error:+.1f}" for error in errors)]
         lines.append(f"| {kind} | {part.height} | {' | '.join(numbers)} |")
     return "\n".join(lines)
 
 
 def kept_table(rows: pl.DataFrame) -> str:
-    """In Markdown: how often the proposed options keep the limits, by how likely that is said to be."""
-    lines = ["| said to keep the limit with, % | studies | keep it, % |", "|---|---:|---|"]
+    """Share of proposed options that keep the limits, by the probability claimed, in Markdown."""
+    lines = ["| claimed to keep the limit, % | studies | keep it, % |", "|---|---:|---|"]
     for row in calibration(rows.with_columns(right="kept"), "keeps").iter_rows(named=True):
         share = f"{100 * row['right']:.0f} ({100 * row['low']:.0f} to {100 * row['high']:.0f})"
         lines.append(f"| {row['bin']} | {row['studies']} | {share} |")
@@ -237,46 +238,19 @@ def kept_table(rows: pl.DataFrame) -> str:
     return "\n".join(lines)
 
 
-_CLAIMS: Final = ("before", "after")
+_CLAIMS: Final = ("resampled", "shrunk")
 
 
 def _mean(rows: pl.DataFrame, name: str) -> float:
     return float(rows[name].cast(pl.Float64).mean())  # type: ignore[arg-type]
 
 
-def plot(rows: pl.DataFrame, file: Path) -> None:
-    """Share right over what was claimed, before and after."""
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    mpl.rcParams["svg.hashsalt"] = "calibration"
-    from matplotlib import pyplot as plt
-
-    figure, axes = plt.subplots(figsize=(5.2, 4.6), layout="constrained")
-    axes.plot([0, 100], [0, 100], color="#9AA3AE", linewidth=1, label="claimed as often as right")
-    for claim, colour, shift in (("before", "#C2571A", -0.6), ("after", "#1F6FB2", 0.6)):
-        table = calibration(rows, claim)
-        claimed, right = 100 * table["claimed"].to_numpy(), 100 * table["right"].to_numpy()
-        spans = [right - 100 * table["low"].to_numpy(), 100 * table["high"].to_numpy() - right]
-        label = f"{claim}: {'resampling alone' if claim == 'before' else 'shrunk means'}"
-        axes.errorbar(
-            claimed + shift, right, np.abs(spans), color=colour, marker="o", markersize=5, capsize=3, label=label
-        )
-    axes.set(xlim=(0, 102), ylim=(0, 102), xlabel="claimed probability of being the best, %", ylabel="right, %")
-    axes.set_title(f"{rows.height} simulated studies; bars: 95 % intervals", fontsize=10)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False, loc="upper left", fontsize=9)
-    figure.savefig(file, metadata={"Date": None})
-
-
-def main(arguments: list[str]) -> None:
+def main() -> None:
     rows = pl.DataFrame(list(outcomes()))
     print(tables(rows))
     others = pl.DataFrame(list(outcomes(SEEDS_OF_OBJECTIVES, tuple(OBJECTIVES))))
     print("", tables(others, tuple(OBJECTIVES)), "", kept_table(others), sep="\n")
-    if arguments[:1] == ["--plot"]:
-        plot(rows, Path(arguments[1]))
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

@@ -115,6 +115,6 @@ def test_claims_of_other_objectives_hold_in_simulated_studies() -> None:
     for kind in OBJECTIVES:
         of = rows.filter(kind=kind)
         assert of.height > 50
-        assert -0.25 < of["after"].mean() - of["right"].mean() < 0.05, kind
+        assert -0.25 < of["shrunk"].mean() - of["right"].mean() < 0.05, kind
         assert abs(of["keeps"].mean() - of["kept"].mean()) < 0.1, kind
-    assert np.abs(rows["error_after"].mean()) < 0.015
+    assert np.abs(rows["error_shrunk"].mean()) < 0.015

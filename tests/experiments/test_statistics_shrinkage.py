@@ -105,7 +105,7 @@ def test_claims_hold_in_simulated_studies_and_those_of_resampling_alone_did_not(
     """Over 24 studies of each kind: how sure `recommend` was on average against how often it was right."""
     rows = pl.DataFrame(list(outcomes(12))).with_columns(pl.col("right").cast(pl.Float64))
 
-    def too_sure(of: pl.DataFrame, claim: str = "after") -> float:
+    def too_sure(of: pl.DataFrame, claim: str = "shrunk") -> float:
         return float(of[claim].mean() - of["right"].mean())
 
     by_kind = {kind: too_sure(rows.filter(kind=kind)) for kind in KINDS}
@@ -113,8 +113,8 @@ def test_claims_hold_in_simulated_studies_and_those_of_resampling_alone_did_not(
     assert max(by_kind.values()) < 0.12, by_kind
     ties = rows.filter(pl.col("kind").is_in(["as in the paper's study", "near ties", "nearly equal"]))
     assert too_sure(ties) < 0.06
-    assert too_sure(rows, "before") > 0.09
+    assert too_sure(rows, "resampled") > 0.09
     assert -0.12 < too_sure(rows) < 0.05
-    assert too_sure(rows.filter(pl.col("after") >= 0.6)) < 0.03
-    assert rows["error_before"].mean() > 0.007
-    assert abs(rows["error_after"].mean()) < 0.005
+    assert too_sure(rows.filter(pl.col("shrunk") >= 0.6)) < 0.03
+    assert rows["error_resampled"].mean() > 0.007
+    assert abs(rows["error_shrunk"].mean()) < 0.005
