@@ -203,11 +203,11 @@ def _another_format(path: Path) -> None:
     ("damage", "words"),
     [
         (_another_format, "reads only format 1"),
-        (_drop_column, "has no column 'surface_coverage': it is damaged or of an earlier version; fly"),
+        (_drop_column, "has no column 'surface_coverage': it is damaged; fly"),
         (_another_outcome, "is not of the same mission as mission.yaml"),
         (
             lambda path: (path / "defects.csv").write_bytes(b"\x00\xff"),
-            "defects.csv' has no column 'id': it is damaged or",
+            "defects.csv' has no column 'id': it is damaged;",
         ),
         (lambda path: (path / "streets.csv").unlink(), "streets.csv' is gone or damaged; fly the mission again."),
         (
