@@ -10,8 +10,8 @@ from typing import Final
 from PIL import Image
 
 from benchmarks.measure import Kind, Line, Size
-from pavetwin.perception.inference.detector import Detector
-from pavetwin.perception.shipped import DEFAULT
+from pavetwin.perception.detector import Detector
+from pavetwin.perception.model_file import DEFAULT
 
 PICTURE: Final = Path(__file__).resolve().parent.parent / "docs/gallery/uav.jpg"
 """Of frames from above, with defects, vehicles and people in it."""

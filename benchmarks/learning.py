@@ -12,7 +12,7 @@ from PIL import Image
 
 from benchmarks.detecting import PICTURE
 from benchmarks.measure import Kind, Line, Size
-from pavetwin.perception.classes import CLASSES
+from pavetwin.labels.class_names import CLASS_LABELS
 from pavetwin.training.datasets.packs import read_examples
 from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
 
@@ -52,7 +52,7 @@ def _drawn(folder: Path, side_px: tuple[int, int]) -> Path:
         wide, high = width / OBJECTS, height / 4
         boxes = [[at * wide + 1, (at % 4) * high + 1, wide - 2, high - 2] for at in range(OBJECTS)]
         rows = [
-            {"id": at + 1, "image_id": 0, "category_id": at % len(CLASSES) + 1, "iscrowd": 0}
+            {"id": at + 1, "image_id": 0, "category_id": at % len(CLASS_LABELS) + 1, "iscrowd": 0}
             | {"bbox": box, "area": box[2] * box[3], "segmentation": [_outline(box)]}
             for at, box in enumerate(boxes)
         ]
@@ -60,7 +60,7 @@ def _drawn(folder: Path, side_px: tuple[int, int]) -> Path:
             "info": {"description": "PaveTwin synthetic images"},
             "images": [{"id": 0, "file_name": "0.jpg", "width": width, "height": height}],
             "annotations": rows,
-            "categories": [{"id": at + 1, "name": name} for at, name in enumerate(CLASSES)],
+            "categories": [{"id": at + 1, "name": name} for at, name in enumerate(CLASS_LABELS)],
         }
         (folder / "annotations" / f"instances_{split}.json").write_text(json.dumps(content))
     return folder

@@ -23,6 +23,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"world", "uav"}),
     frozenset({"traffic", "navigation", "defects"}),
     frozenset({"twin", "scene", "labels", "pci"}),
+    frozenset({"detections"}),
     frozenset({"render", "perception"}),
     frozenset({"policies", "sensing"}),
     frozenset({"mission"}),

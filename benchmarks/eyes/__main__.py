@@ -22,7 +22,7 @@ from pavetwin.capture.looks import looks_of
 from pavetwin.cli.console import fail, out, progress
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.store import Store
-from pavetwin.perception.shipped import DEFAULT, model_path
+from pavetwin.perception.model_file import DEFAULT, model_path
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

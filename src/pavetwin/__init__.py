@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from pavetwin.mission.fly import fly
     from pavetwin.plugins import load_plugins
     from pavetwin.policies import Displace, GoOn, Policy, Revisit, Wait, load_policy, policy, policy_names
-    from pavetwin.sensing import Detection, Frame, Sensor, load_sensor, sensor, sensor_names
+    from pavetwin.sensing import Detections, Frame, Sensor, load_sensor, sensor, sensor_names
     from pavetwin.twin import Snapshot
     from pavetwin.world import BuildOptions, World, build_world, load_world, save_world
 
@@ -49,7 +49,7 @@ _HOMES = {
         "choose_targets fly fly_over load_inputs plan_mission prepare replay_of result_of save_mission totals",
         "plugins": "load_plugins",
         "policies": "Displace GoOn Policy Revisit Wait load_policy policy policy_names",
-        "sensing": "Detection Frame Sensor load_sensor sensor sensor_names",
+        "sensing": "Detections Frame Sensor load_sensor sensor sensor_names",
         "twin": "Snapshot",
         "world": "BuildOptions World build_world load_world save_world",
     }.items()
@@ -61,7 +61,7 @@ __all__ = [
     "BuildOptions",
     "Captured",
     "DefectOptions",
-    "Detection",
+    "Detections",
     "Displace",
     "Frame",
     "GoOn",

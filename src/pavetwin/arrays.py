@@ -29,6 +29,9 @@ StrArray = npt.NDArray[np.str_]
 StructuredArray = npt.NDArray[np.void]
 """Records of named fields (a structured dtype), as vertex and instance buffers have them."""
 
+ObjectArray = npt.NDArray[np.object_]
+"""Python objects of any kind, such as texts of different lengths."""
+
 GeometryArray = npt.NDArray[np.object_]
 """Shapely geometries."""
 

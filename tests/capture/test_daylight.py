@@ -57,7 +57,7 @@ def test_frames_have_the_light_of_the_missions_time_of_day(tmp_path: Path) -> No
     """A low sun in the east casts shadows to the west, and the reverse; the image's file tells the time."""
     scene = Scene(straight((20, 3)), altitude_m=10.0)
     result = scene.fly("baseline")
-    (detection,) = result.detections
+    (time_s,) = result.detections.time_s
     images = MissionImages(result.environment.inspected_world, Replay(scene.world, VAN_ACROSS), result.seed)
     drawing = images.scene_renderer = Watched(images.world)
     west_over_east = {}
@@ -76,7 +76,7 @@ def test_frames_have_the_light_of_the_missions_time_of_day(tmp_path: Path) -> No
         west, east = (rgb[row - 8 : row + 9, column - 8 : column + 9].mean() for column, row in beside)
         west_over_east[time] = west / east
         # At 9° E mean solar time is 36 minutes ahead of UTC; the clock of the camera is at the full hour nearest to it.
-        local = datetime.fromisoformat(f"2026-03-20T{time}") + timedelta(minutes=24, seconds=int(detection.time_s))
+        local = datetime.fromisoformat(f"2026-03-20T{time}") + timedelta(minutes=24, seconds=int(time_s))
         assert exif[ExifTags.Base.DateTimeOriginal] == local.strftime("%Y:%m:%d %H:%M:%S")
         assert record.light["cloud_cover"] == 0.0
         assert (record.light["sun_azimuth_deg"] < 180) == (time == "07:30")

@@ -36,7 +36,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pavetwin.sensing import Detection, Sensor
+from pavetwin.sensing import Detections, Sensor
 
 
 class Looker(Sensor):
@@ -44,11 +44,11 @@ class Looker(Sensor):
 
     def detect(self, frame):
         if self.place.exists():
-            return []
+            return Detections()
         image = frame.image()
         if image.std() > 1:  # the images of the sensor's check are grey
             np.savez(self.place, image=image, number=frame.number)
-        return [Detection.of(sighting) for sighting in frame.sightings]
+        return Detections.of_defects(sighting.defect for sighting in frame.sightings)
 """
 
 

@@ -16,12 +16,12 @@ from scenes.tiny import Scene, straight
 def test_a_sheet_shows_what_was_found_missed_and_reported_falsely(tmp_path: Path) -> None:
     """Two of three potholes can be seen, and one spot is no pothole."""
     scene = Scene(straight((12.0, 1.0), (30.0, 0.0), (45.0, 2.0)), altitude_m=10.0)
-    spots: list[Spot] = [("Pothole", each.polygon) for each in scene.world.defects[:2]]
-    ghost: Spot = ("Pothole", straight((52, 0)).defects[0].polygon)
+    spots: list[Spot] = [("pothole", each.polygon) for each in scene.world.defects[:2]]
+    ghost: Spot = ("pothole", straight((52, 0)).defects[0].polygon)
     result, painter = fly_over_spots(scene, [*spots, ghost], aboard=False)
     sensor = DetectorSensor(result.settings.sensing, 0, SpotDetector(image_px=240))
     cells = save_mission_sheet(result, painter, sensor, tmp_path / "sheet.jpg")
-    alarms = sum(each.outcome is Outcome.FALSE_ALARM for each in result.detections)
+    alarms = (result.detections.outcome == Outcome.FALSE_ALARM).sum()
     assert (len(result.confirmed), alarms > 0) == (2, True)
     assert cells == 3 + min(alarms, 6)
     sheet = np.asarray(Image.open(tmp_path / "sheet.jpg").convert("L"))

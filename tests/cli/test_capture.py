@@ -271,14 +271,12 @@ def test_the_frames_of_a_mission_show_where_each_defect_was_confirmed(tmp_path: 
     named = {feature["properties"]["frame"] for feature in content["features"]}
     taken_files = (tmp_path / "m").glob("frames/images/test/*.jpg")
     assert {str(path.relative_to(tmp_path / "m")) for path in taken_files} == named
-    assert (
-        taken == len(named) == len(scene_renderer.views) == len({detection.time_s for detection in result.detections})
-    )
+    assert taken == len(named) == len(scene_renderer.views) == len(set(result.detections.time_s))
     for view, time_s in scene_renderer.views:
-        here = [detection for detection in result.detections if detection.time_s == time_s]
-        assert tuple(view.position) == (*here[0].position, 6.0)
-        for detection in here:
-            centre = result.environment.defects[detection.defect].centre
+        here = result.detections[result.detections.time_s == time_s]
+        assert tuple(view.position) == (*result.log.frames[int(here.capture[0])].position, 6.0)
+        for defect in here.defect:
+            centre = result.environment.defects[defect].centre
             pixel = view.project((centre.x, centre.y, 0.0))
             assert ((pixel > 0) & (pixel < view.size_px)).all()
     with Image.open(tmp_path / "m" / content["features"][0]["properties"]["frame"]) as image:
@@ -305,7 +303,7 @@ def test_the_frames_of_a_mission_are_labelled_as_a_dataset_is(
             confirmed.append(name)
         assert len((frames / "labels" / "test" / f"{record.name}.txt").read_text().splitlines()) == len(seen)
         assert (frames / "voc" / "JPEGImages" / f"{record.name}.jpg").is_file()
-    assert sorted(confirmed) == sorted(f"defect {detection.defect}" for detection in result.detections)
+    assert sorted(confirmed) == sorted(f"defect {defect}" for defect in result.detections.defect)
     coco = json.loads((frames / "annotations" / "instances_test.json").read_text())
     assert len(coco["images"]) == taken
     keys = yaml.safe_load((frames / "data.yaml").read_text())
@@ -321,7 +319,7 @@ def test_frames_show_the_traffic_of_a_mission_that_took_off_later_in_the_recordi
     save_mission(result, tmp_path / "m")
     assert save_frames(result, images_by(scene_renderer, result, start_s=30.0), tmp_path / "m") == 1
     ((_, time_s),) = scene_renderer.views
-    assert time_s == pytest.approx(30.0 + result.detections[0].time_s)
+    assert time_s == pytest.approx(30.0 + result.detections.time_s[0])
     (record,) = read_records(tmp_path / "m" / "frames")
     assert record.traffic["time_s"] == pytest.approx(time_s, abs=1e-4)
 

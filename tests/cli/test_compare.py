@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pavetwin.perception.inference import Detector
+from pavetwin.perception.detector import Detector
 from pavetwin.training.evaluation import comparison
 from pavetwin.training.evaluation.labelled import read_split
 from scenes.command_line import pavetwin, plain_refusal
@@ -20,7 +20,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     objects = [[true(POTHOLE, (10, 8, 30, 40)), true(CAR, (60, 12, 30, 44))], [true(POTHOLE, (10, 8, 30, 40))]]
     write_labels(folder / "town", objects, facts=[{"width": SIDE_PX, "height": 64}] * 2)
     (folder / "town" / "images" / "test").mkdir(parents=True)
-    street = drawn((SIDE_PX, 64), ("Pothole", (10, 8, 40, 48)), ("Car", (60, 12, 90, 56)))
+    street = drawn((SIDE_PX, 64), ("pothole", (10, 8, 40, 48)), ("car", (60, 12, 90, 56)))
     street.save(folder / "town" / "images" / "test" / "001.png")
     drawn((SIDE_PX, 64)).save(folder / "town" / "images" / "test" / "002.png")
     return folder

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pavetwin.perception.inference import Detector
+from pavetwin.perception.detector import Detector
 from scenes.aerial import HEIGHT_M, LATITUDE, LONGITUDE, aerial_photograph
 from scenes.command_line import pavetwin, plain_refusal
 from scenes.drawn_detector import FILE, drawn
 
-STREET = drawn((640, 480), ("Pothole", (100, 100, 160, 150)), ("Car", (300, 200, 420, 330)))
+STREET = drawn((640, 480), ("pothole", (100, 100, 160, 150)), ("car", (300, 200, 420, 330)))
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("detect")
     (folder / "in" / "sub").mkdir(parents=True)
     (folder / "in" / "a.jpg").write_bytes(aerial_photograph(STREET))
-    drawn((96, 96), ("Person", (30, 10, 60, 90))).save(folder / "in" / "sub" / "b.png")
+    drawn((96, 96), ("person", (30, 10, 60, 90))).save(folder / "in" / "sub" / "b.png")
     (folder / "in" / "c.jpg").write_text("text")
     done = pavetwin("detect", folder / "in", "--model", FILE, "-o", folder / "out")
     assert done.returncode == 0, done.stderr
@@ -92,7 +92,7 @@ def test_pictures_of_like_names_are_annotated_each(tmp_path: Path) -> None:
 def test_a_video_is_looked_at_every_second(tmp_path: Path) -> None:
     film = cv2.VideoWriter(str(tmp_path / "v.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 5.0, (96, 96))
     for at in range(10):
-        car = drawn((96, 96), ("Car", (10 + at, 20, 50 + at, 70)))
+        car = drawn((96, 96), ("car", (10 + at, 20, 50 + at, 70)))
         film.write(np.asarray(car)[:, :, ::-1].copy())
     film.release()
     done = pavetwin("detect", "v.avi", "--model", FILE, "-o", "out", "--no-pictures", cwd=tmp_path)

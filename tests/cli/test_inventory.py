@@ -22,7 +22,7 @@ from scenes.command_line import pavetwin, plain_refusal
 from scenes.drawn_detector import FILE, drawn
 from scenes.tiny import empty_street
 
-STREET = drawn((640, 480), ("Pothole", (100, 100, 160, 150)), ("Crocodile Crack", (300, 200, 420, 330)))
+STREET = drawn((640, 480), ("pothole", (100, 100, 160, 150)), ("crocodile_crack", (300, 200, 420, 330)))
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def listed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     (folder / "in").mkdir()
     for name in ("a.jpg", "b.jpg"):
         (folder / "in" / name).write_bytes(aerial_photograph(STREET))
-    drawn((96, 96), ("Pothole", (30, 10, 60, 90))).save(folder / "in" / "c.png")
+    drawn((96, 96), ("pothole", (30, 10, 60, 90))).save(folder / "in" / "c.png")
     done = pavetwin("inventory", folder / "in", "--model", FILE, "-o", folder / "out")
     assert done.returncode == 0, done.stderr
     return folder / "out", done.stdout

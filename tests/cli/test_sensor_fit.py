@@ -9,7 +9,7 @@ import yaml
 from pavetwin.files import FORMAT
 from pavetwin.mission.saving import DETECTION_COLUMNS, LOOKS
 from pavetwin.sensing.fit.tables import GROUP, LOOK_SCHEMA, POSE_SCHEMA
-from pavetwin.sensing.sensor_model import SensorModel
+from pavetwin.sensing.fitted_sensor import SensorModel
 from scenes.command_line import pavetwin, plain_refusal
 from scenes.fitted import drawn_looks, stated
 

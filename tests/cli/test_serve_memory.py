@@ -36,7 +36,7 @@ def test_its_memory_stays_bounded_and_it_answers_on() -> None:
             found = re.search(r"http://127\.0\.0\.1:(\d+)/", process.stdout.readline())
             assert found is not None
             port = int(found[1])
-            street = encoded(drawn((96, 64), ("Car", (20, 12, 50, 56))))
+            street = encoded(drawn((96, 64), ("car", (20, 12, 50, 56))))
             assert sent(port, street) == 200
             begun = peak_mib(process.pid)
             hung = [socket.create_connection(("127.0.0.1", port)) for _ in range(8)]

@@ -63,8 +63,8 @@ def test_nothing_is_under_a_window_in_transit() -> None:
 
 def test_defects_turn_from_open_to_confirmed() -> None:
     film = film_of("empty_street", "baseline")
-    (detection,) = film.result.detections
-    before, after = (film.scene(detection.time_s + shift).defects for shift in (-0.1, 0.1))
+    (time_s,) = film.result.detections.time_s
+    before, after = (film.scene(time_s + shift).defects for shift in (-0.1, 0.1))
     assert [mark.outcome for mark in before] == [None]
     assert [mark.outcome for mark in after] == [DefectOutcome.CONFIRMED]
     assert after[0].age_s == pytest.approx(0.1 / film.speed)

@@ -59,10 +59,11 @@ def test_every_defect_has_the_outcome_that_the_mission_gave_it() -> None:
         result = tiny.result("queue_that_leaves", policy)
         found = outcomes(result)
         assert len(found) == sum(row.defects for row in result.rows)
-        confirmed = {detection.defect: detection for detection in result.detections}
+        detections = result.detections
+        confirmed = dict(zip(detections.defect.tolist(), detections.on_revisit.tolist(), strict=True))
         for defect, outcome in found.items():
             if defect in confirmed:
-                recovered = confirmed[defect].on_revisit
+                recovered = confirmed[defect]
                 assert outcome is (DefectOutcome.RECOVERED if recovered else DefectOutcome.CONFIRMED)
             else:
                 assert outcome is DefectOutcome.MISSED

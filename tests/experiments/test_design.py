@@ -17,7 +17,7 @@ from pavetwin.experiments.design import Design, placed_at, preset_names, preset_
 from pavetwin.experiments.planning import load_worlds, plan
 from pavetwin.experiments.store import Store
 from pavetwin.experiments.units import Plan, cells_of, units_of, world_of_study
-from pavetwin.perception.shipped import DEFAULT
+from pavetwin.perception.model_file import DEFAULT
 from pavetwin.sensing.detector import DetectorSensor
 from pavetwin.uav import find_camera
 from pavetwin.world.model import World

@@ -32,7 +32,7 @@ SENSORS = """
 import numpy as np
 from scipy import ndimage
 
-from pavetwin.sensing import Detection, Sensor
+from pavetwin.sensing import Detections, Sensor
 
 
 class Dark(Sensor):
@@ -43,10 +43,11 @@ class Dark(Sensor):
     def detect(self, frame):
         dark = frame.image()[:, :, 0] < 100
         if not dark.any():
-            return []
+            return Detections()
         found, _ = ndimage.label(dark)
         boxes = ndimage.find_objects(found)
-        return [Detection("pothole", 0.9, box_px=(x.start, y.start, x.stop, y.stop)) for y, x in boxes]
+        places = [(x.start, y.start, x.stop, y.stop) for y, x in boxes]
+        return Detections(["pothole"] * len(places), 0.9, box_px=places)
 
 
 class Odd(Sensor):
@@ -54,9 +55,9 @@ class Odd(Sensor):
 
     def detect(self, frame):
         if not frame.sightings:
-            return []
+            return Detections()
         image = frame.image()
-        return [Detection.of(sighting) for sighting in frame.sightings if self.is_odd(frame, sighting, image)]
+        return Detections.of_defects(s.defect for s in frame.sightings if self.is_odd(frame, s, image))
 
     def is_odd(self, frame, sighting, image):
         column, row = frame.view.project((*sighting.defect.centre.coords[0], 0.0)).astype(int)

@@ -14,7 +14,7 @@ from pavetwin.mission.fly import fly_over
 from pavetwin.mission.result import MissionResult
 from pavetwin.mission.saving import save_mission
 from pavetwin.pci import MeasuredDefect, Survey, mean_pci, measured_conditions, sample_units
-from pavetwin.perception.inference import Detector
+from pavetwin.perception.detector import Detector
 from pavetwin.sensing.detector import DetectorSensor
 from pavetwin.world.model import Severity
 from scenes import drawn_detector
@@ -23,7 +23,7 @@ from scenes.tiny import Scene, straight
 
 DEFECTS = ((12.0, 1.0), (22.0, 0.0), (38.0, -1.5), (45.0, 2.0))
 """Two in each of the street's sample units."""
-GHOST: Spot = ("Pothole", straight((52, 0)).defects[0].polygon)
+GHOST: Spot = ("pothole", straight((52, 0)).defects[0].polygon)
 
 
 def seen(*ghosts: Spot, count: int = len(DEFECTS)) -> tuple[Scene, MissionResult]:
@@ -32,7 +32,7 @@ def seen(*ghosts: Spot, count: int = len(DEFECTS)) -> tuple[Scene, MissionResult
     It is nearly certain of them, so that entries of a few pixels are likely ones whatever sensor ships.
     """
     scene = Scene(straight(*DEFECTS), altitude_m=10.0)
-    spots: list[Spot] = [("Pothole", each.polygon) for each in scene.world.defects[:count]]
+    spots: list[Spot] = [("pothole", each.polygon) for each in scene.world.defects[:count]]
     return scene, fly_over_spots(scene, [*spots, *ghosts], aboard=False, confidence=0.99)[0]
 
 
@@ -50,7 +50,7 @@ def test_potholes_that_are_all_found_give_the_index_of_a_survey_by_hand() -> Non
     scene, result = seen()
     (segment,) = (row.segment for row in result.rows)
     index = detected_of_segments(result)
-    spots: list[Spot] = [("Pothole", each.polygon) for each in scene.world.defects]
+    spots: list[Spot] = [("pothole", each.polygon) for each in scene.world.defects]
     assert index == {segment: pytest.approx(by_hand(scene, result, spots))}
     assert index[segment] < 80
 
@@ -86,7 +86,7 @@ def test_a_detector_without_masks_measures_no_sizes_and_has_no_index() -> None:
     scene = Scene(straight(*DEFECTS), altitude_m=10.0)
     settings = scene.settings("sensing.sensor=detector")
     eyes = DetectorSensor(settings.sensing, 0, SpotDetector(image_px=240, masks=False))
-    images = Painter([("Pothole", each.polygon) for each in scene.world.defects])
+    images = Painter([("pothole", each.polygon) for each in scene.world.defects])
     environment = scene.environment(settings)
     result = fly_over(environment, scene.traffic(), settings, [0], "hover", sensor=eyes, image_source=images)
     assert result.rows[0].confirmed == len(DEFECTS)

@@ -17,20 +17,20 @@ from pavetwin.mission.condition import ConditionReport, street_condition, unit_t
 from pavetwin.mission.result import MissionResult
 from pavetwin.mission.saving import DETECTIONS, MISSION, save_mission
 from pavetwin.pci import Survey, sample_units
-from pavetwin.perception.shipped import DEFAULT, model_path
+from pavetwin.perception.model_file import DEFAULT, model_path
 from pavetwin.world.georeference import from_wgs84
 from scenes.spots import Spot, fly_over_spots
 from scenes.survey import photograph
 from scenes.tiny import Scene, empty_street, straight
 
 DEFECTS = ((12.0, 1.0), (30.0, 0.0), (30.0, -1.5), (45.0, 2.0))
-GHOST = ("Pothole", straight((52, 0)).defects[0].polygon)
+GHOST = ("pothole", straight((52, 0)).defects[0].polygon)
 
 
 @pytest.fixture(scope="module")
 def mission(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, MissionResult]:
     scene = Scene(straight(*DEFECTS), altitude_m=10.0)
-    spots: list[Spot] = [("Pothole", each.polygon) for each in scene.world.defects]
+    spots: list[Spot] = [("pothole", each.polygon) for each in scene.world.defects]
     result, painter = fly_over_spots(scene, [*spots, GHOST], aboard=False)
     folder = tmp_path_factory.mktemp("inventory") / "m"
     save_mission(result, folder)
@@ -57,7 +57,7 @@ def test_each_defect_and_each_false_alarm_is_one_entry_at_its_place(mission: tup
     for entry in found:
         assert entry.looks == len({each.image for each in reading.observations if overlaps(each, entry)})
         assert entry.sizes["area_m2"].value == pytest.approx(0.16, rel=0.25)
-        assert (entry.kind, entry.is_cut) == ("Pothole", False)
+        assert (entry.kind, entry.is_cut) == ("pothole", False)
 
 
 def xy(entry: Entry) -> tuple[float, float]:

@@ -17,9 +17,9 @@ from pavetwin.inventory.files import write_inventory
 from pavetwin.inventory.listing import entries_of
 from pavetwin.inventory.of_photographs import photographed
 from pavetwin.inventory.reading import Reading
-from pavetwin.perception.inference import Detector
-from pavetwin.perception.results.photograph import PhotographPose, pose_of
-from pavetwin.perception.shipped import DEFAULT
+from pavetwin.perception.detector import Detector
+from pavetwin.perception.model_file import DEFAULT
+from pavetwin.perception.photograph import PhotographPose, pose_of
 from pavetwin.world.georeference import from_wgs84
 from scenes.aerial import aerial_photograph
 from scenes.spots import SpotDetector

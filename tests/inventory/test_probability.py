@@ -18,9 +18,7 @@ from pavetwin.inventory.observation import Observation
 from pavetwin.inventory.of_mission import flown
 from pavetwin.inventory.probability import entry_model, with_probabilities
 from pavetwin.mission.saving import save_mission
-from pavetwin.sensing.entry_model import OF_ENTRY, EntryModel, entry_values
-from pavetwin.sensing.fitted_number import FittedNumber
-from pavetwin.sensing.sensor_model import SensorModel
+from pavetwin.sensing.fitted_sensor import OF_ENTRY, EntryModel, FittedNumber, SensorModel, entry_values
 from pavetwin.world.georeference import anchored
 from scenes import fitted
 from scenes.spots import Spot, fly_over_spots

@@ -15,7 +15,7 @@ from pavetwin.mission.mission import Mission
 from pavetwin.mission.result import MissionResult
 from pavetwin.mission.track import MODES
 from pavetwin.policies import Displace, Revisit, load_policy, policy_names
-from pavetwin.sensing import Detection
+from pavetwin.sensing import Detections
 from pavetwin.twin import Mode, Note, Snapshot
 from scenes.tiny import SCENES, Scene, TinyTraffic, car_that_leaves, queue_at_light, result
 
@@ -41,7 +41,7 @@ def told_by(scene: Scene, policy: str, settings: MissionSettings, told: Callable
     for event in mission:
         match event:
             case Captured():
-                mission.confirm([Detection.of(sighting) for sighting in mission.frame(event).sightings])
+                mission.confirm(Detections.of_defects(sighting.defect for sighting in mission.frame(event).sightings))
             case Occluded():
                 snapshot = mission.snapshot(event)
                 told(mission, snapshot)
@@ -108,8 +108,8 @@ def test_hover_confirms_a_defect_once_the_car_has_left() -> None:
     ours = result("car_that_leaves", "hover")
     assert ours.rows[0].confirmed == 1
     assert ours.rows[0].recovered == 0
-    assert ours.detections[0].time_s > 40.0
-    assert not ours.detections[0].on_revisit
+    assert ours.detections.time_s[0] > 40.0
+    assert not ours.detections.on_revisit[0]
     # From when it came to the car until the first look after it had left.
     first = ours.actions[0].time_s
     assert ours.rows[0].wait_s == pytest.approx(40.0 - first, abs=2.05)
@@ -161,10 +161,10 @@ def test_micro_moves_aside_at_most_d_max_and_comes_back_to_its_route(scene: str,
 
 def test_micro_takes_the_capture_that_it_moved_for() -> None:
     ours = result("truck_beside_defects", "micro")
-    off_route = [detection for detection in ours.detections if abs(detection.position[1]) > 0.5]
-    assert off_route
-    for detection in off_route:
-        assert detection.position[1] == pytest.approx(3.0, abs=0.3)  # towards the side that the truck hid
+    norths = np.array([frame.position[1] for frame in ours.log.frames.values()])
+    off_route = norths[np.abs(norths) > 0.5]
+    assert len(off_route)
+    assert off_route == pytest.approx(3.0, abs=0.3)  # towards the side that the truck hid
 
 
 def test_micro_does_not_move_where_nothing_is_gained() -> None:
@@ -184,7 +184,7 @@ def test_skip_comes_back_and_recovers(leaves_at_s: float) -> None:
     assert baseline.rows[0].confirmed == 0
     assert (row.confirmed, row.recovered, row.revisits) == (1, 1, 1)
     assert row.recovery == row.coverage == row.swath_coverage == 1.0
-    assert ours.detections[0].on_revisit
+    assert ours.detections.on_revisit[0]
     assert ours.memory.confirmed[0].on_revisit
     assert ours.memory.notes == ()
 

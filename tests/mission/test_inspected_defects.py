@@ -26,9 +26,9 @@ def only(result: MissionResult) -> InspectedDefect:
 
 def test_a_found_defect_names_the_capture_that_confirmed_it() -> None:
     ours = result("empty_street", "baseline")
-    outcome, (confirmed,) = only(ours), ours.confirmed
+    outcome, confirmed = only(ours), ours.confirmed
     assert outcome.is_found
-    assert (outcome.capture, outcome.time_s) == (confirmed.capture, confirmed.time_s)
+    assert (outcome.capture, outcome.time_s) == (confirmed.capture[0], confirmed.time_s[0])
     assert (outcome.visible_fraction, outcome.captures, outcome.responses) == (1.0, 2, ())
 
 
@@ -93,14 +93,14 @@ def test_what_is_judged_again_is_what_the_kernel_saw(scene: str, policy: str) ->
     outcomes = {outcome.defect.id: outcome for outcome in inspected_defects(ours)}
     assert len(outcomes) == ours.rows[0].defects
     assert {number for number, outcome in outcomes.items() if outcome.is_found} == set(ours.memory.confirmed)
-    for each in ours.confirmed:
-        assert each.defect is not None
-        captures, altitude_m = ours.captures, ours.settings.altitude_m
-        place = float(captures["x_m"][each.capture]), float(captures["y_m"][each.capture])
-        eye = Viewpoint(position=place, altitude_m=altitude_m, yaw_rad=float(captures["yaw_rad"][each.capture]))
-        shares = ours.environment.ground.defect_shares(each.defect, ours.trace, each.time_s, eye)
-        assert shares["visible"] == each.visible_fraction
-        assert outcomes[each.defect].captures > 0
+    found, captures = ours.confirmed, ours.captures
+    for row, (defect, capture) in enumerate(zip(found.defect.tolist(), found.capture.tolist(), strict=True)):
+        place = float(captures["x_m"][capture]), float(captures["y_m"][capture])
+        yaw_rad = float(captures["yaw_rad"][capture])
+        eye = Viewpoint(position=place, altitude_m=ours.settings.altitude_m, yaw_rad=yaw_rad)
+        shares = ours.environment.ground.defect_shares(defect, ours.trace, float(found.time_s[row]), eye)
+        assert shares["visible"] == found.visible_fraction[row]
+        assert outcomes[defect].captures > 0
     least = ours.settings.sensing.min_visible_fraction
     missed = [outcome for outcome in outcomes.values() if not outcome.is_found]
     assert all((outcome.visible_fraction or 0.0) < least for outcome in missed), "the sensor misses nothing"
@@ -164,4 +164,4 @@ def test_the_classes_of_found_defects_carry_their_id_and_sizes_in_geojson(tmp_pa
     fields = {name: column[0] for name, column in zip(meta["fields"], columns, strict=True)}
     assert fields["class"] in DEFECT_CLASSES.names()
     assert (fields["id"], fields["severity"], fields["width_m"], fields["area_m2"]) == (0, "medium", 0.4, 0.16)
-    assert fields["capture"] == ours.confirmed[0].capture
+    assert fields["capture"] == ours.confirmed.capture[0]

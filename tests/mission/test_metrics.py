@@ -127,8 +127,9 @@ def test_shares_follow_from_the_counts_and_the_memory(scene: str, policy: str) -
     assert row.recovered == 0 or policy == "skip"
     assert memory.surface_coverage["street"] == row.surface_coverage
     assert row.inspected == (row.surface_coverage >= 0.95) == (memory.status_of("street") is SegmentStatus.INSPECTED)
-    for detection in ours.detections:
-        assert memory.confirmed[detection.defect] == Confirmation(detection.time_s, detection.on_revisit)
+    found = ours.detections
+    for defect, time_s, on_revisit in zip(found.defect, found.time_s, found.on_revisit, strict=True):
+        assert memory.confirmed[defect] == Confirmation(time_s, on_revisit)
 
 
 def test_times_energies_and_distances_of_segments_add_up(tour: MissionResult) -> None:

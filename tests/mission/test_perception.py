@@ -1,7 +1,7 @@
 """Missions and sensors: captures as events, the content of frames, and the count of detections."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from pavetwin.mission.fly import fly, fly_over
 from pavetwin.mission.result import MissionResult
 from pavetwin.mission.saving import detections_table
 from pavetwin.policies import load_policy
-from pavetwin.sensing import SENSORS, Detection, Frame, Outcome, Sensor, check_sensor, sensor
+from pavetwin.sensing import SENSORS, Detections, Frame, Outcome, Sensor, check_sensor, sensor
 from scenes.tiny import SCENES, Scene, straight
 
 
@@ -42,9 +42,9 @@ def test_a_sensor_may_see_every_capture() -> None:
     class Watching(Sensor):
         every_capture = True
 
-        def detect(self, frame: Frame) -> Sequence[Detection]:
+        def detect(self, frame: Frame) -> Detections:
             numbers.append(frame.number)
-            return []
+            return Detections()
 
     result = fly_with(Scene(straight((30, 0))), Watching)
     assert numbers == list(range(len(result.captures["t_s"])))
@@ -58,9 +58,9 @@ def test_a_frame_carries_pose_camera_light_and_motion() -> None:
     class Watching(Sensor):
         every_capture = True
 
-        def detect(self, frame: Frame) -> Sequence[Detection]:
+        def detect(self, frame: Frame) -> Detections:
             frames.append(frame)
-            return []
+            return Detections()
 
     scene = Scene(straight((30, 0)), altitude_m=10.0)
     dusk = ("conditions.date=2026-11-02", "conditions.time=16:30", "conditions.clouds=0.7", "conditions.wind_mps=2")
@@ -88,10 +88,11 @@ def test_hits_duplicates_false_alarms_and_what_is_ignored_are_counted_apart() ->
     class Eager(Sensor):
         every_capture = True
 
-        def detect(self, frame: Frame) -> Sequence[Detection]:
-            sighted = [Detection.of(sighting, 0.9) for sighting in frame.sightings] * 2
-            ghost = Detection("pothole", 0.4, footprint=Point(frame.position[0], 2.9).buffer(0.1))
-            return [*sighted, ghost, Detection("car", 0.8, footprint=Point(frame.position).buffer(2.0))]
+        def detect(self, frame: Frame) -> Detections:
+            sighted = Detections.of_defects([sighting.defect for sighting in frame.sightings] * 2, 0.9)
+            ghost = Detections(["pothole"], 0.4, footprint=[Point(frame.position[0], 2.9).buffer(0.1)])
+            car = Detections(["car"], 0.8, footprint=[Point(frame.position).buffer(2.0)])
+            return Detections.concatenated([sighted, ghost, car])
 
     result = fly_with(Scene(straight((30, 0), (40, 0))), Eager)
     row, captures = result.rows[0], len(result.captures["t_s"])
@@ -100,10 +101,10 @@ def test_hits_duplicates_false_alarms_and_what_is_ignored_are_counted_apart() ->
     assert row.false_alarms == captures
     assert row.precision == pytest.approx(4 / (4 + captures))
     assert row.false_alarms_per_100_m2 == pytest.approx(100 * captures / (row.surface_coverage * row.area_m2))
-    outcomes = [each.outcome for each in result.detections]
+    outcomes = result.detections.outcome.tolist()
     assert outcomes.count(Outcome.IGNORED) == captures
-    assert [each.defect for each in result.confirmed] == [0, 1]
-    assert all(each.footprint is not None for each in result.detections if each.outcome is Outcome.FALSE_ALARM)
+    assert result.confirmed.defect.tolist() == [0, 1]
+    assert all(footprint is not None for footprint in result.detections.footprint)
 
 
 @pytest.mark.usefixtures("registered")
@@ -113,13 +114,13 @@ def test_a_detection_of_a_defect_outside_the_window_is_neither_right_nor_wrong()
     class Farsighted(Sensor):
         every_capture = True
 
-        def detect(self, frame: Frame) -> Sequence[Detection]:
+        def detect(self, frame: Frame) -> Detections:
             place = Point(30, 0).buffer(0.2, cap_style="square")
-            return [Detection("pothole", 0.9, footprint=place)] if frame.footprint.contains(place) else []
+            return Detections(["pothole"], 0.9, footprint=[place]) if frame.footprint.contains(place) else Detections()
 
     scene = Scene(straight((30, 0)), altitude_m=15.0)
     result = fly_with(scene, Farsighted)
-    outcomes = [each.outcome for each in result.detections]
+    outcomes = result.detections.outcome.tolist()
     assert outcomes[0] is Outcome.IGNORED
     assert outcomes.count(Outcome.CONFIRMED) == 1
     assert Outcome.FALSE_ALARM not in outcomes
@@ -133,14 +134,14 @@ def test_a_second_detection_of_a_defect_is_a_duplicate_only_once_the_defect_is_c
     class Twice(Sensor):
         every_capture = True
 
-        def detect(self, frame: Frame) -> Sequence[Detection]:
+        def detect(self, frame: Frame) -> Detections:
             place = Point(30, 0).buffer(0.2, cap_style="square")
             if not frame.footprint.contains(place):
-                return []
-            return [Detection("pothole", confidence, footprint=place) for confidence in (0.5, 0.9)]
+                return Detections()
+            return Detections(["pothole", "pothole"], [0.5, 0.9], footprint=[place, place])
 
     result = fly_with(Scene(straight((30, 0)), altitude_m=15.0), Twice)
-    outcomes = [each.outcome for each in result.detections]
+    outcomes = result.detections.outcome.tolist()
     found = outcomes.index(Outcome.CONFIRMED)
     assert found > 2
     assert set(outcomes[: found - 1]) == {Outcome.IGNORED}
@@ -155,8 +156,8 @@ def test_an_image_is_taken_only_when_it_is_asked_for() -> None:
     class Looking(Sensor):
         every_capture = True
 
-        def detect(self, frame: Frame) -> Sequence[Detection]:
-            return [Detection.of(sighting) for sighting in frame.sightings if frame.image().mean() == 7]
+        def detect(self, frame: Frame) -> Detections:
+            return Detections.of_defects(sighting.defect for sighting in frame.sightings if frame.image().mean() == 7)
 
     def source(frame: Frame) -> np.ndarray:
         taken.append(frame.number)
@@ -174,7 +175,7 @@ def test_an_image_is_taken_only_when_it_is_asked_for() -> None:
 @pytest.mark.usefixtures("registered")
 def test_a_sensor_that_fails_in_flight_is_named_with_its_line() -> None:
     class Brittle(Sensor):
-        def detect(self, frame: Frame) -> Sequence[Detection]:
+        def detect(self, frame: Frame) -> Detections:
             return [{}[frame.number]]
 
     with pytest.raises(PaveTwinError, match=r"The sensor 'trial' failed .* KeyError: \d+ \(test_perception.py"):
@@ -191,10 +192,10 @@ def test_a_sensor_after_landing_gives_the_result_of_one_in_flight(
     class Aboard(Sensor):
         every_capture, sees_confirmed = every, again
 
-        def detect(self, frame: Frame) -> Sequence[Detection]:
-            seen = [each for each in frame.sightings if (each.defect.id + each.attempt) % 3]
-            ghost = Detection("pothole", 0.4, footprint=frame.footprint.centroid.buffer(0.1))
-            return [*map(Detection.of, seen), *([ghost] if frame.number % 17 == 3 else [])]
+        def detect(self, frame: Frame) -> Detections:
+            seen = Detections.of_defects(s.defect for s in frame.sightings if (s.defect.id + s.attempt) % 3)
+            ghost = Detections(["pothole"], 0.4, footprint=[frame.footprint.centroid.buffer(0.1)])
+            return Detections.concatenated([seen, ghost]) if frame.number % 17 == 3 else seen
 
     class Landed(Aboard):
         after_landing = True
@@ -221,8 +222,9 @@ class Naming(Sensor):
     def calling(cls, called: str, *others: str) -> type["Naming"]:
         return type("Calling", (cls,), {"called": called, "other_classes": frozenset(others)})
 
-    def detect(self, frame: Frame) -> Sequence[Detection]:
-        return [Detection(self.called, 0.9, footprint=sighting.defect.polygon) for sighting in frame.sightings]
+    def detect(self, frame: Frame) -> Detections:
+        outlines = [sighting.defect.polygon for sighting in frame.sightings]
+        return Detections([self.called] * len(outlines), 0.9, footprint=outlines)
 
 
 @pytest.mark.usefixtures("registered")
@@ -248,12 +250,12 @@ def test_a_misspelt_class_is_an_error_that_names_sensor_class_and_the_nearest(ca
 
 @pytest.mark.usefixtures("registered")
 @pytest.mark.parametrize(
-    ("called", "others"), [("person", ()), ("Car", ()), ("manhole", ("manhole",)), ("Pothole", ("Pothole",))]
+    ("called", "others"), [("person", ()), ("car", ()), ("manhole", ("manhole",)), ("Pothole", ("Pothole",))]
 )
 def test_a_class_that_is_no_defect_is_ignored(called: str, others: tuple[str, ...]) -> None:
     kind = Naming.calling(called, *others)
     result = fly_with(Scene(straight((30, 0))), kind)
-    assert {each.outcome for each in result.detections} == {Outcome.IGNORED}
+    assert set(result.detections.outcome) == {Outcome.IGNORED}
     assert (result.rows[0].confirmed, result.rows[0].false_alarms) == (0, 0)
     assert check_sensor(kind) == []
 
@@ -271,9 +273,10 @@ def test_where_a_false_alarm_is_stands_in_the_table_of_detections() -> None:
     class Inventive(Sensor):
         every_capture = True
 
-        def detect(self, frame: Frame) -> Sequence[Detection]:
-            ghosts = [Detection("pothole", 0.4, footprint=Point(10.0, 2.9).buffer(0.1))] if frame.number == 3 else []
-            return [*map(Detection.of, frame.sightings), *ghosts]
+        def detect(self, frame: Frame) -> Detections:
+            found = Detections.of_defects(sighting.defect for sighting in frame.sightings)
+            ghost = Detections(["pothole"], 0.4, footprint=[Point(10.0, 2.9).buffer(0.1)])
+            return Detections.concatenated([found, ghost]) if frame.number == 3 else found
 
     result = fly_with(Scene(straight((30, 0))), Inventive)
     table = detections_table(result)

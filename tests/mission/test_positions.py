@@ -56,6 +56,6 @@ def test_a_finding_lies_on_its_defect_and_its_camera_above_the_window(result: Mi
     np.testing.assert_allclose(np.column_stack([x, y]), centres, atol=0.01)
     cameras = [(it["properties"]["camera_longitude"], it["properties"]["camera_latitude"]) for it in features]
     camera_x, camera_y = in_world(result, *np.array(cameras).T)
-    positions = np.array([detection.position for detection in result.detections])
+    positions = np.array([result.log.frames[capture].position for capture in result.detections.capture.tolist()])
     np.testing.assert_allclose(np.column_stack([camera_x, camera_y]), positions, atol=0.01)
     assert np.hypot(camera_x - x, camera_y - y).max() < 10

@@ -231,7 +231,7 @@ def test_changing_the_policy_changes_no_draw_of_the_sensor() -> None:
             match event:
                 case Captured():
                     frame = mission.frame(event)
-                    found = {each.defect for each in mission.confirm(sensor.detect(frame))}
+                    found = set(mission.confirm(sensor.detect(frame)).defect.tolist())
                     for sighting in frame.sightings:
                         key = (sighting.defect.id, sighting.attempt)
                         outcomes[policy][key] = sighting.defect.id in found

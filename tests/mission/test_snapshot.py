@@ -11,7 +11,7 @@ from pavetwin._core import Captured, Occluded, Viewpoint
 from pavetwin.mission.environment import nadir_camera
 from pavetwin.mission.mission import Mission
 from pavetwin.policies import Displace, Wait
-from pavetwin.sensing import Detection
+from pavetwin.sensing import Detections
 from pavetwin.twin import Agent, AgentClass, InspectionMemory, Mode, Snapshot, UavState
 from pavetwin.uav import camera_of
 from pavetwin.world.model import Segment
@@ -106,7 +106,7 @@ def test_a_snapshot_stays_as_it_is_when_the_mission_flies_on() -> None:
     for event in mission:
         match event:
             case Captured():
-                mission.confirm([Detection.of(sighting) for sighting in mission.frame(event).sightings])
+                mission.confirm(Detections.of_defects(sighting.defect for sighting in mission.frame(event).sightings))
             case Occluded():
                 snapshot = mission.snapshot(event)
                 taken.append((snapshot, copy.deepcopy(told(snapshot))))

@@ -23,7 +23,7 @@ from pavetwin.mission.inputs import MissionInputs, aircraft_of
 from pavetwin.mission.replay import Replay
 from pavetwin.mission.spec import AircraftTrack, MissionSpec
 from pavetwin.mission.versions import software_versions, version_changes
-from pavetwin.perception.shipped import DEFAULT
+from pavetwin.perception.model_file import DEFAULT
 from pavetwin.sensing.detector import DetectorSensor
 from scenes import tiny
 from scenes.packages import installed, release

@@ -57,7 +57,7 @@ def test_what_is_found_and_missed_changes_when_it_happens(scene: str, policy: st
                 assert set(defects) <= set(after.found)
                 news = after.detections[len(before.detections) :]
                 assert after.detections[: len(before.detections)] == before.detections
-                assert set(defects) == {each.defect for each in news if each.outcome is Outcome.CONFIRMED}
+                assert set(defects) == set(news.defect[news.outcome == Outcome.CONFIRMED].tolist())
                 assert all(after.found[defect] == ours.memory.confirmed[defect] for defect in defects)
             case SegmentFinished(segment=segment):
                 assert segment not in before.finished

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from pavetwin.perception.classes import CLASSES
-from pavetwin.perception.inference import Detector
-from pavetwin.perception.inference.overlaps import lowering
+from pavetwin.labels.class_names import CLASSES
+from pavetwin.perception.detector import Detector
+from pavetwin.perception.suppression import lowering
 from scenes.drawn_detector import FILE
 from scenes.rows_of_boxes import Row, arrays_of, rows
 
-PERSON, CAR = (CLASSES.index(name) for name in ("Person", "Car"))
+PERSON, CAR = (CLASSES.index(name) for name in ("person", "car"))
 
 
 def factors(*said: Row) -> list[float]:
@@ -66,5 +66,5 @@ def test_a_detector_sorts_by_what_is_left_and_drops_what_falls_below_the_limit(m
     }
     monkeypatch.setattr(detector, "_told", lambda _: {name: values.copy() for name, values in told.items()})
     (found,) = detector.detect([np.zeros((side, side, 3), dtype=np.uint8)])
-    assert found.boxes.tolist() == boxes[[0, 3, 1]].tolist()
+    assert found.box_px.tolist() == boxes[[0, 3, 1]].tolist()
     assert found.confidence.tolist() == pytest.approx([0.9, 0.5, 0.8 * exp(-2 * 0.6**2)])

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from pavetwin.perception.classes import CLASSES
-from pavetwin.perception.inference import Detector
-from pavetwin.perception.inference.parts import whole_objects
+from pavetwin.labels.class_names import CLASSES
+from pavetwin.perception.detector import Detector
+from pavetwin.perception.suppression import whole_objects
 from scenes.drawn_detector import FILE
 from scenes.rows_of_boxes import Row, arrays_of, rows
 
-CRACK, POTHOLE, PERSON, CAR = (CLASSES.index(name) for name in ("Single Crack", "Pothole", "Person", "Car"))
+CRACK, POTHOLE, PERSON, CAR = (CLASSES.index(name) for name in ("single_crack", "pothole", "person", "car"))
 CELLS = 28
 
 
@@ -47,7 +47,7 @@ def test_what_is_dropped_takes_no_others_with_it() -> None:
 
 
 def test_a_pothole_in_a_pothole_is_one_and_in_a_network_is_a_pothole() -> None:
-    crocodile = CLASSES.index("Crocodile Crack")
+    crocodile = CLASSES.index("crocodile_crack")
     inner = (150.0, 120.0, 180.0, 140.0)
     assert kept((POTHOLE, CAR_BOX), (POTHOLE, inner)) == [0]
     assert kept((crocodile, CAR_BOX), (POTHOLE, inner)) == [0, 1]
@@ -96,5 +96,5 @@ def test_a_detector_says_no_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     }
     monkeypatch.setattr(detector, "_told", lambda _: dict(told))
     (found,) = detector.detect([np.zeros((side, side, 3), dtype=np.uint8)])
-    assert found.classes.tolist() == [CAR, PERSON]
+    assert found.class_number.tolist() == [CAR, PERSON]
     assert found.confidence.tolist() == pytest.approx([0.6, 0.5])

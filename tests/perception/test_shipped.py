@@ -7,10 +7,9 @@ import pytest
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import area
-from pavetwin.perception.box_pairs import areas, shared_areas
-from pavetwin.perception.inference import Detector
-from pavetwin.perception.inference.model_file import open_session
-from pavetwin.perception.shipped import DEFAULT, model_path, shipped_models
+from pavetwin.perception.detector import Detector
+from pavetwin.perception.model_file import DEFAULT, model_path, open_session, shipped_models
+from pavetwin.perception.suppression import areas, shared_areas
 from pavetwin.training.evaluation.comparison import timed_picture
 from scenes.drawn_detector import FILE
 
@@ -59,8 +58,8 @@ def test_a_shipped_model_finds_potholes_and_the_crack_of_a_drawn_pavement(name: 
     (found,) = Detector(name, threads=1).detect([timed_picture()])
     assert len(found) >= 2
     (found,) = Detector(name, confidence=0.1, threads=1).detect([timed_picture()])
-    assert set(found.names) == {"Pothole", "Single Crack"}
-    for what, box in (*(("Pothole", each) for each in POTHOLES), ("Single Crack", CRACK)):
-        said = found.boxes[np.array(found.names) == what].astype(float)
+    assert {*found.class_name} == {"pothole", "single_crack"}
+    for what, box in (*(("pothole", each) for each in POTHOLES), ("single_crack", CRACK)):
+        said = found.box_px[found.class_name == what]
         shared = shared_areas(np.array([box], dtype=float), said)[0]
         assert (shared / (area(box) + areas(said) - shared)).max() > 0.7

@@ -19,11 +19,11 @@ SIDE_PX = 96
 ROAD = (120, 120, 120)
 
 COLOURS = {
-    "Single Crack": (20, 20, 20),
-    "Crocodile Crack": (50, 50, 50),
-    "Pothole": (80, 80, 80),
-    "Person": (230, 60, 40),
-    "Car": (40, 80, 220),
+    "single_crack": (20, 20, 20),
+    "crocodile_crack": (50, 50, 50),
+    "pothole": (80, 80, 80),
+    "person": (230, 60, 40),
+    "car": (40, 80, 220),
 }
 
 REACH_PX = 192
@@ -152,7 +152,7 @@ def make() -> None:
     import onnx
     from onnx import compose, helper, parser
 
-    from pavetwin.perception.inference.model_file import OUTPUTS, ModelFacts
+    from pavetwin.perception.model_file import OUTPUTS, ModelFacts
     from pavetwin.training.trainer.export_graph import answers, joined, suppression
 
     between = suppression(2, 14, 8, confidence=0.25, overlap=0.7, candidates=3000, most=300)

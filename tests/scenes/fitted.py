@@ -8,18 +8,18 @@ import polars as pl
 
 from pavetwin.files import file_sha256
 from pavetwin.sensing.fit.tables import ALARM_SCHEMA, CAPTURE, GROUP, LOOK_COLUMNS, LookSource
-from pavetwin.sensing.fitted_number import FittedNumber
-from pavetwin.sensing.looks import Look
-from pavetwin.sensing.sensor_model import (
+from pavetwin.sensing.fitted_sensor import (
     OF_ALL,
     OF_CLASS,
     FalseAlarms,
     FittedDetector,
+    FittedNumber,
     FittedTo,
     SensorModel,
     Variable,
     term_names,
 )
+from pavetwin.sensing.looks import Look
 from scenes import drawn_detector
 
 FILE = Path(__file__).parents[1] / "sensing" / "fitted.json"

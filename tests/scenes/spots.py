@@ -9,12 +9,11 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import UInt8Array
+from pavetwin.detections import Detections, MaskPart
+from pavetwin.labels.class_names import CLASSES, SUBTYPES
 from pavetwin.labels.outlines import filled
 from pavetwin.mission.fly import fly_over
 from pavetwin.mission.result import MissionResult
-from pavetwin.perception.classes import CLASSES, SUBTYPES
-from pavetwin.perception.inference import Detections
-from pavetwin.perception.inference.detections import MaskPart
 from pavetwin.policies import Policy
 from pavetwin.sensing import Frame
 from pavetwin.sensing.detector import DetectorSensor
@@ -61,7 +60,7 @@ class SpotDetector:
         return [self._found(image) for image in images]
 
     def _found(self, image: UInt8Array) -> Detections:
-        boxes, classes, masks = [], [], []
+        boxes, names, masks = [], [], []
         for number, name in enumerate(CLASSES):
             covered = (image[..., 0] == 40 * (number + 1)).astype(np.uint8)
             count, parts, stats, _ = cv2.connectedComponentsWithStats(covered)
@@ -69,17 +68,18 @@ class SpotDetector:
                 left, top, across, down, _ = (int(side) for side in stats[part])
                 box = (float(left), float(top), float(left + across), float(top + down))
                 boxes.append(box)
-                classes.append(number)
+                names.append(name)
                 grid = (parts[top : top + down, left : left + across] == part).astype(np.float32)
                 masks.append((MaskPart(box, grid),) if self.masks and name in SUBTYPES else ())
-        count = len(boxes)
+        confidence = np.full(len(boxes), self.confidence, dtype=np.float32)
         return Detections(
-            (image.shape[1], image.shape[0]),
-            np.array(boxes, dtype=np.float32).reshape(-1, 4),
-            np.array(classes, dtype=np.int64),
-            np.full(count, self.confidence, dtype=np.float32),
-            np.ones(count, dtype=np.float32),
-            tuple(masks),
+            names,
+            confidence,
+            size_px=(image.shape[1], image.shape[0]),
+            box_px=np.array(boxes, dtype=np.float32),
+            mask=masks,
+            detection_confidence=confidence,
+            subtype_confidence=np.ones(len(boxes), dtype=np.float32),
         )
 
 

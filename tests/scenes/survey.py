@@ -11,7 +11,7 @@ from shapely import Point, box
 from pavetwin.capture.exif import ImageMetadata, encoded
 from pavetwin.capture.platforms import Pose
 from pavetwin.sensing import Frame
-from pavetwin.sensing.conformance import trial_frames
+from pavetwin.sensing.registered import trial_frames
 from pavetwin.uav.cameras import find_camera
 from pavetwin.world.georeference import GeoReference, anchored
 from scenes.spots import Painter, Spot
@@ -19,10 +19,10 @@ from scenes.spots import Painter, Spot
 PLACE: GeoReference = anchored(52.47, 13.44)
 
 SPOTS: Sequence[Spot] = (
-    ("Pothole", Point(3.0, 1.0).buffer(0.4)),
-    ("Pothole", Point(9.0, -1.5).buffer(0.3)),
-    ("Single Crack", box(5.0, -0.1, 7.0, 0.1)),
-    ("Car", box(0.0, 2.5, 4.5, 4.3)),
+    ("pothole", Point(3.0, 1.0).buffer(0.4)),
+    ("pothole", Point(9.0, -1.5).buffer(0.3)),
+    ("single_crack", box(5.0, -0.1, 7.0, 0.1)),
+    ("car", box(0.0, 2.5, 4.5, 4.3)),
 )
 """Class and outline, in metres about `PLACE`."""
 

@@ -18,13 +18,12 @@ from pavetwin.mission.fly import fly_over
 from pavetwin.mission.folder import MissionFolder
 from pavetwin.mission.result import MissionResult
 from pavetwin.mission.saving import LOOKS, look_table, save_mission
-from pavetwin.perception.shipped import model_path
+from pavetwin.perception.model_file import model_path
 from pavetwin.sensing import Outcome, Sighting
-from pavetwin.sensing.calibrated import Calibrated
-from pavetwin.sensing.conformance import trial_defect, trial_frames
-from pavetwin.sensing.look_scores import LookScorer
+from pavetwin.sensing.calibrated import Calibrated, LookScorer
+from pavetwin.sensing.fitted_sensor import SensorModel
 from pavetwin.sensing.looks import LookMeter
-from pavetwin.sensing.sensor_model import SensorModel
+from pavetwin.sensing.registered import trial_defect, trial_frames
 from pavetwin.sensing.shipped import DEFAULT, sensor_path
 from scenes import drawn_detector, fitted
 from scenes.fitted import stated
@@ -46,7 +45,7 @@ def seen(number: int, look: int, visible: float = 1.0) -> Sighting:
 
 
 def hits(one: Calibrated, *sightings: Sighting) -> list[bool]:
-    reported = {id(each.footprint) for each in one.detect(replace(BLANK, sightings=sightings))}
+    reported = set(map(id, one.detect(replace(BLANK, sightings=sightings)).footprint))
     return [id(each.defect.polygon) in reported for each in sightings]
 
 
@@ -124,14 +123,14 @@ def test_false_alarms_are_as_many_as_the_model_has_and_the_same_whenever_asked()
     again = sensor(stated(alarms_per_m2=0.004))
     for number in (np.flatnonzero(counts)[[0, 5]]).tolist():
         assert again.detect(frames[number]) == one.detect(frames[number])
-    (alarm, *_) = one.detect(frames[int(np.flatnonzero(counts)[0])])
-    assert alarm.kind == "pothole"
-    ground = alarm.ground(BLANK)
+    alarms = one.detect(frames[int(np.flatnonzero(counts)[0])])
+    assert alarms.class_name[0] == "pothole"
+    ground = BLANK.footprint_of(alarms.box(0))
     assert ground.area == pytest.approx((60 * LookMeter(2048).pixel_m(BLANK)) ** 2, rel=1e-6)
     assert BLANK.footprint.buffer(1e-6).contains(ground)
     frame = frames[int(np.flatnonzero(counts)[0])]
     turned = replace(frame, yaw_rad=frame.yaw_rad + 0.7, position=(30.0, -4.0))
-    places = [(frame, ground), (turned, one.detect(turned)[0].ground(turned))]
+    places = [(frame, ground), (turned, turned.footprint_of(one.detect(turned).box(0)))]
     corners = [each.view.project(np.c_[shapely.get_coordinates(shape), np.zeros(5)]) for each, shape in places]
     assert corners[1] == pytest.approx(corners[0], abs=1e-3)
 
@@ -171,7 +170,7 @@ def test_missions_are_flown_the_same_way_and_count_duplicates_and_false_alarms()
     assert result.energy == other.energy
     (row,) = result.rows
     assert row.duplicates > 0
-    assert row.false_alarms == sum(each.outcome is Outcome.FALSE_ALARM for each in result.detections)
+    assert row.false_alarms == (result.detections.outcome == Outcome.FALSE_ALARM).sum()
     assert flown("hover").detections == result.detections
 
 
@@ -184,7 +183,7 @@ def test_what_a_defect_keeps_does_not_depend_on_the_policy(seed: int) -> None:
     assert both & set(hover.memory.confirmed) == both & set(skip.memory.confirmed)
 
 
-SPOTS = [("Pothole", box(11.8, -0.2, 12.2, 0.2)), ("Pothole", box(40, 1, 40.6, 1.6))]
+SPOTS = [("pothole", box(11.8, -0.2, 12.2, 0.2)), ("pothole", box(40, 1, 40.6, 1.6))]
 
 
 def test_a_mission_writes_down_what_every_capture_showed_and_what_was_found(tmp_path: Path) -> None:
@@ -197,7 +196,7 @@ def test_a_mission_writes_down_what_every_capture_showed_and_what_was_found(tmp_
     assert first["found"].any()
     assert not looks.filter(pl.col("defect") != 0)["found"].any()
     assert looks.height == looks.unique(["capture", "defect"]).height
-    confirmed = min(each.capture for each in result.detections if each.outcome is Outcome.CONFIRMED)
+    confirmed = result.confirmed.capture.min()
     assert first["capture"].max() > confirmed
     assert set(table["image_px"]) == {240}
     save_mission(flown("hover"), tmp_path / "other")
@@ -222,7 +221,7 @@ def test_looks_are_read_from_a_missions_folder(tmp_path: Path) -> None:
     assert source.looks["found"].to_list() == table["found"].to_list()
     assert source.looks["group"].n_unique() == table["defect"].n_unique()
     assert source.images.height == len(result.captures["t_s"])
-    alarms = [each for each in result.detections if each.outcome is Outcome.FALSE_ALARM]
+    alarms = result.detections[result.detections.outcome == Outcome.FALSE_ALARM]
     assert source.alarms.height == len(alarms) > 0
     pixel_mm = source.images["pixel_mm"][0]
     assert source.alarms["size_px"].max() == pytest.approx(600 / pixel_mm, rel=0.2)
@@ -251,9 +250,8 @@ def test_scores_in_flight_are_those_of_the_model() -> None:
             sun_elevation_deg=(None, 20.0, 50.0)[number % 3],
             sightings=(sighting,),
         )
-        ((seen, score, report),) = scorer.scored(frame)
+        ((seen, score),) = scorer.scored(frame)
         assert seen is sighting
-        assert report.footprint is outline
         assert ndtr(score) == pytest.approx(model.chance(meter.look(frame, sighting)), abs=1e-12)
 
 
@@ -266,8 +264,8 @@ def test_what_is_found_is_what_the_first_version_found() -> None:
         sighting = Sighting(defect, 1 - 0.01 * number, number % 4, across_m=0.1)
         frame = replace(BLANK, number=number, velocity_mps=(0.1 * number, 1.0), yaw_rad=0.1 * number)
         reported = one.detect(replace(frame, sightings=(sighting,)))
-        found.append(any(each.footprint is outline for each in reported))
-        alarms.append(sum(each.means_nothing for each in reported))
+        found.append(any(footprint is outline for footprint in reported.footprint))
+        alarms.append(int(reported.is_spurious.sum()))
     assert sum(is_found << look for look, is_found in enumerate(found)) == 193818787611322
     assert (sum(found), sum(alarms)) == (25, 71)
     assert alarms[:16] == [1, 2, 1, 3, 2, 2, 1, 1, 1, 0, 1, 2, 2, 2, 1, 2]

@@ -15,15 +15,16 @@ from hypothesis import strategies as st
 from shapely import Point, Polygon, box
 
 from pavetwin.config.mission import PolicySettings, SensingSettings
+from pavetwin.detections import SIZES
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.fly import fly_over
 from pavetwin.mission.folder import MissionFolder
 from pavetwin.mission.saving import detections_table, save_mission
-from pavetwin.perception.shipped import shipped_models
+from pavetwin.perception.model_file import shipped_models
 from pavetwin.policies import Action, GoOn, Policy, Wait
 from pavetwin.sensing import Frame, Outcome
-from pavetwin.sensing.conformance import trial_frames
 from pavetwin.sensing.detector import DetectorSensor
+from pavetwin.sensing.registered import trial_frames
 from pavetwin.twin import Snapshot
 from pavetwin.world.georeference import from_wgs84
 from scenes import drawn_detector
@@ -50,35 +51,30 @@ def capture(*spots: Spot, at: tuple[float, float] = (30.0, 0.0), yaw_rad: float 
 
 def test_a_detection_lies_where_the_spot_does_and_has_its_sizes() -> None:
     crack = shapely.affinity.rotate(box(28.0, -0.1, 31.0, 0.1), 25)
-    frame = capture(("Pothole", Point(33, 2).buffer(0.5)), ("Single Crack", crack), yaw_rad=0.7)
-    found = {each.kind: each for each in sensor().detect(frame)}
-    assert set(found) == {"pothole", "single_crack"}
-    pothole, line = found["pothole"], found["single_crack"]
-    assert pothole.footprint is not None
-    assert line.footprint is not None
-    assert pothole.footprint.centroid.distance(Point(33, 2)) < 0.02
-    assert line.footprint.intersection(crack).area > 0.8 * line.footprint.union(crack).area
-    assert pothole.measures is not None
-    assert line.measures is not None
-    assert pothole.measures.pixel_mm == pytest.approx(24.1, abs=0.1)
-    assert pothole.measures.sizes["area_m2"] == pytest.approx(pi * 0.25, rel=0.06)
-    assert line.measures.sizes["length_m"] == pytest.approx(3.0, rel=0.1)
-    assert not pothole.measures.is_cut
-    assert pothole.box_px == pytest.approx(frame.box_of(Point(33, 2).buffer(0.5)), abs=4)
+    frame = capture(("pothole", Point(33, 2).buffer(0.5)), ("single_crack", crack), yaw_rad=0.7)
+    found = sensor().detect(frame)
+    assert sorted(found.class_name) == ["pothole", "single_crack"]
+    pothole, line = (list(found.class_name).index(name) for name in ("pothole", "single_crack"))
+    outline = found.footprint[line]
+    assert found.footprint[pothole].centroid.distance(Point(33, 2)) < 0.02
+    assert outline.intersection(crack).area > 0.8 * outline.union(crack).area
+    assert found.pixel_mm == pytest.approx(24.1, abs=0.1)
+    assert found.area_m2[pothole] == pytest.approx(pi * 0.25, rel=0.06)
+    assert found.length_m[line] == pytest.approx(3.0, rel=0.1)
+    assert not found.is_cut.any()
+    assert found.box_px[pothole] == pytest.approx(frame.box_of(Point(33, 2).buffer(0.5)), abs=4)
 
 
 def test_without_a_mask_the_box_is_the_footprint_and_nothing_is_measured() -> None:
-    (found,) = sensor(SpotDetector(masks=False)).detect(capture(("Pothole", POTHOLE)))
-    assert found.footprint is not None
-    assert found.footprint.symmetric_difference(POTHOLE).area < 0.2 * POTHOLE.area
-    assert found.measures is not None
-    assert found.measures.sizes == {}
+    found = sensor(SpotDetector(masks=False)).detect(capture(("pothole", POTHOLE)))
+    assert found.footprint[0].symmetric_difference(POTHOLE).area < 0.2 * POTHOLE.area
+    assert np.isnan([getattr(found, name) for name in SIZES]).all()
+    assert found.severity.tolist() == [""]
 
 
 def test_what_ends_at_the_border_is_told_as_cut() -> None:
-    (found,) = sensor().detect(capture(("Single Crack", box(10, -0.1, 31, 0.1))))
-    assert found.measures is not None
-    assert found.measures.is_cut
+    found = sensor().detect(capture(("single_crack", box(10, -0.1, 31, 0.1))))
+    assert found.is_cut.tolist() == [True]
 
 
 @pytest.mark.parametrize(
@@ -117,22 +113,23 @@ def test_from_pixel_to_ground_and_back(
     assert np.hypot(*(ground - middle)) == pytest.approx(away_px * frame.ground_resolution_m, abs=1e-6)
 
 
-GHOST = ("Pothole", box(40, 1, 40.6, 1.6))
-PERSON = ("Person", box(35, -2, 35.5, -1.5))
+GHOST = ("pothole", box(40, 1, 40.6, 1.6))
+PERSON = ("person", box(35, -2, 35.5, -1.5))
 
 
 @pytest.mark.parametrize("aboard", [True, False])
 def test_hits_duplicates_false_alarms_and_misses_are_counted(aboard: bool) -> None:
     scene = Scene(straight((30, 0), (50, 0)), altitude_m=10.0)
-    result, painter = fly_over_spots(scene, [("Pothole", POTHOLE), GHOST, PERSON], aboard=aboard)
+    result, painter = fly_over_spots(scene, [("pothole", POTHOLE), GHOST, PERSON], aboard=aboard)
     (row,) = result.rows
     assert (row.defects, row.confirmed) == (2, 1)
     shown = sum(each.footprint.intersects(GHOST[1]) for each in painter.asked)
-    of = {outcome: [each for each in result.detections if each.outcome is outcome] for outcome in Outcome}
-    assert [each.defect for each in of[Outcome.CONFIRMED]] == [0]
+    of = {outcome: result.detections[result.detections.outcome == outcome] for outcome in Outcome}
+    assert of[Outcome.CONFIRMED].defect.tolist() == [0]
     assert row.duplicates == len(of[Outcome.DUPLICATE]) > 0
     assert 0 < row.false_alarms <= shown
-    assert all(each.kind == "person" or each.defect == 0 for each in of[Outcome.IGNORED])
+    ignored = of[Outcome.IGNORED]
+    assert ((ignored.class_name == "person") | (ignored.defect == 0)).all()
     seen_m2 = row.surface_coverage * row.area_m2
     assert row.false_alarms_per_100_m2 == pytest.approx(100 * row.false_alarms / seen_m2)
     assert len(painter.asked) == len({each.number for each in painter.asked}) == len(result.captures["t_s"])
@@ -147,14 +144,14 @@ STORY = Scene(
 
 @pytest.mark.parametrize("policy", ["baseline", "hover", "skip", "micro"])
 def test_aboard_and_after_landing_find_the_same(policy: str) -> None:
-    spots: list[Spot] = [("Pothole", each.polygon) for each in STORY.world.defects]
+    spots: list[Spot] = [("pothole", each.polygon) for each in STORY.world.defects]
     spots += [GHOST]
     (aboard, _), (after, _) = (fly_over_spots(STORY, spots, aboard=way, policy=policy) for way in (True, False))
     assert after.rows == aboard.rows
     assert after.detections == aboard.detections
     assert after.memory == aboard.memory
     assert after.energy == aboard.energy
-    assert any(each.outcome is Outcome.CONFIRMED for each in after.detections)
+    assert Outcome.CONFIRMED in after.detections.outcome
 
 
 class Reader(Policy):
@@ -165,7 +162,7 @@ class Reader(Policy):
 
 
 def test_a_policy_knows_what_was_found_aboard_only() -> None:
-    spots: list[Spot] = [("Pothole", STORY.world.defects[0].polygon)]
+    spots: list[Spot] = [("pothole", STORY.world.defects[0].polygon)]
     reader = Reader(PolicySettings())
     (aboard, _), (after, _) = (fly_over_spots(STORY, spots, aboard=way, policy=reader) for way in (True, False))
     nothing, _ = fly_over_spots(STORY, [], aboard=True, policy=reader)
@@ -200,7 +197,7 @@ def test_a_changed_model_file_is_refused(tmp_path: Path) -> None:
 
 def test_what_was_measured_is_in_the_table_of_detections() -> None:
     scene = Scene(straight((30, 0)), altitude_m=10.0)
-    result, _ = fly_over_spots(scene, [("Pothole", POTHOLE), PERSON], aboard=False)
+    result, _ = fly_over_spots(scene, [("pothole", POTHOLE), PERSON], aboard=False)
     table = detections_table(result)
     holes = table.filter(pl.col("class") == "pothole", ~pl.col("is_cut"))
     assert holes["area_m2"].to_list() == pytest.approx([0.16] * len(holes), rel=0.2)
@@ -222,8 +219,8 @@ def test_an_exported_model_is_opened_and_finds_what_is_drawn() -> None:
     found = DetectorSensor(sensing(model=str(drawn_detector.FILE)), 0)  # type: ignore[arg-type]
     frame = trial_frames(1)[0]
     width, height = frame.camera.image_px
-    drawn = drawn_detector.drawn((width, height), ("Pothole", (600, 400, 660, 440)))
-    (seen,) = found.detect(replace(frame, source=lambda _: np.asarray(drawn)))
-    assert seen.kind == "pothole"
-    assert seen.box_px == pytest.approx((600, 400, 660, 440), abs=1)
-    assert isinstance(seen.footprint, Polygon)
+    drawn = drawn_detector.drawn((width, height), ("pothole", (600, 400, 660, 440)))
+    seen = found.detect(replace(frame, source=lambda _: np.asarray(drawn)))
+    assert seen.class_name.tolist() == ["pothole"]
+    assert seen.box(0) == pytest.approx((600, 400, 660, 440), abs=1)
+    assert isinstance(seen.footprint[0], Polygon)

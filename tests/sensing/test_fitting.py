@@ -17,8 +17,8 @@ from scipy.stats import chi2
 from pavetwin.errors import PaveTwinError
 from pavetwin.sensing.fit.fitting import chances_of, fit_sensor, reliability, repeated_looks
 from pavetwin.sensing.fit.mixed_probit import fit_mixed_probit
+from pavetwin.sensing.fitted_sensor import SensorModel, bend
 from pavetwin.sensing.looks import Look
-from pavetwin.sensing.sensor_model import SensorModel, bend
 from scenes import drawn_detector
 from scenes.fitted import FILE, drawn_looks, stated
 

@@ -14,7 +14,7 @@ from pavetwin.config import load_settings
 from pavetwin.config.mission import SensingSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.sensing import Recall, Sighting
-from pavetwin.sensing.conformance import trial_defect, trial_frames
+from pavetwin.sensing.registered import trial_defect, trial_frames
 
 DEFECTS = 3000
 BLANK = trial_frames(1)[0]
@@ -28,7 +28,7 @@ def seen(number: int, look: int) -> Sighting:
 
 def hits(sensor: Recall, *sightings: Sighting) -> list[bool]:
     """Of each look, whether it finds its defect."""
-    reported = {id(detection.footprint) for detection in sensor.detect(replace(BLANK, sightings=sightings))}
+    reported = set(map(id, sensor.detect(replace(BLANK, sightings=sightings)).footprint))
     return [id(sighting.defect.polygon) in reported for sighting in sightings]
 
 

@@ -14,9 +14,9 @@ from pavetwin.defects import DEFECT_CLASSES, defect_class
 from pavetwin.defects.pothole import pothole as pothole_shape
 from pavetwin.defects.pothole import sample_pothole_poses
 from pavetwin.defects.severity import pothole_severity
-from pavetwin.sensing import Detection, Frame, match
-from pavetwin.sensing.conformance import trial_defect, trial_frames
-from pavetwin.sensing.matching import iou, shared_extent
+from pavetwin.sensing import Detections, Frame, match
+from pavetwin.sensing.matching import iou, placed, shared_extent
+from pavetwin.sensing.registered import trial_defect, trial_frames
 from pavetwin.world.model import Defect
 
 FRAME: Frame = replace(trial_frames(1)[0], position=(0.0, 0.0), yaw_rad=0.0, altitude_m=10.0)
@@ -32,48 +32,58 @@ def defect(number: int, kind: str, shape: Polygon) -> Defect:
     return replace(trial_defect(number), id=number, kind=kind, polygon=shape, centre=shape.centroid)
 
 
+def overlap(a: tuple[float, ...], b: tuple[float, ...]) -> float:
+    return float(iou(np.array(a), np.array([b]))[0])
+
+
 POTHOLE = defect(0, "pothole", box(0, 0, 1, 1))
 CRACK = defect(1, "single_crack", box(-2, -1.0, 1, -0.97))
 
 
-def pothole(x0: float, y0: float, x1: float, y1: float, confidence: float = 0.9) -> Detection:
-    return Detection("pothole", confidence, footprint=box(x0, y0, x1, y1))
+def pothole(x0: float, y0: float, x1: float, y1: float, confidence: float = 0.9) -> Detections:
+    return Detections(["pothole"], confidence, footprint=[box(x0, y0, x1, y1)])
+
+
+def matched(detections: Detections, *defects: Defect) -> list[tuple[int, bool]]:
+    """The index of each detection's defect, −1 for none, and whether it is the first."""
+    found = match(FRAME, detections, defects)
+    return [*zip(found.defect.tolist(), found.is_first.tolist(), strict=True)]
 
 
 def test_half_of_the_union_is_enough_and_less_is_not() -> None:
     # Shifted by s along one side of a unit square, IoU = (1 − s) / (1 + s): 0.5 at s = 1/3.
     near, far = pothole(0.33, 0, 1.33, 1), pothole(0.34, 0, 1.34, 1)
-    assert match(FRAME, [near], [POTHOLE]) == [(0, True)]
-    assert match(FRAME, [far], [POTHOLE]) == [(None, False)]
+    assert matched(near, POTHOLE) == [(0, True)]
+    assert matched(far, POTHOLE) == [(-1, False)]
 
 
 def test_another_class_at_the_same_place_matches_nothing() -> None:
-    wrong = Detection("crocodile_crack", 0.9, footprint=POTHOLE.polygon)
-    assert match(FRAME, [wrong], [POTHOLE]) == [(None, False)]
+    wrong = Detections(["crocodile_crack"], 0.9, footprint=[POTHOLE.polygon])
+    assert matched(wrong, POTHOLE) == [(-1, False)]
 
 
 def test_each_defect_is_matched_first_by_the_most_confident_detection() -> None:
     first, second = pothole(0, 0, 1, 1, 0.4), pothole(0.05, 0, 1.05, 1, 0.8)
-    assert match(FRAME, [first, second], [POTHOLE]) == [(0, False), (0, True)]
+    assert matched(Detections.concatenated([first, second]), POTHOLE) == [(0, False), (0, True)]
 
 
 def test_two_detections_between_two_defects_take_one_each() -> None:
     other = defect(2, "pothole", box(0.2, 0, 1.2, 1))
-    both = [pothole(0.1, 0, 1.1, 1, 0.9), pothole(0.12, 0, 1.12, 1, 0.5)]
-    found = match(FRAME, both, [POTHOLE, other])
-    assert sorted(index for index, _ in found if index is not None) == [0, 1]
+    both = Detections.concatenated([pothole(0.1, 0, 1.1, 1, 0.9), pothole(0.12, 0, 1.12, 1, 0.5)])
+    found = matched(both, POTHOLE, other)
+    assert sorted(index for index, _ in found) == [0, 1]
     assert all(is_first for _, is_first in found)
 
 
 def test_a_thin_crack_is_matched_by_its_extent_on_the_ground() -> None:
     """A box beside a 3 m crack of 3 cm: no IoU to speak of, but it lies along it."""
-    beside = Detection("single_crack", 0.9, footprint=box(-1, -0.93, 1, -0.9))
-    assert iou(beside.box(FRAME), FRAME.box_of(CRACK.polygon)) < 0.3
-    assert match(FRAME, [beside], [CRACK]) == [(0, True)]
-    away = Detection("single_crack", 0.9, footprint=box(-1, -0.8, 1, -0.77))
-    assert match(FRAME, [away], [CRACK]) == [(None, False)]
-    behind = Detection("single_crack", 0.9, footprint=box(0.6, -1.0, 1.6, -0.97))
-    assert match(FRAME, [behind], [CRACK]) == [(None, False)]  # shares 0.4 m of 1 m
+    beside = Detections(["single_crack"], 0.9, footprint=[box(-1, -0.93, 1, -0.9)])
+    assert overlap(FRAME.box_of(beside.footprint[0]), FRAME.box_of(CRACK.polygon)) < 0.3
+    assert matched(beside, CRACK) == [(0, True)]
+    away = Detections(["single_crack"], 0.9, footprint=[box(-1, -0.8, 1, -0.77)])
+    assert matched(away, CRACK) == [(-1, False)]
+    behind = Detections(["single_crack"], 0.9, footprint=[box(0.6, -1.0, 1.6, -0.97)])
+    assert matched(behind, CRACK) == [(-1, False)]  # shares 0.4 m of 1 m
 
 
 @pytest.fixture
@@ -93,13 +103,11 @@ def own_classes() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("own_classes")
-@pytest.mark.parametrize(
-    ("kind", "found"), [("hairline", (0, True)), ("stripe", (None, False)), ("odd", (None, False))]
-)
-def test_a_class_of_ones_own_is_thin_where_it_says_so(kind: str, found: tuple[int | None, bool]) -> None:
+@pytest.mark.parametrize(("kind", "found"), [("hairline", (0, True)), ("stripe", (-1, False)), ("odd", (-1, False))])
+def test_a_class_of_ones_own_is_thin_where_it_says_so(kind: str, found: tuple[int, bool]) -> None:
     """The last is of a world whose classes were not registered here."""
-    beside = Detection(kind, 0.9, footprint=box(-1, -0.93, 1, -0.9))
-    assert match(FRAME, [beside], [replace(CRACK, kind=kind)]) == [found]
+    beside = Detections([kind], 0.9, footprint=[box(-1, -0.93, 1, -0.9)])
+    assert matched(beside, replace(CRACK, kind=kind)) == [found]
 
 
 @pytest.mark.usefixtures("own_classes")
@@ -109,9 +117,9 @@ def test_sensors_are_tried_on_every_registered_class() -> None:
 
 
 def test_a_box_in_the_image_means_the_ground_under_it() -> None:
-    from_image = Detection("pothole", 0.9, box_px=FRAME.box_of(POTHOLE.polygon))
-    assert match(FRAME, [from_image], [POTHOLE]) == [(0, True)]
-    assert from_image.ground(FRAME).symmetric_difference(POTHOLE.polygon).area < 1e-6
+    from_image = Detections(["pothole"], 0.9, box_px=[FRAME.box_of(POTHOLE.polygon)])
+    assert matched(from_image, POTHOLE) == [(0, True)]
+    assert placed(from_image, FRAME).footprint[0].symmetric_difference(POTHOLE.polygon).area < 1e-6
 
 
 def test_the_image_box_follows_camera_height_and_yaw() -> None:
@@ -125,13 +133,6 @@ def test_the_image_box_follows_camera_height_and_yaw() -> None:
     assert turned.box_of(POTHOLE.polygon)[0] == pytest.approx(1270 / 2)
 
 
-def test_a_detection_needs_a_place_and_a_share() -> None:
-    with pytest.raises(ValueError, match="footprint on the ground or a box"):
-        Detection("pothole", 0.5)
-    with pytest.raises(ValueError, match="between 0 and 1"):
-        Detection("pothole", 1.5, box_px=(0, 0, 1, 1))
-
-
 side = st.floats(0, 100)
 boxes = st.tuples(side, side, side, side).map(
     lambda b: (min(b[0], b[2]), min(b[1], b[3]), max(b[0], b[2]), max(b[1], b[3]))
@@ -140,11 +141,11 @@ boxes = st.tuples(side, side, side, side).map(
 
 @given(boxes, boxes)
 def test_iou_is_a_symmetric_share(a: tuple[float, ...], b: tuple[float, ...]) -> None:
-    assert iou(a, b) == pytest.approx(iou(b, a))
-    assert 0.0 <= iou(a, b) <= 1.0 + 1e-9
+    assert overlap(a, b) == pytest.approx(overlap(b, a))
+    assert 0.0 <= overlap(a, b) <= 1.0 + 1e-9
     area = (a[2] - a[0]) * (a[3] - a[1])
     if area > 1e-6:
-        assert iou(a, a) == pytest.approx(1.0)
+        assert overlap(a, a) == pytest.approx(1.0)
 
 
 @given(st.floats(-np.pi, np.pi), st.floats(0.2, 5.0), st.floats(0.0, 1.0))

@@ -1,6 +1,5 @@
 """Options of a sensor: declared by it, set by `sensing.options`, kept in a mission's description, varied in a study."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import polars as pl
@@ -17,12 +16,12 @@ from pavetwin.mission.folder import MissionFolder
 from pavetwin.mission.planning import plan_mission
 from pavetwin.mission.saving import save_mission
 from pavetwin.mission.spec import files_of_settings
-from pavetwin.sensing import Detection, Frame, Ideal, Sensor, load_sensor
+from pavetwin.sensing import Detections, Frame, Ideal, Sensor, load_sensor
 from pavetwin.world.store import load_world, save_world
 from scenes import damaged
 
 CHOOSY = """
-from pavetwin.sensing import Detection, Sensor
+from pavetwin.sensing import Detections, Sensor
 
 
 class Choosy(Sensor):
@@ -32,7 +31,7 @@ class Choosy(Sensor):
         if self.options["blind"]:
             return []
         chosen = [each for each in frame.sightings if each.defect.id % self.options["every"] == 0]
-        return [Detection.of(sighting, self.options["confidence"]) for sighting in chosen]
+        return Detections.of_defects([sighting.defect for sighting in chosen], self.options["confidence"])
 """
 
 
@@ -85,7 +84,7 @@ def test_a_sensor_without_options_takes_none() -> None:
         sensor("ideal", "sensing.options.every=2")
 
     class Renamed(Ideal):
-        def detect(self, frame: Frame) -> Sequence[Detection]:
+        def detect(self, frame: Frame) -> Detections:
             return super().detect(frame)
 
     with pytest.raises(PaveTwinError, match="has no option 'every'"):
@@ -113,7 +112,7 @@ def test_a_file_that_an_option_names_belongs_to_the_mission(
 def test_a_mission_is_flown_again_with_its_options(choosy: str, world: Path, tmp_path: Path) -> None:
     settings = load_settings("default", [f"sensing.sensor={choosy}", "sensing.options.every=2"])
     result = fly(plan_mission(load_world(world), settings, density="low", segments=1, policy="baseline", seed=1))
-    found = {each.defect for each in result.confirmed}
+    found = set(result.confirmed.defect.tolist())
     assert found
     assert all(defect is not None and defect % 2 == 0 for defect in found)
     save_mission(result, tmp_path / "m")

@@ -1,6 +1,5 @@
 """Sensors: the rules that all keep, and the random draws of `recall`."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +11,7 @@ from pavetwin.config.options import OptionValue
 from pavetwin.errors import PaveTwinError
 from pavetwin.seeds import Stream, child
 from pavetwin.sensing import (
-    Detection,
+    Detections,
     Frame,
     Ideal,
     Recall,
@@ -22,7 +21,7 @@ from pavetwin.sensing import (
     sensor,
     sensor_names,
 )
-from pavetwin.sensing.conformance import trial_defect, trial_frames, trial_sighting
+from pavetwin.sensing.registered import trial_defect, trial_frames, trial_sighting
 from scenes import drawn_detector, fitted
 
 
@@ -42,7 +41,7 @@ def independent(recall: float = 0.84) -> SensingSettings:
 def reported(one: Sensor, shown: Frame) -> list[int]:
     """Ids of the sighted defects that a sensor without false alarms reports."""
     ids = {id(sighting.defect.polygon): sighting.defect.id for sighting in shown.sightings}
-    return [ids[id(detection.footprint)] for detection in one.detect(shown)]
+    return [ids[id(footprint)] for footprint in one.detect(shown).footprint]
 
 
 def found(seed: int, *sightings: tuple[int, int], recall: float = 0.84) -> set[tuple[int, int]]:
@@ -69,15 +68,16 @@ def test_every_registered_sensor_keeps_the_rules(name: str) -> None:
 class Inventive(Sensor):
     """Reports a pothole where there is none: that is a false alarm and breaks no rule."""
 
-    def detect(self, frame: Frame) -> Sequence[Detection]:
-        ghost = Detection("pothole", 0.3, footprint=Point(frame.position).buffer(0.2))
-        return [Detection.of(sighting) for sighting in frame.sightings] + [ghost]
+    def detect(self, frame: Frame) -> Detections:
+        ghost = Detections(["pothole"], 0.3, footprint=[Point(frame.position).buffer(0.2)])
+        found = Detections.of_defects(sighting.defect for sighting in frame.sightings)
+        return Detections.concatenated([found, ghost])
 
 
 class Numbering(Sensor):
-    """Answers with ids, as sensors did before there were detections."""
+    """Returns ids in place of detections."""
 
-    def detect(self, frame: Frame) -> Sequence[Detection]:
+    def detect(self, frame: Frame) -> Detections:
         return [sighting.defect.id for sighting in frame.sightings]  # type: ignore[misc]
 
 
@@ -88,37 +88,38 @@ class Wandering(Sensor):
         super().__init__(settings, seed)
         self.random = np.random.default_rng(seed)
 
-    def detect(self, frame: Frame) -> Sequence[Detection]:
-        return [Detection.of(s) for s in frame.sightings if self.random.random() < self.settings.recall]
+    def detect(self, frame: Frame) -> Detections:
+        return Detections.of_defects(s.defect for s in frame.sightings if self.random.random() < self.settings.recall)
 
 
 class Unseeded(Sensor):
-    def detect(self, frame: Frame) -> Sequence[Detection]:
-        return [Detection.of(s) for s in frame.sightings if np.random.default_rng().random() < 0.5]
+    def detect(self, frame: Frame) -> Detections:
+        return Detections.of_defects(s.defect for s in frame.sightings if np.random.default_rng().random() < 0.5)
 
 
 class Falsy(Sensor):
     """The classic mistake: seed 0 is taken for no seed."""
 
-    def detect(self, frame: Frame) -> Sequence[Detection]:
+    def detect(self, frame: Frame) -> Detections:
         draws = np.random.default_rng(self.seed or None).random(1000)
-        return [Detection.of(s) for s in frame.sightings if draws[s.defect.id * 10 + s.attempt] < 0.5]
+        return Detections.of_defects(s.defect for s in frame.sightings if draws[s.defect.id * 10 + s.attempt] < 0.5)
 
 
 class Misspelling(Sensor):
-    def detect(self, frame: Frame) -> Sequence[Detection]:
-        return [Detection("Pothole", 0.9, footprint=sighting.defect.polygon) for sighting in frame.sightings]
+    def detect(self, frame: Frame) -> Detections:
+        outlines = [sighting.defect.polygon for sighting in frame.sightings]
+        return Detections(["Pothole"] * len(outlines), 0.9, footprint=outlines)
 
 
 class Failing(Sensor):
-    def detect(self, frame: Frame) -> Sequence[Detection]:
-        return [Detection.of(frame.sightings[0])]
+    def detect(self, frame: Frame) -> Detections:
+        return Detections.of_defects([frame.sightings[0].defect])
 
 
 @pytest.mark.parametrize(
     ("kind", "complaint"),
     [
-        (Numbering, "which is not a Detection"),
+        (Numbering, "which is not Detections"),
         (Wandering, "depends on what it was shown before"),
         (Unseeded, "depends on what it was shown before"),
         (Falsy, "with seed 0"),

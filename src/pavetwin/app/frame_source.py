@@ -13,7 +13,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from io import BytesIO
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -56,21 +55,26 @@ def write_frame_source(results: Sequence[MissionResult], folder: Path) -> None:
 
 
 def _captures(result: MissionResult) -> list[dict[str, Any]]:
-    confirmed = {number: tuple(group) for number, group in groupby(result.confirmed, key=lambda each: each.capture)}
-    detected = defaultdict(list)
-    for detection in result.detections:
-        if detection.footprint is not None:
-            detected[detection.capture].append(detection)
+    found, defects = result.detections, result.environment.defects
+    rows = defaultdict(list)
+    for row, (capture, defect) in enumerate(zip(found.capture.tolist(), found.defect.tolist(), strict=True)):
+        if defect < 0 or found.footprint[row] is not defects[defect].polygon:  # exact outlines are not drawn
+            rows[capture].append(row)
     captures = []
     for number in range(len(result.captures["t_s"])):
-        frame = frame_of(result, number, confirmed.get(number, ()))
-        found = [
-            _detected(each.kind, each.confidence, each.outcome.value, frame, frame.box_of(each.footprint))
-            for each in detected[number]
-            if each.footprint is not None
+        frame = frame_of(result, number)
+        detected = [
+            _detected(
+                found.class_name[row],
+                float(found.confidence[row]),
+                found.outcome[row].value,
+                frame,
+                frame.box_of(found.footprint[row]),
+            )
+            for row in rows[number]
         ]
         pose = {"time_s": frame.time_s, "position": frame.position, "yaw_rad": frame.yaw_rad}
-        captures.append({**pose, "velocity_mps": frame.velocity_mps, "detections": found})
+        captures.append({**pose, "velocity_mps": frame.velocity_mps, "detections": detected})
     return captures
 
 
@@ -190,7 +194,8 @@ class MissionFrames:
         """What the shipped detector finds in the image that it takes of a capture."""
         frame = self.frame(capture)
         found = self._detector.detect(replace(frame, source=self.images))
-        return [_detected(each.kind, each.confidence, None, frame, each.box(frame)) for each in found]
+        rows = zip(found.class_name, found.confidence.tolist(), found.box_px.tolist(), strict=True)
+        return [_detected(name, confidence, None, frame, box) for name, confidence, box in rows]
 
     @cached_property
     def _detector(self) -> DetectorSensor:

@@ -1,7 +1,6 @@
 """Looks of a detector at a captured dataset: one for each visible defect of each image."""
 
 from collections.abc import Callable
-from functools import partial
 from math import hypot, sqrt
 from pathlib import Path
 from typing import Any, Final
@@ -13,16 +12,17 @@ from shapely import Polygon, box
 
 from pavetwin.capture.record import Record, read_record, record_paths
 from pavetwin.capture.truth import LabelledObject
+from pavetwin.detections import Detections
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256
 from pavetwin.labels.outlines import hull
 from pavetwin.labels.rle import decode
-from pavetwin.perception.inference import Detections, Detector
+from pavetwin.perception.detector import Detector
 from pavetwin.sensing.detector import default_image_px
 from pavetwin.sensing.fit.tables import ALARM_SCHEMA, CAPTURE, GROUP, LOOK_COLUMNS, LookSource
+from pavetwin.sensing.fitted_sensor import FittedDetector
 from pavetwin.sensing.looks import Look
-from pavetwin.sensing.matching import Shape, match_shapes
-from pavetwin.sensing.sensor_model import FittedDetector
+from pavetwin.sensing.matching import match_shapes
 
 LEAST_VISIBLE: Final = 0.35
 """Least visible fraction of a defect in a look; default of missions (`sensing.min_visible_fraction`)."""
@@ -98,22 +98,18 @@ def _area_m2(record: Record) -> float:
 def _judged(record: Record, found: Detections) -> tuple[list[tuple[Any, ...]], list[tuple[str, float]]]:
     """Looks as (defect, is found, look values), and false alarms as (class, size in pixels)."""
     pixel_m = float(record.camera["gsd_mm"]) / 1000.0
+    height_width = (record.size_px[1], record.size_px[0])
     objects = [each for each in record.objects if each.id.startswith("defect ")]
-    there = [
-        Shape(each.details["class"], lambda each=each: each.box, lambda each=each: _outline(each, record, pixel_m))  # type: ignore[misc]
-        for each in objects
-    ]
-    reported = [
-        Shape(
-            found.names[at].lower().replace(" ", "_"),
-            partial(found.box, at),
-            partial(_footprint, found, at, pixel_m),
-            float(found.confidence[at]),
-        )
-        for at in map(int, np.flatnonzero(found.is_defect))
-    ]
-    matched = match_shapes(reported, there)
-    hit = {index for index, _ in matched if index is not None}
+    there = Detections(
+        [each.details["class"] for each in objects],
+        1.0,
+        box_px=[each.box for each in objects],
+        footprint=[Polygon(hull(decode(each.mask, height_width)) * pixel_m) for each in objects],
+    )
+    reported = found[found.is_defect]
+    reported = reported.with_columns(footprint=[_footprint(reported, row, pixel_m) for row in range(len(reported))])
+    matches = match_shapes(reported, there)
+    hit = set(matches.defect.tolist())
     looks = []
     for index, each in enumerate(objects):
         off_centre = _off_centre(record, each)
@@ -121,22 +117,16 @@ def _judged(record: Record, found: Detections) -> tuple[list[tuple[Any, ...]], l
         if each.visible_fraction >= LEAST_VISIBLE and is_whole and off_centre is not None:
             looks.append((each.id, index in hit, *_look(record, each, pixel_m, off_centre)))
     wrong = [
-        (shape.kind, sqrt(shape.ground().area) / pixel_m)
-        for shape, (index, _) in zip(reported, matched, strict=True)
-        if index is None
+        (reported.class_name[row], sqrt(reported.footprint[row].area) / pixel_m)
+        for row in np.flatnonzero(matches.defect < 0)
     ]
     return looks, wrong
 
 
-def _outline(thing: LabelledObject, record: Record, pixel_m: float) -> Polygon:
-    width, height = record.size_px
-    return Polygon(hull(decode(thing.mask, (height, width))) * pixel_m)
-
-
-def _footprint(found: Detections, at: int, pixel_m: float) -> Polygon:
+def _footprint(found: Detections, row: int, pixel_m: float) -> Polygon:
     """The hull of a mask, or else the box, in metres from the image's corner."""
-    mask = found.mask(at)
-    corners = np.asarray(box(*found.box(at)).exterior.coords)
+    mask = found.mask_pixels(row)
+    corners = np.asarray(box(*found.box(row)).exterior.coords)
     if mask is not None and mask[1].any():
         corners = hull(mask[1]) + mask[0][:2]
     return Polygon(corners * pixel_m)

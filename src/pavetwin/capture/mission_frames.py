@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import timedelta
 from functools import cached_property
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -28,12 +27,11 @@ from pavetwin.capture.store import link_image, write_image, write_over_all, writ
 from pavetwin.capture.truth import LabelledObject, SceneState, labelled_objects
 from pavetwin.files import writing_folder
 from pavetwin.labels.classes import category_of_defect
-from pavetwin.mission.environment import shutter_s
+from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.inspected_defects import captured_frame
-from pavetwin.mission.result import MissionResult
 from pavetwin.mission.saving import write_captures
 from pavetwin.mission.versions import software_versions
-from pavetwin.sensing import Frame, JudgedDetection
+from pavetwin.sensing import Frame
 from pavetwin.traffic.trace import trace_of
 from pavetwin.uav.aircraft import camera_name, camera_of
 from pavetwin.uav.cameras import Camera
@@ -76,9 +74,9 @@ def save_frames(
     Raises:
         PaveTwinError: the frames cannot be written.
     """
-    confirmed = {
-        capture: tuple(group) for capture, group in groupby(result.confirmed, key=lambda detection: detection.capture)
-    }
+    confirmed: dict[int, list[int]] = {}
+    for capture, defect in zip(result.confirmed.capture.tolist(), result.confirmed.defect.tolist(), strict=True):
+        confirmed.setdefault(capture, []).append(defect)
     captures = range(len(result.captures["t_s"])) if every else list(confirmed)
     names, lines = [], ["capture,image\n"]
     with writing_folder(folder / FOLDER, replace=True) as place:
@@ -87,12 +85,11 @@ def save_frames(
             settings = camera.settings(len(captures))
             formats = find_formats(settings.formats)
             for number, capture in enumerate(captures):
-                detections = confirmed.get(capture, ())
-                frame = frame_of(result, capture, detections)
-                record, picture = camera.frame(frame, detections, number, settings)
+                defects = confirmed.get(capture, [])
+                record, picture = camera.frame(frame_of(result, capture), defects, number, settings)
                 write_image(place, record, picture, formats)
                 link_image(place, record, formats)
-                names += [f"{FOLDER}/{record.image}"] * len(detections)
+                names += [f"{FOLDER}/{record.image}"] * len(defects)
                 lines.append(f"{capture},{record.image}\n")
                 if on_progress is not None:
                     on_progress((number + 1) / len(captures))
@@ -111,27 +108,15 @@ def frame_size(image_px: Sequence[int]) -> tuple[int, int]:
     return round(image_px[0] * scale), round(image_px[1] * scale)
 
 
-def frame_of(result: MissionResult, capture: int, detections: Sequence[JudgedDetection]) -> Frame:
+def frame_of(result: MissionResult, capture: int) -> Frame:
     """The frame of a capture, as its saved image is taken.
 
     Args:
         capture: its index in `result.captures`.
-        detections: the defects that it confirmed.
     """
-    if not detections:
+    if capture not in result.confirmed.capture:
         return captured_frame(result, capture)
-    at, settings = detections[0], result.settings
-    return Frame(
-        number=at.capture,
-        time_s=at.time_s,
-        position=at.position,
-        altitude_m=settings.altitude_m,
-        yaw_rad=at.yaw_rad,
-        camera=camera_of(settings),
-        conditions=settings.conditions,
-        velocity_mps=at.velocity_mps,
-        exposure_s=shutter_s(settings),
-    )
+    return replace(result.log.frames[capture], sightings=(), sun_elevation_deg=None)
 
 
 def labelled_frame(
@@ -183,15 +168,18 @@ class _MissionCamera:
         )
 
     def frame(
-        self, capture: Frame, detections: Sequence[JudgedDetection], number: int, settings: CaptureSettings
+        self, capture: Frame, confirmed: Sequence[int], number: int, settings: CaptureSettings
     ) -> tuple[Record, bytes]:
-        """The frame of one capture, which may have confirmed several defects: its record, and its picture as a file."""
+        """The record of a capture and its image as a file.
+
+        Args:
+            confirmed: ids of the defects that it confirms.
+        """
         world, recording = self.images.world, self.images.replay.recording
         frame, objects = labelled_frame(self.images, self.trace, capture, settings.size_px)
         daylight = replace(self.begin, when=self.begin.when + timedelta(seconds=capture.time_s))
         recorded_s = self.images.replay.recorded_s(capture.time_s)
-        defects = [each.defect for each in detections if each.defect is not None]
-        aims = sorted({category_of_defect(world.defects[defect].kind).name for defect in defects})
+        aims = sorted({category_of_defect(world.defects[defect].kind).name for defect in confirmed})
         return record_of(
             frame,
             Pose(frame.view, recorded_s, capture.yaw_rad, -np.pi / 2, self.camera, "gimbal"),
@@ -203,7 +191,12 @@ class _MissionCamera:
             name=image_name(self.prefix, number),
             split=SPLIT,
             traffic={"density": recording.name, "seed": recording.origin.seed, "time_s": round(recorded_s, 4)},
-            aim={"requested": aims, "met": aims, "attempt": 0, "confirmed": [f"defect {defect}" for defect in defects]},
+            aim={
+                "requested": aims,
+                "met": aims,
+                "attempt": 0,
+                "confirmed": [f"defect {defect}" for defect in confirmed],
+            },
             objects=tuple(objects),
         )
 

@@ -7,7 +7,7 @@ reported detections are dashed.
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from PIL import Image, ImageColor, ImageDraw
@@ -18,21 +18,18 @@ from pavetwin.capture.platforms import PLATFORMS, flying
 from pavetwin.capture.record import Record, read_record, record_paths
 from pavetwin.capture.settings import read_description
 from pavetwin.capture.truth import LabelledObject
+from pavetwin.detections import Detections, Outcome
 from pavetwin.draw.contact_sheet import CELL_PX, assembled, captioned, check_sheet, cut_around, draw_box, evenly_chosen
 from pavetwin.draw.mission_style import font
 from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.files import writing
 from pavetwin.labels import SPLITS
-from pavetwin.labels.classes import category_colours, colours, label_name
+from pavetwin.labels.classes import category_colours, colours, display_name
 from pavetwin.labels.rle import decode
 from pavetwin.mission.inspected_defects import captured_frame
 from pavetwin.mission.result import MissionResult
-from pavetwin.sensing import Outcome, Sensor
+from pavetwin.sensing import Sensor
 from pavetwin.sensing.detector import DetectorSensor
-
-if TYPE_CHECKING:
-    from pavetwin.sensing import JudgedDetection
-
 
 _MASK_ALPHA: Final = 0.28
 
@@ -184,7 +181,7 @@ def save_mission_sheet(result: MissionResult, images: MissionImages, sensor: Sen
     if not cells:
         return 0
     pictures = [_drawn(each, result, images, sensor) for each in sorted(cells, key=_order)]
-    shown = {label_name(each.kind) for each in cells}
+    shown = {display_name(each.kind) for each in cells}
     legend = {name: colour for name, colour in category_colours().items() if name in shown}
     sheet = assembled(pictures, _title(result), legend, ignored="reported")
     with writing(path) as temporary:
@@ -198,7 +195,7 @@ def _order(cell: _Cell) -> tuple[int, int]:
 
 def _title(result: MissionResult) -> str:
     missed = sum(not each.is_found for each in result.inspected_defects)
-    alarms = sum(each.outcome is Outcome.FALSE_ALARM for each in result.detections)
+    alarms = int((result.detections.outcome == Outcome.FALSE_ALARM).sum())
     defects = len(result.inspected_defects)
     return (
         f"{result.environment.world.name}   {defects - missed} of {defects} defects found, {alarms} false alarms, "
@@ -206,26 +203,28 @@ def _title(result: MissionResult) -> str:
     )
 
 
-def _chosen(detections: Sequence["JudgedDetection"]) -> "list[JudgedDetection]":
-    return [detections[at] for at in evenly_chosen(len(detections), OF_EACH)] if detections else []
-
-
 def _found(result: MissionResult) -> list[_Cell]:
-    return [_reported(each, "found", result) for each in _chosen(result.confirmed)]
+    return _reported(result.confirmed, "found")
 
 
 def _false_alarms(result: MissionResult) -> list[_Cell]:
-    alarms = [each for each in result.detections if each.outcome is Outcome.FALSE_ALARM]
-    return [_reported(each, "false alarm", result) for each in _chosen(alarms)]
+    return _reported(result.detections[result.detections.outcome == Outcome.FALSE_ALARM], "false alarm")
 
 
-def _reported(detection: "JudgedDetection", outcome: str, result: MissionResult) -> _Cell:
-    shape = detection.footprint
-    if shape is None:
-        assert detection.defect is not None
-        shape = result.environment.defects[detection.defect].polygon
-    heading = f"{outcome}: {label_name(detection.kind)}"
-    return _Cell(detection.capture, shape, detection.kind, heading, f"confidence {detection.confidence:.2f}", True)
+def _reported(detections: Detections, outcome: str) -> list[_Cell]:
+    """Cells of some detections, evenly chosen."""
+    rows = evenly_chosen(len(detections), OF_EACH) if len(detections) else []
+    return [
+        _Cell(
+            int(detections.capture[row]),
+            detections.footprint[row],
+            detections.class_name[row],
+            f"{outcome}: {display_name(detections.class_name[row])}",
+            f"confidence {detections.confidence[row]:.2f}",
+            True,
+        )
+        for row in rows
+    ]
 
 
 def _missed(result: MissionResult) -> list[_Cell]:
@@ -237,7 +236,7 @@ def _missed(result: MissionResult) -> list[_Cell]:
         assert each.capture is not None
         visible = "" if each.visible_fraction is None else f", {each.visible_fraction:.0%} visible"
         words = f"{each.defect.severity.value}, {'' if each.reason is None else each.reason.value.replace('_', ' ')}"
-        heading = f"missed: {label_name(each.defect.kind)}"
+        heading = f"missed: {display_name(each.defect.kind)}"
         cells.append(_Cell(each.capture, each.defect.polygon, each.defect.kind, heading, words + visible, False))
     return cells
 
@@ -250,5 +249,5 @@ def _drawn(cell: _Cell, result: MissionResult, images: MissionImages, sensor: Se
     window, box = cut_around(
         Image.fromarray(images(frame)), frame.box_of(cell.shape), margin=_MARGIN, least_px=least_px, size_px=CELL_PX
     )
-    draw_box(ImageDraw.Draw(window), box, None if cell.reported else category_colours()[label_name(cell.kind)])
+    draw_box(ImageDraw.Draw(window), box, None if cell.reported else category_colours()[display_name(cell.kind)])
     return captioned(window, cell.heading, cell.text, f"capture {cell.capture}")

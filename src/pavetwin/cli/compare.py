@@ -66,7 +66,7 @@ def compare(
         raise PaveTwinError("Name models to compare, or `sizes` of untrained networks, as in --sizes n,s,m,l.")
     if wanted and not _has_torch():
         raise PaveTwinError("Untrained networks need PyTorch, an extra; install it with `pip install pavetwin[train]`.")
-    from pavetwin.perception.inference.model_file import check_threads
+    from pavetwin.perception.model_file import check_threads
     from pavetwin.training.evaluation.comparison import (
         HEADINGS,
         ComparedModel,

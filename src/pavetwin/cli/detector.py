@@ -13,7 +13,7 @@ from pavetwin.errors import about
 from pavetwin.files import check_folder
 
 if TYPE_CHECKING:
-    from pavetwin.perception.results.detect_folder import DetectOutcome
+    from pavetwin.perception.detect_folder import DetectOutcome
 
 
 @grouped
@@ -53,8 +53,8 @@ def detect(
     with about("output"):
         check_folder(output)
     check_empty(output, force=force)
-    from pavetwin.perception.inference import Detector
-    from pavetwin.perception.results.detect_folder import detect_source
+    from pavetwin.perception.detect_folder import detect_source
+    from pavetwin.perception.detector import Detector
 
     network = Detector(
         file,
@@ -72,10 +72,10 @@ def detect(
 def _print_outcome(outcome: "DetectOutcome", output: Path, *, pictures: bool) -> None:
     from collections import Counter
 
-    from pavetwin.perception.classes import CLASSES
+    from pavetwin.labels.class_names import CLASSES, display_name
 
-    found = Counter(thing.name for image in outcome.images for thing in image.things)
-    parts = ", ".join(f"{name} {found[name]}" for name in CLASSES if found[name])
+    found = Counter(name for image in outcome.images for name in image.detections.class_name)
+    parts = ", ".join(f"{display_name(name)} {found[name]}" for name in CLASSES if found[name])
     images = counted(len(outcome.images), "image")
     out.line(f"{images}, {counted(found.total(), 'detection')}{': ' + parts if parts else ''}.")
     if outcome.unreadable:
@@ -103,9 +103,9 @@ def serve(
     """
     file = detector.file
     from pavetwin.listening import run_until_terminated
-    from pavetwin.perception.inference import Detector
-    from pavetwin.perception.serving.server import PredictionServer, serve_forever
-    from pavetwin.perception.serving.uploads import ServerLimits
+    from pavetwin.perception.detector import Detector
+    from pavetwin.perception.server import PredictionServer, serve_forever
+    from pavetwin.perception.uploads import ServerLimits
 
     limits = ServerLimits(upload_mb=upload_mb, megapixels=megapixels)
     network = Detector(file, confidence=detector.confidence, tiled=detector.tiled, overview=detector.overview)

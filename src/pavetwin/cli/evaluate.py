@@ -78,7 +78,7 @@ def evaluate(
     --true-regions PyTorch. Evaluating weights always classifies true regions.
     """
     from pavetwin.labels import SPLITS
-    from pavetwin.perception.shipped import model_path
+    from pavetwin.perception.model_file import model_path
     from pavetwin.training.evaluation.detections import read_subtypes
     from pavetwin.training.evaluation.evaluate import check_evaluation, compare_in_pairs
     from pavetwin.training.evaluation.evaluate import evaluate as evaluated
@@ -148,7 +148,7 @@ def _found(
         models_in: number of the first splits in which a model detects; None for those needed by its evaluation.
         overview: whether a model detects in tiles and in the whole image.
     """
-    from pavetwin.perception.shipped import model_path
+    from pavetwin.perception.model_file import model_path
     from pavetwin.training.evaluation.detections import read_detections
 
     if not path.exists() and path.suffix.lower() not in (".json", WEIGHTS):
@@ -158,7 +158,7 @@ def _found(
         if overview:
             raise PaveTwinError(f"`overview`: '{path}' is a file of detections, which has no detector to run.")
         return read_detections(path, tuple(each for each in splits if not each.is_renumbered))
-    from pavetwin.perception.inference import Detector
+    from pavetwin.perception.detector import Detector
     from pavetwin.training.evaluation.detections import LEAST_CONFIDENCE, found_by
 
     looked_at = [splits[0], *(each for each in splits[1:models_in] if each.name == VALIDATION)]

@@ -8,7 +8,7 @@ import typer
 from pavetwin.cli.console import out, progress
 from pavetwin.errors import PaveTwinError, about
 from pavetwin.files import check_target
-from pavetwin.perception.shipped import model_path, shipped_models
+from pavetwin.perception.model_file import model_path, shipped_models
 
 
 def export(

@@ -150,7 +150,7 @@ def _search_photographs(
     from pavetwin.files import file_sha256
     from pavetwin.inventory.of_photographs import photographed
     from pavetwin.inventory.probability import entry_model
-    from pavetwin.perception.inference import Detector
+    from pavetwin.perception.detector import Detector
 
     file = chosen.file
     sha256 = file_sha256(file)

@@ -20,7 +20,7 @@ from typer.models import OptionInfo
 
 from pavetwin.cli.commands import PLUGIN
 from pavetwin.errors import PaveTwinError, about, naming
-from pavetwin.perception.shipped import DEFAULT
+from pavetwin.perception.model_file import DEFAULT
 from pavetwin.world.folder import CACHE_VARIABLE, check_world
 
 if TYPE_CHECKING:
@@ -549,7 +549,7 @@ def _sensor_model(model: str, sensor: str) -> dict[str, str]:
     Raises:
         PaveTwinError: there is no such file, and none that ships has this name.
     """
-    from pavetwin.perception.shipped import FOLDER
+    from pavetwin.perception.model_file import FOLDER
     from pavetwin.sensing.registered import sensor_class
     from pavetwin.sensing.shipped import sensor_path
 
@@ -644,7 +644,7 @@ def detector_file(model: str | None) -> Path:
     Raises:
         PaveTwinError: there is none.
     """
-    from pavetwin.perception.shipped import model_path
+    from pavetwin.perception.model_file import model_path
 
     try:
         return model_path(model or DEFAULT)

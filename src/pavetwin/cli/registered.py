@@ -12,13 +12,12 @@ from pavetwin.cli.commands import Commands, in_options
 from pavetwin.cli.console import counted, out, progress
 from pavetwin.cli.options import detector_file
 from pavetwin.errors import PaveTwinError, naming
-from pavetwin.perception.shipped import DEFAULT
+from pavetwin.perception.model_file import DEFAULT
 from pavetwin.registry import BrokenRulesError
 
 if TYPE_CHECKING:
-    from pavetwin.sensing.entry_model import EntryModel
     from pavetwin.sensing.fit.tables import LookSource
-    from pavetwin.sensing.sensor_model import SensorModel
+    from pavetwin.sensing.fitted_sensor import EntryModel, SensorModel
     from pavetwin.uav import AircraftProfile
 
 

@@ -70,7 +70,7 @@ def train(
     """
     if output is None:
         raise PaveTwinError("Say where the run goes with -o, for example -o runs/first.")
-    from pavetwin.perception.shipped import start_path
+    from pavetwin.perception.model_file import start_path
     from pavetwin.training.datasets.packs import read_examples
     from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
 

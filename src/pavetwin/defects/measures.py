@@ -14,6 +14,7 @@ from pavetwin._core import relief_widths
 from pavetwin.arrays import Float32Array, Float64Array, Int64Array
 from pavetwin.defects.heightfield import Heightfield
 from pavetwin.world.model import Defect
+from pavetwin.world.rectangles import smallest_rectangle
 
 WIDEST_SHARE = 0.98
 """The width is this quantile of the opening over the crack's length, so that single chips do not count."""
@@ -60,9 +61,9 @@ def length_of(measures: Measures) -> float:
 
 def extents_m(outline: Polygon) -> tuple[float, float]:
     """The longer and the shorter side of the smallest rectangle around an outline, at any angle [m]."""
-    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(outline))
-    first, second = np.hypot(*np.diff(corners[:3], axis=0).T).tolist()
-    return max(first, second), min(first, second)
+    around = smallest_rectangle(outline)
+    assert around is not None
+    return around.length, around.width
 
 
 def measure(heightfield: Heightfield) -> Measures:

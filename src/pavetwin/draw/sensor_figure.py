@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator, PercentFormatter
 from pavetwin.draw import style
 from pavetwin.sensing.fit.fitting import reliability, repeated_looks
 from pavetwin.sensing.fit.tables import GROUP, LookSource
-from pavetwin.sensing.sensor_model import SensorModel
+from pavetwin.sensing.fitted_sensor import SensorModel
 
 ENOUGH: Final = 30
 """Defects with as many looks, to show how many of these found them."""

@@ -268,7 +268,8 @@ class Drive:
     def rows(self) -> list[DrivenSegment]:
         """Results for each segment."""
         segments, rows = self.environment.world.segments, []
-        alarms = Counter(each.segment for each in self.detections.all if each.outcome is Outcome.FALSE_ALARM)
+        found = self.detections.all
+        alarms = Counter(found.segment[found.outcome == Outcome.FALSE_ALARM].tolist())
         for target in self.seen.targets:
             segment = segments[target]
             defects = self.environment.defects_by_segment.get(segment.id, ())

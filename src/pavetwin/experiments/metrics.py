@@ -8,7 +8,7 @@ failed missions are null.
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from pavetwin.sensing.base import PARAMETER_DRAWS
+from pavetwin.sensing.sensor import PARAMETER_DRAWS
 
 if TYPE_CHECKING:
     import polars as pl

@@ -17,7 +17,7 @@ from pavetwin.inventory.reading import Reading
 from pavetwin.mission.condition import ConditionReport
 from pavetwin.mission.result import MissionResult
 from pavetwin.pci import MeasuredDefect, SampleUnit, UnitCondition, mean_pci, measured_conditions, sample_units
-from pavetwin.sensing.entry_model import EntryModel
+from pavetwin.sensing.fitted_sensor import EntryModel
 from pavetwin.world.georeference import GeoReference, from_wgs84
 from pavetwin.world.model import Severity
 

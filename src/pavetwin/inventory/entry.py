@@ -16,9 +16,9 @@ import numpy as np
 import shapely
 from shapely import Point, Polygon
 
+from pavetwin.detections import SIZES
 from pavetwin.inventory.observation import Observation
 from pavetwin.inventory.pieces import looks_of
-from pavetwin.perception.classes import SIZES
 
 SEVERITIES: Final = ("low", "medium", "high")
 

@@ -1,4 +1,4 @@
-"""Fits what a sensor knows of entries (`pavetwin.sensing.entry_model`) to the inventories of missions, whose truth is
+"""Fits what a sensor knows of entries (`pavetwin.sensing.fitted_sensor`) to the inventories of missions, whose truth is
 known.
 
 An entry shows a defect where at least half of its detections were matched to one. The regression has weak normal
@@ -18,11 +18,10 @@ from pavetwin.inventory.entry import SEVERITIES, entry_of
 from pavetwin.inventory.merging import merged
 from pavetwin.inventory.of_mission import flown
 from pavetwin.inventory.probability import class_of, size_px_of
+from pavetwin.labels.class_names import TRAFFIC
 from pavetwin.mission.folder import MissionFolder
 from pavetwin.mission.saving import DEFECTS
-from pavetwin.sensing import OTHER_CLASSES
-from pavetwin.sensing.entry_model import OF_ENTRY, EntryModel, entry_values
-from pavetwin.sensing.fitted_number import FittedNumber
+from pavetwin.sensing.fitted_sensor import OF_ENTRY, EntryModel, FittedNumber, entry_values
 
 _LEVEL: Final = 0.015
 _EFFECT: Final = 0.3
@@ -58,7 +57,7 @@ def judged_inventory(folder: Path) -> JudgedInventory:
     mission = MissionFolder(folder)
     reading = flown(mission)
     try:
-        table = mission.detections.filter(~pl.col("class").is_in(list(OTHER_CLASSES)))
+        table = mission.detections.filter(~pl.col("class").is_in(list(TRAFFIC)))
         is_matched = table["defect"].is_not_null().to_numpy()
         there = pl.read_csv(folder / DEFECTS, columns=["class", "severity"])
     except (OSError, pl.exceptions.PolarsError) as error:

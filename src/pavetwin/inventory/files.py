@@ -9,11 +9,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from pavetwin.detections import SIZES
 from pavetwin.files import writing
 from pavetwin.inventory.crops import page_names, write_crops
 from pavetwin.inventory.entry import Entry
 from pavetwin.inventory.style import STYLES
-from pavetwin.perception.classes import SIZES
 from pavetwin.world.georeference import GeoReference
 from pavetwin.world.layers import write_layer, write_styles
 

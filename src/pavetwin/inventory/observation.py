@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 from shapely import Polygon
 
 from pavetwin.arrays import UInt8Array
+from pavetwin.detections import NOT_RESOLVABLE, SIZES
 from pavetwin.labels.boxes import FloatBox
-from pavetwin.perception.classes import SIZES
-from pavetwin.perception.results.measuring import NOT_RESOLVABLE
 
 Crop = Callable[[], UInt8Array | None]
 """Reads the picture around a detection; None where the image is gone."""

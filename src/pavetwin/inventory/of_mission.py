@@ -13,20 +13,19 @@ from PIL import Image
 from shapely import Polygon
 
 from pavetwin.arrays import UInt8Array
+from pavetwin.detections import NOT_RESOLVABLE, SIZES
 from pavetwin.errors import PaveTwinError
 from pavetwin.inventory.crops import around
 from pavetwin.inventory.observation import Observation
 from pavetwin.inventory.probability import entry_model
 from pavetwin.inventory.reading import Reading
-from pavetwin.labels.classes import label_name
+from pavetwin.labels.class_names import TRAFFIC, display_name
 from pavetwin.mission.folder import MissionFolder, detector_of
 from pavetwin.mission.result import MissionResult
 from pavetwin.mission.saving import detections_table
-from pavetwin.perception.classes import SIZES
-from pavetwin.perception.inference.pictures import pixels_of
-from pavetwin.perception.results.measuring import NOT_RESOLVABLE, check_size
-from pavetwin.perception.results.photograph import pose_of
-from pavetwin.sensing import OTHER_CLASSES
+from pavetwin.perception.images import pixels_of
+from pavetwin.perception.measuring import check_size
+from pavetwin.perception.photograph import pose_of
 from pavetwin.world.georeference import GeoReference, anchored, from_wgs84
 
 FRAMES: Final = "frames"
@@ -127,7 +126,7 @@ def reported(result: MissionResult) -> Reading:
 
 
 def _of_defects(table: pl.DataFrame) -> list[dict[str, Any]]:
-    return [row for row in table.iter_rows(named=True) if row["class"] not in OTHER_CLASSES]
+    return [row for row in table.iter_rows(named=True) if row["class"] not in TRAFFIC]
 
 
 def _images(folder: Path) -> Mapping[int, Path]:
@@ -161,7 +160,7 @@ def _observed(row: Mapping[str, Any], frame: GeoReference, images: Mapping[int, 
     assert isinstance(outline, Polygon)
     image = images.get(row["capture"])
     return Observation(
-        kind=label_name(row["class"]),
+        kind=display_name(row["class"]),
         confidence=row["confidence"],
         image=f"capture {row['capture']}",
         box_px=None,

@@ -10,17 +10,17 @@ import numpy as np
 from shapely import Polygon
 
 from pavetwin.arrays import Float64Array
+from pavetwin.detections import Detections
 from pavetwin.errors import PaveTwinError
 from pavetwin.inventory.crops import around
 from pavetwin.inventory.observation import Crop, Observation, numbers_in, severity_in
 from pavetwin.inventory.reading import Reading, counted_remarks
 from pavetwin.labels.boxes import FloatBox, ends_at_border
+from pavetwin.labels.class_names import display_name
 from pavetwin.labels.outlines import hull
-from pavetwin.perception.inference import Detections
-from pavetwin.perception.results.detected_image import sizes_of
-from pavetwin.perception.results.measuring import check_size
-from pavetwin.perception.results.photograph import PhotographPose
-from pavetwin.perception.results.sources import SourceImage, source_images
+from pavetwin.perception.images import SourceImage, source_images
+from pavetwin.perception.measuring import check_size, stated_sizes, with_sizes
+from pavetwin.perception.photograph import PhotographPose
 from pavetwin.sensing.detector import ImageDetector
 from pavetwin.world.georeference import (
     ELLIPSOID,
@@ -176,12 +176,12 @@ def _observed(
     gsd_mm: float | None,
     error_m: float,
 ) -> Observation:
-    box, mask = seen.box(at), seen.mask(at)
+    box, mask = seen.box(at), seen.mask_pixels(at)
     scale = gsd_mm or (pose.gsd_mm((box[0] + box[2]) / 2, (box[1] + box[3]) / 2) if _has_height(pose) else None)
     outline = _corners(box) if mask is None or not mask[1].any() else hull(mask[1]) + mask[0][:2]
-    sizes = {} if scale is None else sizes_of(seen, at, scale)
+    sizes = {} if scale is None else stated_sizes(with_sizes(seen[[at]], scale), 0)
     return Observation(
-        kind=seen.names[at],
+        kind=display_name(seen.class_name[at]),
         confidence=float(seen.confidence[at]),
         image=image.name,
         box_px=box,
@@ -190,7 +190,7 @@ def _observed(
         severity=severity_in(sizes),
         pixel_m=None if scale is None else scale / 1000,
         position_error_m=error_m,
-        is_cut=ends_at_border(box, seen.size_px),
+        is_cut=ends_at_border(box, seen.size_px or (0, 0)),
         crop=_crop_of(image, box),
     )
 

@@ -1,6 +1,6 @@
 """How likely each entry of an inventory shows a defect.
 
-A fitted sensor knows it for entries like those that it was fitted to (`pavetwin.sensing.entry_model`), of which a
+A fitted sensor knows it for entries like those that it was fitted to (`pavetwin.sensing.fitted_sensor`), of which a
 certain share were defects. On a sound road most entries are false alarms, on a ruined one few. That share is therefore
 estimated from the inventory itself, by expectation and maximisation: the odds of all entries are scaled until the share
 is the mean of their probabilities (Saerens, Latinne and Decaestecker 2002, Neural Computation 14). `PSEUDO_ENTRIES` of
@@ -17,8 +17,7 @@ import numpy as np
 from pavetwin.arrays import Float64Array
 from pavetwin.errors import PaveTwinError, about
 from pavetwin.inventory.entry import Entry
-from pavetwin.sensing.entry_model import EntryModel
-from pavetwin.sensing.sensor_model import SensorModel
+from pavetwin.sensing.fitted_sensor import EntryModel, SensorModel
 from pavetwin.sensing.shipped import sensor_of, sensor_path
 
 PSEUDO_ENTRIES: Final = 1.0

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.inventory.observation import Observation
-from pavetwin.sensing.entry_model import EntryModel
+from pavetwin.sensing.fitted_sensor import EntryModel
 from pavetwin.world.georeference import GeoReference
 
 

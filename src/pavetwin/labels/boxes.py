@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from pavetwin.arrays import BoolArray
+from pavetwin.arrays import BoolArray, Float64Array
 
 PixelBox = tuple[int, int, int, int]
 """Left, top, right, bottom in pixels; right and bottom are exclusive."""
@@ -19,6 +19,12 @@ NO_SHARE: Final = 0.0
 def area(box: FloatBox | PixelBox) -> float:
     """In square pixels; 0 where it has no extent."""
     return max(0.0, box[2] - box[0]) * max(0.0, box[3] - box[1])
+
+
+def corners(box: FloatBox) -> Float64Array:
+    """(4, 2) Corners of a box, from the upper left one clockwise."""
+    left, top, right, bottom = box
+    return np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
 
 
 def ordered(box: FloatBox) -> FloatBox:

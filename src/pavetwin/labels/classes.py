@@ -1,10 +1,11 @@
-"""The classes a detector learns, and the size from which each is labelled."""
+"""The categories of labels: colours, and the size from which an object is labelled."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Final
 
 from pavetwin.defects.registry import DEFECT_CLASSES, DefectKind
+from pavetwin.labels.class_names import DISPLAY_NAMES, SUBTYPES, display_name
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +30,6 @@ class Category:
 _NEAR_M, _FAR_M = 30.0, 80.0
 """Defects are detected on the road ahead; people and vehicles must be detected from farther away."""
 
-_FIRST: Final = ("single_crack", "crocodile_crack", "pothole")
-
 _COLOURS: Final = ("#56B4E9", "#E69F00", "#F0577A", "#F7E35A", "#3DDC97")
 _MORE_COLOURS: Final = ("#B388EB", "#8CD17D", "#F1CE63", "#FF9DA7", "#76B7B2", "#D4A6C8")
 """Of the classes after the first five, in turn."""
@@ -42,17 +41,19 @@ def colours(names: Sequence[str]) -> dict[str, str]:
     return dict(zip(names, (*_COLOURS, *more), strict=False))
 
 
-PERSON: Final = Category(3, "Person", "traffic", 8, 20, _FAR_M)
-CAR: Final = Category(4, "Car", "traffic", 12, 60, _FAR_M)
-"""Every motor vehicle: cars, vans, trucks, buses, and a motorcycle with its rider, who is not a Person beside it."""
+PERSON: Final = Category(3, DISPLAY_NAMES["person"], "traffic", 8, 20, _FAR_M)
+CAR: Final = Category(4, DISPLAY_NAMES["car"], "traffic", 12, 60, _FAR_M)
+"""Every motor vehicle: cars, vans, trucks, buses, and motorcycles. A motorcycle's rider is part of it, not a person."""
 
 
 def categories() -> tuple[Category, ...]:
-    """All of them, by number: the three defects, Person and Car, then other registered defects by name, so that numbers
-    in files do not change their meaning when a class is added. A dataset's `capture.yaml` holds its own."""
+    """All categories by number: the three defects, person and car, then other registered defects by name.
+
+    Numbers in files so keep their meaning when a class is added. A dataset's `capture.yaml` holds its own.
+    """
     kinds = {kind.name: kind for kind in DEFECT_CLASSES.values()}
-    later = sorted(kinds.keys() - set(_FIRST))
-    first = [_defect(number, kinds[name]) for number, name in enumerate(_FIRST)]
+    later = sorted(kinds.keys() - set(SUBTYPES))
+    first = [_defect(number, kinds[name]) for number, name in enumerate(SUBTYPES)]
     return (*first, PERSON, CAR, *(_defect(number, kinds[name]) for number, name in enumerate(later, CAR.number + 1)))
 
 
@@ -67,7 +68,7 @@ def category_of_defect(kind: str) -> Category:
     Raises:
         PaveTwinError: the class is not known; its file is needed.
     """
-    name = label_name(DEFECT_CLASSES.get(kind).name)
+    name = display_name(DEFECT_CLASSES.get(kind).name)
     return next(category for category in categories() if category.name == name)
 
 
@@ -75,10 +76,5 @@ def category_of_agent(*, is_pedestrian: bool) -> Category:
     return PERSON if is_pedestrian else CAR
 
 
-def label_name(kind: str) -> str:
-    """How label files call a class of defects: `Single Crack` for `single_crack`."""
-    return kind.replace("_", " ").title()
-
-
 def _defect(number: int, kind: DefectKind) -> Category:
-    return Category(number, label_name(kind.name), "defect", farthest_m=_NEAR_M, **asdict(kind.label))
+    return Category(number, display_name(kind.name), "defect", farthest_m=_NEAR_M, **asdict(kind.label))

@@ -197,7 +197,7 @@ class ByHand(Mission):
         self._by_segment[target] = now if before is None else self._added(before, now, target)
 
     def _added(self, before: SegmentMetrics, now: SegmentMetrics, target: int) -> SegmentMetrics:
-        outcomes = Counter(each.outcome for each in self.detections.all if each.segment == target)
+        outcomes = Counter(self.detections.all.outcome[self.detections.all.segment == target])
         matched, wrong = outcomes[Outcome.CONFIRMED] + outcomes[Outcome.DUPLICATE], outcomes[Outcome.FALSE_ALARM]
         seen_m2 = now.surface_coverage * now.area_m2
         sums: dict[str, Any] = {name: getattr(before, name) + getattr(now, name) for name in SUMS}

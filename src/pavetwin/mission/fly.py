@@ -18,7 +18,7 @@ from pavetwin.mission.mission import Mission, Traffic
 from pavetwin.mission.result import MissionResult, result_of, spec_of
 from pavetwin.mission.spec import HANDED_IN, MissionSpec, PolicyInput
 from pavetwin.policies import Policy, load_policy
-from pavetwin.sensing import Detection, Frame, ImageSource, Sensor, load_sensor
+from pavetwin.sensing import Detections, Frame, ImageSource, Sensor, load_sensor
 
 
 def fly(
@@ -88,7 +88,7 @@ def fly(
         observer=observe,
     )
 
-    def detect(frame: Frame) -> Sequence[Detection]:
+    def detect(frame: Frame) -> Detections:
         try:
             return looking.detect(frame)
         except Exception as error:  # no context manager: this runs for every capture
@@ -152,7 +152,7 @@ class _CountedImages:
         return self._source(frame)
 
 
-def _answer(mission: Mission, policy: Policy, detect: Callable[[Frame], Sequence[Detection]] | None) -> None:
+def _answer(mission: Mission, policy: Policy, detect: Callable[[Frame], Detections] | None) -> None:
     """Fly a mission to its end and answer every event.
 
     Args:

@@ -17,11 +17,12 @@ import numpy as np
 from pavetwin._core import Trace, Viewpoint
 from pavetwin.arrays import Float64Array, IndexArray
 from pavetwin.config import MissionSettings
+from pavetwin.detections import Detections
 from pavetwin.mission.environment import MissionEnvironment, shutter_s, window_m
 from pavetwin.mission.events import ActionTaken, MissionEvent
 from pavetwin.mission.metrics import SegmentMetrics
 from pavetwin.mission.track import LATE_S
-from pavetwin.sensing import Frame, JudgedDetection, sensor_class
+from pavetwin.sensing import Frame, sensor_class
 from pavetwin.sensing.resolution import sighted_share
 from pavetwin.twin import Place
 from pavetwin.uav import camera_of
@@ -203,7 +204,7 @@ class FlownMission(Protocol):
     @property
     def events(self) -> Sequence[MissionEvent]: ...
     @property
-    def confirmed(self) -> Sequence[JudgedDetection]: ...
+    def confirmed(self) -> Detections: ...
     @property
     def trace(self) -> Trace: ...
     @property
@@ -256,7 +257,7 @@ class _Judge:
 
     def outcomes(self) -> Iterator[InspectedDefect]:
         environment = self.result.environment
-        confirmations = {each.defect: each for each in self.result.confirmed}
+        confirmations = {defect: row for row, defect in enumerate(self.result.confirmed.defect.tolist())}
         for segment in dict.fromkeys(row.segment for row in self.result.rows):
             for number in environment.defects_by_segment.get(segment, ()):
                 defect = environment.defects[number]
@@ -264,17 +265,20 @@ class _Judge:
                 confirmation = confirmations.get(number)
                 yield self._missed(defect, captures) if confirmation is None else self._found(captures, confirmation)
 
-    def _found(self, captures: IndexArray, confirmation: JudgedDetection) -> InspectedDefect:
-        assert confirmation.defect is not None
+    def _found(self, captures: IndexArray, confirmation: int) -> InspectedDefect:
+        """Args:
+        confirmation: row in the result's `confirmed`.
+        """
+        found = self.result.confirmed
         return InspectedDefect(
-            defect=self.result.environment.defects[confirmation.defect],
+            defect=self.result.environment.defects[found.defect[confirmation]],
             reason=None,
             captures=len(captures),
             captures_on_revisit=self._on_revisit(captures),
-            capture=confirmation.capture,
-            time_s=confirmation.time_s,
-            visible_fraction=confirmation.visible_fraction,
-            on_revisit=confirmation.on_revisit,
+            capture=int(found.capture[confirmation]),
+            time_s=float(found.time_s[confirmation]),
+            visible_fraction=float(found.visible_fraction[confirmation]),
+            on_revisit=bool(found.on_revisit[confirmation]),
             hidden_by=None,
         )
 

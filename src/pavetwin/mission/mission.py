@@ -43,7 +43,7 @@ from pavetwin.mission.metrics import SegmentMeter, SegmentMetrics
 from pavetwin.mission.track import MODES
 from pavetwin.navigation.patterns import Pass, from_nearest_end, passes
 from pavetwin.policies import Action, Displace, GoOn, Revisit, Wait
-from pavetwin.sensing import Detection, Frame, ImageSource, JudgedDetection
+from pavetwin.sensing import Detections, Frame, ImageSource
 from pavetwin.twin import (
     Agent,
     Confirmation,
@@ -268,12 +268,12 @@ class Mission:
         )
         return self._frame
 
-    def confirm(self, detections: Sequence[Detection]) -> list[JudgedDetection]:
-        """`note` the detections of the last frame, and return them with their judgements."""
+    def confirm(self, detections: Detections) -> Detections:
+        """`note` the detections of the last frame, and return them with their outcomes."""
         self.note(detections)
-        return self.detections.latest() if detections else []
+        return self.detections.latest() if len(detections) else detections
 
-    def note(self, detections: Sequence[Detection]) -> None:
+    def note(self, detections: Detections) -> None:
         """Judge the detections of the last frame, and remember the defects that they confirm.
 
         Raises:
@@ -310,7 +310,7 @@ class Mission:
         """The frames kept by `defer`, in the order of time."""
         return [each.frame for each in self._deferred]
 
-    def judge_deferred(self, detect: Callable[[Frame], Sequence[Detection]]) -> None:
+    def judge_deferred(self, detect: Callable[[Frame], Detections]) -> None:
         """Judge after landing what a sensor reports of the deferred frames, with the same outcome as in flight.
 
         The confirmed defects go into `memory` and `rows`, and each `DefectsConfirmed` to its place in `events`.
@@ -329,9 +329,7 @@ class Mission:
         for _, event in late:
             self.observer(event)
 
-    def _judge_late(
-        self, deferred: _Deferred, detect: Callable[[Frame], Sequence[Detection]]
-    ) -> DefectsConfirmed | None:
+    def _judge_late(self, deferred: _Deferred, detect: Callable[[Frame], Detections]) -> DefectsConfirmed | None:
         frame, known = deferred.frame, self.memory.confirmed
         if not self.sees_confirmed or self.settings.sensing.attempts == "first_capture":  # as in `note` and `frame`
             frame = replace(frame, sightings=tuple(each for each in frame.sightings if each.defect.id not in known))

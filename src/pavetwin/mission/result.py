@@ -9,6 +9,7 @@ import numpy as np
 
 from pavetwin._core import Trace
 from pavetwin.config import MissionSettings
+from pavetwin.detections import Detections, Outcome
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.detections import DetectionLog
 from pavetwin.mission.environment import MissionEnvironment
@@ -26,7 +27,6 @@ from pavetwin.mission.spec import (
     TrafficInput,
     WorldInput,
 )
-from pavetwin.sensing import JudgedDetection, Outcome
 from pavetwin.traffic.flow import Flow, flow_of
 from pavetwin.traffic.recording import Recording
 from pavetwin.twin import InspectionMemory
@@ -81,9 +81,9 @@ class MissionResult:
     """Shares computed in flight, by id of the defect and number of the capture."""
 
     @cached_property
-    def detections(self) -> tuple[JudgedDetection, ...]:
+    def detections(self) -> Detections:
         """All detections, in the order of time."""
-        return tuple(self.log.all)
+        return self.log.all
 
     @cached_property
     def flow(self) -> Flow | None:
@@ -110,9 +110,9 @@ class MissionResult:
         return "" if self.spec.traffic.density == HANDED_IN else self.spec.traffic.name
 
     @cached_property
-    def confirmed(self) -> tuple[JudgedDetection, ...]:
+    def confirmed(self) -> Detections:
         """The detections that confirmed a defect, one for each confirmed defect."""
-        return tuple(each for each in self.detections if each.outcome is Outcome.CONFIRMED)
+        return self.detections[self.detections.outcome == Outcome.CONFIRMED]
 
     @cached_property
     def actions(self) -> tuple[Decision, ...]:

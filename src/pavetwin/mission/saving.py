@@ -13,14 +13,14 @@ import pyarrow.parquet
 import shapely
 import yaml
 
+from pavetwin.arrays import Float64Array
+from pavetwin.detections import SIZES, Outcome
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing, writing_folder
 from pavetwin.mission.inspected_defects import HIDDEN, InspectedDefect, MissReason, captured_frame
 from pavetwin.mission.metrics import SegmentMetrics, totals
 from pavetwin.mission.result import MissionResult
 from pavetwin.mission.track import MODES
-from pavetwin.perception.classes import SIZES
-from pavetwin.sensing import JudgedDetection, Outcome
 from pavetwin.sensing.fit.tables import LOOK_SCHEMA, POSE_SCHEMA
 from pavetwin.sensing.looks import LookMeter
 from pavetwin.world.layers import columns_of, write_layer
@@ -142,14 +142,12 @@ def detections_geojson(result: MissionResult, frames: Sequence[str] = ()) -> dic
     Args:
         frames: the image of each confirmed defect, if images were saved.
     """
-    world = result.environment.world
+    world, found = result.environment.world, result.confirmed
     features = []
-    for number, detection in enumerate(result.confirmed):
-        assert detection.defect is not None
-        assert detection.visible_fraction is not None
-        defect = result.environment.defects[detection.defect]
+    for row, number in enumerate(found.defect.tolist()):
+        defect, frame = result.environment.defects[number], result.log.frames[int(found.capture[row])]
         lon, lat = world.georeference.to_wgs84((defect.centre.x, defect.centre.y))
-        camera_lon, camera_lat = world.georeference.to_wgs84(detection.position)
+        camera_lon, camera_lat = world.georeference.to_wgs84(frame.position)
         features.append(
             {
                 "type": "Feature",
@@ -157,16 +155,16 @@ def detections_geojson(result: MissionResult, frames: Sequence[str] = ()) -> dic
                 "geometry": {"type": "Point", "coordinates": [round(float(lon), 8), round(float(lat), 8)]},
                 "properties": {
                     **described(defect, world),
-                    "capture": detection.capture,
-                    "time_s": round(detection.time_s, 3),
-                    "on_revisit": detection.on_revisit,
-                    "attempt": detection.attempt,
-                    "visible_fraction": round(detection.visible_fraction, 4),
+                    "capture": frame.number,
+                    "time_s": round(frame.time_s, 3),
+                    "on_revisit": bool(found.on_revisit[row]),
+                    "attempt": int(found.attempt[row]),
+                    "visible_fraction": round(float(found.visible_fraction[row]), 4),
                     "camera_longitude": round(float(camera_lon), 8),
                     "camera_latitude": round(float(camera_lat), 8),
                     "camera_altitude_m": result.settings.altitude_m,
-                    "camera_yaw_rad": round(detection.yaw_rad, 6),
-                    **({"frame": frames[number]} if frames else {}),
+                    "camera_yaw_rad": round(frame.yaw_rad, 6),
+                    **({"frame": frames[row]} if frames else {}),
                 },
             }
         )
@@ -186,7 +184,8 @@ def look_table(result: MissionResult) -> pl.DataFrame:
         raise ValueError("a sensor without images has no looks")
     meter, environment = LookMeter(result.looked_px), result.environment
     right = (Outcome.CONFIRMED, Outcome.DUPLICATE)
-    found = {(each.capture, each.defect) for each in result.detections if each.outcome in right}
+    matched = result.detections[[outcome in right for outcome in result.detections.outcome]]
+    found = set(zip(matched.capture.tolist(), matched.defect.tolist(), strict=True))
     seen: dict[int, list[tuple[int, float]]] = {}
     for capture, defect, fraction in result.sighted:
         seen.setdefault(capture, []).append((defect, fraction))
@@ -293,35 +292,37 @@ def track_table(result: MissionResult) -> pl.DataFrame:
 
 
 def detections_table(result: MissionResult) -> pl.DataFrame:
-    """Table of detections with their outcomes, including false alarms; places in WGS 84.
+    """A row for each detection with its outcome, false alarms included; places in WGS 84.
 
-    Sizes are null if the sensor measures none or the image does not show them.
+    Sizes are null where the sensor measures none or the image does not show them.
     """
-    world, defects = result.environment.world, result.environment.defects
-    shapes = [each.footprint or defects[each.defect or 0].polygon for each in result.detections]
-    centres = shapely.get_coordinates(shapely.centroid(shapes)).reshape(-1, 2)
-    lonlat = world.georeference.to_wgs84(centres)
-    outlines = shapely.to_wkb(shapely.transform(shapes, world.georeference.to_wgs84))
-    rows = [
-        (
-            *(each.time_s, each.capture, world.segments[each.segment].id, each.outcome.value, each.kind),
-            *(each.confidence, each.defect, each.visible_fraction, each.on_revisit, float(lon), float(lat)),
-            *_measured(each),
-            outline,
-        )
-        for each, (lon, lat), outline in zip(result.detections, lonlat, outlines, strict=True)
-    ]
-    return pl.DataFrame(rows, schema=DETECTION_COLUMNS, orient="row")
+    world, found = result.environment.world, result.detections
+    to_wgs84, is_measured = world.georeference.to_wgs84, ~np.isnan(found.pixel_mm)
+    lonlat = to_wgs84(shapely.get_coordinates(shapely.centroid(found.footprint)).reshape(-1, 2))
+    names = [segment.id for segment in world.segments]
+    columns = {
+        "time_s": found.time_s,
+        "capture": found.capture,
+        "segment": [names[segment] for segment in found.segment],
+        "outcome": [outcome.value for outcome in found.outcome],
+        "class": found.class_name.tolist(),
+        "confidence": found.confidence,
+        "defect": [None if defect < 0 else defect for defect in found.defect.tolist()],
+        "visible_fraction": _nullable(found.visible_fraction),
+        "on_revisit": found.on_revisit,
+        "longitude": lonlat[:, 0],
+        "latitude": lonlat[:, 1],
+        **{name: _nullable(getattr(found, name)) for name in SIZES},
+        "severity": [severity or None for severity in found.severity],
+        "pixel_mm": _nullable(found.pixel_mm),
+        "is_cut": [cut if known else None for cut, known in zip(found.is_cut.tolist(), is_measured, strict=True)],
+        "footprint": shapely.to_wkb(shapely.transform(found.footprint, to_wgs84)).tolist(),
+    }
+    return pl.DataFrame(columns, schema=DETECTION_COLUMNS)
 
 
-def _measured(detection: JudgedDetection) -> tuple[float | str | bool | None, ...]:
-    """The columns `SIZES`, `severity`, `pixel_mm` and `is_cut`."""
-    measures = detection.measures
-    if measures is None:
-        return (None,) * (len(SIZES) + 3)
-    sizes = (measures.sizes.get(name) for name in SIZES)
-    numbers = (size if isinstance(size, float) else None for size in sizes)
-    return (*numbers, measures.sizes.get("severity"), measures.pixel_mm, measures.is_cut)
+def _nullable(values: Float64Array) -> pl.Series:
+    return pl.Series(values, nan_to_null=True)
 
 
 def description(result: MissionResult) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from pavetwin.arrays import Float64Array, UInt8Array
+from pavetwin.detections import Detections
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.environment import MissionEnvironment, parked_columns
 from pavetwin.mission.events import (
@@ -38,7 +39,6 @@ from pavetwin.mission.mission import Mission
 from pavetwin.mission.result import MissionResult
 from pavetwin.mission.track import LATE_S, MODE_NUMBER, MODES, activity, inspecting
 from pavetwin.policies import Revisit
-from pavetwin.sensing import JudgedDetection
 from pavetwin.twin import Agent, Confirmation, Mode, Note, Place, UavState
 from pavetwin.twin.state import agents_of
 from pavetwin.world.model import Segment
@@ -60,7 +60,7 @@ class TimelineState:
     """o_{s*,t} at the last look; None while nothing is under inspection."""
     captures: int
     """Number of captures so far: the first rows of the timeline's `captures`."""
-    detections: tuple[JudgedDetection, ...]
+    detections: Detections
     """All detections, including false alarms and duplicates, in the order of time."""
     found: Mapping[int, Confirmation]
     """The confirmed defects, by their id."""
@@ -106,14 +106,13 @@ class Timeline:
         if isinstance(mission, Mission):
             self.duration_s, self.trace = mission.flight.time_s, mission.traffic.trace()
             self.track, self.captures = _track_until_now(mission), mission.flight.captures()
-            self._detections = tuple(mission.detections.all)
+            self._detections = mission.detections.all
         else:
             self.duration_s, self.trace = mission.duration_s, mission.trace
             self.track, self.captures = mission.track, mission.captures
             self._detections = mission.detections
         self._events = tuple(mission.events)
         self._event_times_s = [event.time_s for event in self._events]
-        self._detection_times_s = [detection.time_s for detection in self._detections]
 
     def at(self, time_s: float) -> TimelineState:
         """The state at a moment from 0 to `duration_s`.
@@ -160,7 +159,7 @@ class Timeline:
             segment=None if segment < 0 else segments[segment],
             visibility=visibility if np.isfinite(visibility) else None,
             captures=self.capture_count(time_s),
-            detections=self._detections[: bisect_right(self._detection_times_s, time_s)],
+            detections=self._detections[: int(np.searchsorted(self._detections.time_s, time_s, "right"))],
             found=MappingProxyType(found),
             missed=frozenset(chain(*(defects_of.get(segments[left].id, ()) for left in finished))).difference(found),
             finished=tuple(finished),

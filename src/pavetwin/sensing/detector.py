@@ -1,47 +1,45 @@
-"""The sensor that looks: each capture is rendered, and a trained detector says what it sees in the image."""
+"""The sensor that searches images: each capture is rendered, and a trained detector finds defects in the image."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar, Final, Protocol
+from typing import Any, ClassVar, Final, Protocol
 
+import numpy as np
 from shapely import Polygon
 
-from pavetwin.arrays import BoolArray, UInt8Array
+from pavetwin.arrays import UInt8Array
 from pavetwin.config.mission import SensingSettings
 from pavetwin.config.options import OptionValue
-from pavetwin.labels.boxes import PixelBox, ends_at_border
-from pavetwin.perception.shipped import DEFAULT
-from pavetwin.sensing.base import Sensor
-from pavetwin.sensing.detection import Detection, MeasuredSizes
+from pavetwin.detections import SIZES, Detections
+from pavetwin.labels.boxes import ends_at_border
+from pavetwin.perception.model_file import DEFAULT
 from pavetwin.sensing.frame import Frame
 from pavetwin.sensing.looks import seen_camera
 from pavetwin.sensing.registered import sensor
+from pavetwin.sensing.sensor import Sensor
 from pavetwin.uav.cameras import Camera
 
-if TYPE_CHECKING:
-    from pavetwin.perception.inference import Detections
-
 LARGEST_PX: Final = 2048
-"""Longer side of the images for a model that looks at large ones in tiles, unless set."""
+"""Longer side of the images for a model that searches large ones in tiles, unless set."""
 
 _WAITING: Final = 4
-"""Images that wait for the detector at most, which bounds the memory."""
+"""Most images that wait for the detector; bounds the memory."""
 
 
 class ImageDetector(Protocol):
-    """What the sensor asks: `pavetwin.perception.inference.Detector`, or a stand-in with stated answers."""
+    """The interface of `pavetwin.perception.detector.Detector` that the sensor uses."""
 
     @property
     def image_px(self) -> int:
-        """Longer side of what the network sees."""
+        """Longer side of the network's input."""
         ...
 
     @property
     def tiled(self) -> bool:
-        """Whether it looks at larger images in tiles."""
+        """Whether it searches larger images in tiles."""
         ...
 
     @property
@@ -49,28 +47,28 @@ class ImageDetector(Protocol):
         """Whether its detections of defects have masks."""
         ...
 
-    def detect(self, images: Iterable[UInt8Array]) -> "list[Detections]":
+    def detect(self, images: Iterable[UInt8Array]) -> list[Detections]:
         """The detections of each image (height, width, 3)."""
         ...
 
 
 def default_image_px(detector: ImageDetector) -> int:
-    """Longer side of the images that a detector looks at in missions, unless set, or the camera's is shorter."""
+    """Longer side of the images that a detector searches in missions, unless set or the camera's is shorter."""
     return LARGEST_PX if detector.tiled else detector.image_px
 
 
 @sensor("detector")
 class DetectorSensor(Sensor):
-    """Reports what a model file of `pavetwin export` finds in the rendered image of each capture.
+    """Reports the detections of a model file of `pavetwin export` in the rendered image of each capture.
 
     The image has the camera's field of view and the pixels that the model takes. A detection's footprint is the convex
     hull of its mask, or else its box, on the ground as a level plane; its sizes come from the mask.
 
-    It remembers what it found: missions that share a world, traffic, light and seed also share captures, until their
+    It keeps its detections: missions that share a world, traffic, light and seed also share captures until their
     policies part, and each of these is rendered and searched once.
 
-    Unless `aboard`, the mission is flown first, and its captures are rendered and searched after landing: policies do
-    not know what was found. What is found is the same both ways for a policy that does not ask.
+    Unless `aboard`, captures are rendered and searched after landing: policies do not know the detections. For a policy
+    that does not use them, the detections are the same both ways.
     """
 
     every_capture = True
@@ -84,7 +82,7 @@ class DetectorSensor(Sensor):
 
     def __init__(self, settings: SensingSettings, seed: int, detector: ImageDetector | None = None) -> None:
         """Args:
-            detector: in place of the one that the option `model` names.
+            detector: in place of the model in the option `model`.
 
         Raises:
             PaveTwinError: there is no such model, or its file is damaged, or an option does not fit.
@@ -93,11 +91,11 @@ class DetectorSensor(Sensor):
         self.after_landing = not self.options["aboard"]
         self._detector = detector or self._opened()
         self.measures_sizes = self._detector.gives_masks
-        self._found: dict[int, list[tuple[Frame, list[Detection]]]] = {}
-        """By the capture's number: what was found in frames, which are without sightings."""
+        self._found: dict[int, list[tuple[Frame, Detections]]] = {}
+        """By the capture's number: frames without sightings, and the detections in them."""
 
     def _opened(self) -> ImageDetector:
-        from pavetwin.perception.inference import Detector
+        from pavetwin.perception.detector import Detector
 
         return Detector(str(self.options["model"]), confidence=float(self.options["confidence"]))
 
@@ -106,15 +104,15 @@ class DetectorSensor(Sensor):
         return int(self.options["image_px"]) or default_image_px(self._detector)
 
     def seen_camera(self, camera: Camera) -> Camera:
-        """A camera with the pixels of the images that the detector looks at; the field of view stays."""
+        """A camera with the pixels of the images that the detector searches, and the same field of view."""
         return seen_camera(camera, self.looked_px)
 
     def look_at(self, frames: Sequence[Frame], on_progress: Callable[[float], None] = lambda _: None) -> None:
-        """Render captures and search their images; `detect` then answers from what was found.
+        """Render captures and search their images; `detect` then returns the stored detections.
 
         While one image is searched, the next one is rendered.
         """
-        waiting: deque[tuple[Frame, Future[list[Detection]]]] = deque()
+        waiting: deque[tuple[Frame, Future[Detections]]] = deque()
         left = [frame for frame in frames if self._known(frame) is None]
         taken: list[Frame] = []
 
@@ -134,7 +132,7 @@ class DetectorSensor(Sensor):
                 take()
         on_progress(1.0)
 
-    def detect(self, frame: Frame) -> Sequence[Detection]:
+    def detect(self, frame: Frame) -> Detections:
         known = self._known(frame)
         if known is not None:
             return known
@@ -143,47 +141,50 @@ class DetectorSensor(Sensor):
         self._remember(frame, found)
         return found
 
-    def _known(self, frame: Frame) -> list[Detection] | None:
-        """What was found in this capture; None where it was not looked at."""
+    def _known(self, frame: Frame) -> Detections | None:
+        """The stored detections of a capture; None for one that is not searched yet."""
         asked = replace(frame, sightings=())
         return next((found for known, found in self._found.get(frame.number, ()) if known == asked), None)
 
-    def _remember(self, frame: Frame, found: list[Detection]) -> None:
+    def _remember(self, frame: Frame, found: Detections) -> None:
         self._found.setdefault(frame.number, []).append((replace(frame, sightings=(), source=None), found))
 
     def _seen(self, frame: Frame) -> Frame:
         return replace(frame, camera=self.seen_camera(frame.camera))
 
-    def _searched(self, frame: Frame, seen: Frame, image: UInt8Array) -> list[Detection]:
+    def _searched(self, frame: Frame, seen: Frame, image: UInt8Array) -> Detections:
         """Args:
-        seen: the frame with the camera that took the image.
+        seen: the frame with the camera of the image.
         """
         (found,) = self._detector.detect([image])
-        return [_detection(found, at, frame, seen) for at in range(len(found))]
+        return _on_ground(found, frame, seen)
 
 
-def _detection(found: "Detections", at: int, frame: Frame, seen: Frame) -> Detection:
-    from pavetwin.perception.results.detected_image import sizes_of
+def _on_ground(found: Detections, frame: Frame, seen: Frame) -> Detections:
+    """Detections in an image with sizes and with places on the ground, in pixels of the frame's own camera.
 
-    box = found.box(at)
-    on_ground = seen.footprint_of(box)
-    mask = found.mask(at)
-    pixel_mm = 1000.0 * seen.ground_resolution_m
-    return Detection(
-        kind=found.names[at].lower().replace(" ", "_"),
-        confidence=float(min(1.0, found.confidence[at])),
-        footprint=(None if mask is None else _hull(*mask, seen)) or on_ground,
-        box_px=frame.box_of(on_ground),
-        measures=MeasuredSizes(
-            sizes=sizes_of(found, at, pixel_mm),
-            pixel_mm=pixel_mm,
-            is_cut=ends_at_border(box, found.size_px),
-        ),
+    Args:
+        seen: the frame with the camera of the image.
+    """
+    from pavetwin.perception.measuring import with_sizes  # OpenCV, which other sensors do not need
+
+    measured = with_sizes(found, 1000.0 * seen.ground_resolution_m)
+    sizes: dict[str, Any] = {name: measured.columns[name] for name in ("pixel_mm", "severity", *SIZES)}
+    boxes = [found.box(row) for row in range(len(found))]
+    grounds = [seen.footprint_of(box) for box in boxes]
+    return Detections(
+        found.class_name,
+        np.minimum(1.0, found.confidence),
+        footprint=[_hull(found, row, seen) or ground for row, ground in enumerate(grounds)],
+        box_px=[frame.box_of(ground) for ground in grounds],
+        is_cut=[ends_at_border(box, seen.camera.image_px) for box in boxes],
+        **sizes,
     )
 
 
-def _hull(window: PixelBox, covered: BoolArray, seen: Frame) -> Polygon | None:
+def _hull(found: Detections, row: int, seen: Frame) -> Polygon | None:
     """The convex hull of a mask on the ground; None for one that covers nothing."""
     from pavetwin.labels.outlines import hull
 
-    return Polygon(seen.view.ground(hull(covered) + window[:2])) if covered.any() else None
+    mask = found.mask_pixels(row)
+    return Polygon(seen.view.ground(hull(mask[1]) + mask[0][:2])) if mask is not None and mask[1].any() else None

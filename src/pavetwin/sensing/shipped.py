@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception import shipped
+from pavetwin.perception import model_file as shipped
 
 FOLDER: Final = Path(__file__).parent / "fitted"
 

@@ -84,10 +84,10 @@ def test_a_mission_with_files_of_its_own_needs_nothing_else_and_names_what_chang
     (tmp_path / "thresholds.py").write_text("LEAST = 0.0\n")
     sensor.write_text(
         "from thresholds import LEAST\n"
-        "from pavetwin.sensing import Detection, Sensor\n"
+        "from pavetwin.sensing import Detections, Sensor\n"
         "class Keen(Sensor):\n"
         "    def detect(self, frame):\n"
-        "        return [Detection.of(each) for each in frame.sightings if each.visible_fraction > LEAST]\n"
+        "        return Detections.of_defects(s.defect for s in frame.sightings if s.visible_fraction > LEAST)\n"
     )
     camera.write_text("mine:\n  title: Mine\n  image_px: [1270, 950]\n  vertical_fov_deg: 60\n")
     policy.write_text(

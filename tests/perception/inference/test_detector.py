@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from pavetwin.detections import Detections
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.inference import Detections, Detector
-from pavetwin.perception.inference.detector import WHOLE
+from pavetwin.perception.detector import WHOLE, Detector
 from scenes.drawn_detector import FILE, ROAD, SIDE_PX, drawn
 
-STREET = drawn((SIDE_PX, 64), ("Pothole", (10, 8, 40, 48)), ("Car", (60, 12, 90, 56)))
-CRACKS = drawn((SIDE_PX, 64), ("Single Crack", (6, 4, 26, 60)), ("Crocodile Crack", (40, 10, 88, 50)))
-SIDEWALK = drawn((SIDE_PX, 64), ("Person", (30, 8, 54, 60)))
+STREET = drawn((SIDE_PX, 64), ("pothole", (10, 8, 40, 48)), ("car", (60, 12, 90, 56)))
+CRACKS = drawn((SIDE_PX, 64), ("single_crack", (6, 4, 26, 60)), ("crocodile_crack", (40, 10, 88, 50)))
+SIDEWALK = drawn((SIDE_PX, 64), ("person", (30, 8, 54, 60)))
 
 
 @pytest.fixture(scope="module")
@@ -23,23 +23,21 @@ def detector() -> Detector:
 
 
 def same(one: Detections, other: Detections) -> bool:
-    names = ("boxes", "classes", "detection", "subtype")
-    alike = all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
-    return alike and one.size_px == other.size_px and len(one.masks) == len(other.masks)
+    return one.without("mask") == other.without("mask") and one.size_px == other.size_px
 
 
 def test_it_finds_what_was_drawn(detector: Detector) -> None:
     """Edges to the pixel, classes, both confidences, the most confident first, and masks of defects alone."""
     street, cracks, sidewalk = detector.detect([STREET, CRACKS, SIDEWALK])
-    assert street.names == ["Car", "Pothole"]
-    np.testing.assert_allclose(street.boxes, [[60, 12, 90, 56], [10, 8, 40, 48]], atol=0.01)
-    assert sorted(cracks.names) == ["Crocodile Crack", "Single Crack"]
-    assert sidewalk.names == ["Person"]
-    assert (street.subtype[0], street.detection[0] > 0.7) == (1.0, True)
-    np.testing.assert_allclose(cracks.confidence, cracks.detection * cracks.subtype)
-    assert 0.8 < cracks.subtype.min() < cracks.subtype.max() < 0.99
-    assert street.mask(0) is None
-    window_and_mask = street.mask(1)
+    assert [*street.class_name] == ["car", "pothole"]
+    np.testing.assert_allclose(street.box_px, [[60, 12, 90, 56], [10, 8, 40, 48]], atol=0.01)
+    assert sorted([*cracks.class_name]) == ["crocodile_crack", "single_crack"]
+    assert [*sidewalk.class_name] == ["person"]
+    assert (street.subtype_confidence[0], street.detection_confidence[0] > 0.7) == (1.0, True)
+    np.testing.assert_allclose(cracks.confidence, cracks.detection_confidence * cracks.subtype_confidence)
+    assert 0.8 < cracks.subtype_confidence.min() < cracks.subtype_confidence.max() < 0.99
+    assert street.mask_pixels(0) is None
+    window_and_mask = street.mask_pixels(1)
     assert window_and_mask is not None
     assert window_and_mask[0] == (10, 8, 40, 48)
     assert window_and_mask[1].mean() > 0.95
@@ -61,37 +59,37 @@ def test_images_of_every_shape_and_kind_are_taken(detector: Detector) -> None:
     found = detector.detect(kinds)
     assert [each.size_px for each in found] == [kind.size for kind in kinds]
     assert same(found[3], detector.detect([STREET])[0])
-    assert "Pothole" in found[2].names
+    assert "pothole" in [*found[2].class_name]
     for each in found:
-        assert (each.boxes >= 0).all()
-        assert (each.boxes <= np.array([*each.size_px, *each.size_px])).all()
+        assert (each.box_px >= 0).all()
+        assert (each.box_px <= np.array([*each.size_px, *each.size_px])).all()
 
 
 def test_tiles_find_what_the_whole_shows_also_across_seams() -> None:
     """Things much larger than a tile, on its seams, and within it: once each, as a look at all of it gives them."""
     things = (
-        ("Crocodile Crack", (30, 20, 190, 60)),
-        ("Single Crack", (210, 70, 235, 220)),
-        ("Pothole", (60, 85, 100, 125)),
-        ("Car", (120, 150, 180, 190)),
+        ("crocodile_crack", (30, 20, 190, 60)),
+        ("single_crack", (210, 70, 235, 220)),
+        ("pothole", (60, 85, 100, 125)),
+        ("car", (120, 150, 180, 190)),
     )
     sheet = drawn((288, 256), *things)
     (whole,) = Detector(FILE, tiled=False, image_px=288, threads=1).detect([sheet])
     (tiled,) = Detector(FILE, tiled=True, threads=1).detect([sheet])
     for found in (whole, tiled):
-        told = sorted(zip(found.names, np.round(found.boxes).astype(int).tolist(), strict=True))
+        told = sorted(zip([*found.class_name], np.round(found.box_px).astype(int).tolist(), strict=True))
         assert told == sorted((name, list(box)) for name, box in things)
-        crack = found.mask(found.names.index("Single Crack"))
+        crack = found.mask_pixels([*found.class_name].index("single_crack"))
         assert crack is not None
         assert crack[1].mean() > 0.9
 
 
 def test_an_overview_finds_what_tiles_do_not_and_nothing_twice(monkeypatch: pytest.MonkeyPatch) -> None:
-    things = (("Crocodile Crack", (30, 20, 190, 60)), ("Pothole", (60, 85, 100, 125)), ("Car", (120, 150, 180, 190)))
+    things = (("crocodile_crack", (30, 20, 190, 60)), ("pothole", (60, 85, 100, 125)), ("car", (120, 150, 180, 190)))
     sheet = drawn((288, 256), *things)
     both = Detector(FILE, overview=True, threads=1)
     (found,) = both.detect([sheet])
-    assert sorted(found.names) == sorted(name for name, _ in things)
+    assert sorted([*found.class_name]) == sorted(name for name, _ in things)
     (whole,) = Detector(FILE, tiled=False, threads=1).detect([sheet])
     nothing = Detector(FILE, tiled=True, confidence=0.9999, threads=1)
     monkeypatch.setattr(both, "_tiles", nothing._tiles)  # as of things that no tile shows well enough
@@ -121,8 +119,8 @@ def test_images_a_little_larger_than_those_of_training_are_seen_whole_unless_til
 def test_detections_become_those_of_supervision(detector: Detector) -> None:
     (found,) = detector.detect([STREET])
     told = found.to_supervision()
-    assert told.xyxy.tolist() == found.boxes.tolist()
-    assert told.data["class_name"].tolist() == found.names
+    assert told.xyxy.tolist() == found.box_px.tolist()
+    assert told.data["class_name"].tolist() == [*found.class_name]
     assert told.mask.shape == (2, 64, SIDE_PX)
     assert found.to_supervision(masks=False).mask is None
 

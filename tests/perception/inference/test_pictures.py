@@ -8,8 +8,8 @@ import pytest
 from PIL import Image
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.inference import pictures
-from pavetwin.perception.inference.pictures import opened, pixels_of
+from pavetwin.perception import images as pictures
+from pavetwin.perception.images import opened, pixels_of
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,5 @@
 """Tiles cover an image, and what several of them see is one object."""
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -8,19 +7,32 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pavetwin.detections import Detections, MaskPart
 from pavetwin.labels.boxes import FloatBox, PixelBox, within
-from pavetwin.perception.inference import Detections
-from pavetwin.perception.inference.detections import MaskPart
-from pavetwin.perception.inference.tiles import OVERLAP, merged, tile_windows
+from pavetwin.perception.tiles import OVERLAP, merged, tile_windows
 
 SIDE = 128
 SIZE = (300, 220)
-CRACK, POTHOLE, CAR = 0, 2, 4
+CRACK, POTHOLE, CAR = "single_crack", "pothole", "car"
 
 FEW = settings(max_examples=40, deadline=None)
 
 
-def seen(box: FloatBox, tiles: list[PixelBox], *, kind: int = POTHOLE, confidence: float = 0.8) -> list[Detections]:
+def detections(names: list[str], boxes: list[FloatBox], confidence: float, masks: list[MaskPart]) -> Detections:
+    """Detections in the image, whose masks go to defects."""
+    count = len(names)
+    return Detections(
+        names,
+        np.full(count, confidence, dtype=np.float32),
+        size_px=SIZE,
+        box_px=np.array(boxes, dtype=np.float32),
+        mask=[(masks[row],) if masks and name != CAR else () for row, name in enumerate(names)],
+        detection_confidence=np.full(count, confidence),
+        subtype_confidence=np.ones(count),
+    )
+
+
+def seen(box: FloatBox, tiles: list[PixelBox], *, kind: str = POTHOLE, confidence: float = 0.8) -> list[Detections]:
     """What each tile says of an object, if it sees it: the part within the tile, fully covered by its mask."""
     found = []
     for tile in tiles:
@@ -28,16 +40,7 @@ def seen(box: FloatBox, tiles: list[PixelBox], *, kind: int = POTHOLE, confidenc
         parts = [part] if part is not None and part[2] - part[0] > 1 and part[3] - part[1] > 1 else []
         count = len(parts)
         grid = np.ones((4, 4), dtype=np.float32)
-        found.append(
-            Detections(
-                SIZE,
-                np.array(parts, dtype=np.float32).reshape(-1, 4),
-                np.full(count, kind, dtype=np.int64),
-                np.full(count, confidence, dtype=np.float32),
-                np.ones(count, dtype=np.float32),
-                tuple((MaskPart(each, grid),) if kind == POTHOLE else () for each in parts),
-            )
-        )
+        found.append(detections([kind] * count, parts, confidence, [MaskPart(each, grid) for each in parts]))
     return found
 
 
@@ -50,27 +53,21 @@ def seen_crack(
     for tile in tiles:
         inside = along[((along >= tile[:2]) & (along <= tile[2:])).all(axis=1)]
         count = int(len(inside) > 240)  # of less a network says nothing
-        boxes, parts = np.empty((0, 4), dtype=np.float32), ()
+        boxes, parts = [], []
         if count:
             low, high = inside.min(axis=0) - 2, inside.max(axis=0) + 2
             cells = np.floor((inside - low) / (high - low) * 28).astype(int)
             grid = np.zeros((28, 28), dtype=np.float32)
             grid[cells[:, 1], cells[:, 0]] = 1
-            boxes = np.array([[*low, *high]], dtype=np.float32)
-            parts = ((MaskPart(tuple(boxes[0].tolist()), grid),) if masks else (),)
-        kind, sure = np.full(count, CRACK, dtype=np.int64), np.full(count, 0.8, dtype=np.float32)
-        found.append(Detections(SIZE, boxes, kind, sure, np.ones(count, dtype=np.float32), parts))
+            boxes = np.array([[*low, *high]], dtype=np.float32).tolist()
+            parts = [MaskPart(tuple(boxes[0]), grid)] if masks else []
+        found.append(detections([CRACK] * count, boxes, 0.8, parts))
     return found
 
 
 def together(*scenes: list[Detections]) -> list[Detections]:
     """What each tile says of several objects."""
-    found = []
-    for each in zip(*scenes, strict=True):
-        arrays = [np.concatenate([getattr(one, name) for one in each]) for name in ("boxes", "classes")]
-        confidences = [np.concatenate([getattr(one, name) for one in each]) for name in ("detection", "subtype")]
-        found.append(Detections(SIZE, *arrays, *confidences, sum((one.masks for one in each), ())))
-    return found
+    return [Detections.concatenated(each) for each in zip(*scenes, strict=True)]
 
 
 @FEW
@@ -96,7 +93,7 @@ def test_what_lies_within_a_tile_comes_out_once_and_unchanged(data: st.DataObjec
     width, height = data.draw(st.integers(12, 24)), data.draw(st.integers(12, 24))
     box = (float(left), float(top), float(left + width), float(top + height))
     result = merged(seen(box, tiles, kind=data.draw(st.sampled_from([POTHOLE, CAR]))), tiles)
-    assert result.boxes.tolist() == [list(box)]
+    assert result.box_px.tolist() == [list(box)]
     assert result.confidence.tolist() == [pytest.approx(0.8)]
 
 
@@ -108,8 +105,8 @@ def test_what_crosses_seams_comes_out_once_with_the_whole_box(left: int, right: 
     parts = seen(box, tiles)
     assert sum(map(len, parts)) > 1
     result = merged(parts, tiles)
-    np.testing.assert_allclose(result.boxes, [box], atol=3)
-    mask = result.mask(0)
+    np.testing.assert_allclose(result.box_px, [box], atol=3)
+    mask = result.mask_pixels(0)
     assert mask is not None
     assert mask[1].mean() > 0.98
 
@@ -120,7 +117,7 @@ def test_a_crack_across_seams_at_any_angle_comes_out_once(x0: float, y0: float, 
     tiles = tile_windows(SIZE, SIDE)
     result = merged(seen_crack((x0, y0), (x1, y1), tiles), tiles)
     around = [x0, min(y0, y1), x1, max(y0, y1)]
-    np.testing.assert_allclose(result.boxes[0], around, atol=8)
+    np.testing.assert_allclose(result.box_px[0], around, atol=8)
     assert len(result) == 1
 
 
@@ -138,45 +135,41 @@ LONG = ((100.0, 100.0), (1900.0, 1400.0))
 @pytest.mark.parametrize("end", [(260.0, 1500.0), (1990.0, 110.0), (1900.0, 1400.0)])
 def test_a_crack_over_a_frame_is_one_steep_or_flat(end: tuple[float, float]) -> None:
     result = merged(seen_crack((100, 100), end, FRAME), FRAME)
-    np.testing.assert_allclose(result.boxes, [[100, 100, *end]], atol=3)
+    np.testing.assert_allclose(result.box_px, [[100, 100, *end]], atol=3)
 
 
 @pytest.mark.parametrize("second", [((900.0, 100.0), (1900.0, 820.0)), ((400.0, 100.0), (1900.0, 1180.0))])
 def test_a_crack_within_the_box_of_another_stays_its_own(second: tuple[tuple[float, float], ...]) -> None:
     result = merged(together(seen_crack(*LONG, FRAME), seen_crack(*second, FRAME)), FRAME)
     wanted = sorted([*start, *end] for start, end in (LONG, second))
-    np.testing.assert_allclose(sorted(result.boxes.tolist()), wanted, atol=3)
+    np.testing.assert_allclose(sorted(result.box_px.tolist()), wanted, atol=3)
 
 
 def test_a_pothole_within_the_box_of_a_crack_stays() -> None:
     pothole = (1000.0, 346.0, 1110.0, 486.0)
-    assert all(len(each.boxes) == 0 or pothole != tuple(each.boxes[0]) for each in seen(pothole, FRAME))
+    assert all(len(each) == 0 or pothole != tuple(each.box_px[0]) for each in seen(pothole, FRAME))
     result = merged(together(seen_crack(*LONG, FRAME), seen(pothole, FRAME, confidence=0.7)), FRAME)
-    assert result.names == ["Single Crack", "Pothole"]
-    assert result.boxes[1].tolist() == list(pothole)
+    assert [*result.class_name] == [CRACK, POTHOLE]
+    assert result.box_px[1].tolist() == list(pothole)
 
 
 def test_a_box_that_ends_before_the_seam_is_a_part_too() -> None:
     """The networks' boxes of thin cracks often end some pixels early."""
     parts = seen_crack((20, 60), (280, 60), tile_windows(SIZE, SIDE))
     early = [
-        replace(each, boxes=each.boxes - np.array([0, 0, 10, 0], dtype=np.float32)) if at == 0 else each
+        each.with_columns(box_px=each.box_px - np.array([0, 0, 10, 0])) if at == 0 else each
         for at, each in enumerate(parts)
     ]
     result = merged(early, tile_windows(SIZE, SIDE))
     assert len(result) == 1
-    np.testing.assert_allclose(result.boxes[0], [20, 60, 280, 60], atol=3)
+    np.testing.assert_allclose(result.box_px[0], [20, 60, 280, 60], atol=3)
 
 
 def test_two_cracks_that_meet_a_seam_apart_stay_two() -> None:
     tiles = tile_windows(SIZE, SIDE)
     seam = (tiles[0][2] + tiles[1][0]) / 2
-    first = [
-        each if at % 3 == 0 else each.chosen([]) for at, each in enumerate(seen_crack((10, 20), (seam + 20, 60), tiles))
-    ]
-    second = [
-        each.chosen([]) if at % 3 == 0 else each for at, each in enumerate(seen_crack((seam - 20, 20), (200, 5), tiles))
-    ]
+    first = [each if at % 3 == 0 else each[[]] for at, each in enumerate(seen_crack((10, 20), (seam + 20, 60), tiles))]
+    second = [each[[]] if at % 3 == 0 else each for at, each in enumerate(seen_crack((seam - 20, 20), (200, 5), tiles))]
     assert sum(map(len, first)) == 1
     assert sum(map(len, second)) >= 1
     result = merged(together(first, second), tiles)
@@ -188,8 +181,8 @@ def test_neighbours_of_other_classes_or_places_stay_apart() -> None:
     first, second = (90.0, 40.0, 120.0, 70.0), (90.0, 80.0, 120.0, 110.0)
     scenes = [seen(first, tiles), seen(first, tiles, kind=CAR), seen(second, tiles, confidence=0.9)]
     result = merged(together(*scenes), tiles)
-    assert result.names == ["Pothole", "Pothole", "Car"]
-    assert result.boxes.tolist() == [list(second), list(first), list(first)]
+    assert [*result.class_name] == [POTHOLE, POTHOLE, CAR]
+    assert result.box_px.tolist() == [list(second), list(first), list(first)]
 
 
 @FEW
@@ -204,7 +197,7 @@ def test_doubtful_boxes_leave_a_confident_one_as_it_is(data: st.DataObject) -> N
         other = (left, top, left + data.draw(st.floats(20, 100)), top + data.draw(st.floats(20, 70)))
         doubtful.append(seen(other, tiles, confidence=data.draw(st.floats(0.01, 0.4))))
     result = merged(together(seen(box, tiles, confidence=0.9), *doubtful), tiles)
-    assert result.boxes[0].tolist() == alone.boxes[0].tolist()
+    assert result.box_px[0].tolist() == alone.box_px[0].tolist()
     assert (result.confidence[1:] < 0.45).all()
 
 
@@ -215,7 +208,7 @@ def test_an_object_seen_whole_takes_the_place_of_a_more_confident_part() -> None
     assert len(part[1]) == 1
     found = [whole[0], part[1], *whole[2:]]
     result = merged(found, tiles)
-    assert result.boxes.tolist() == [list(box)]
+    assert result.box_px.tolist() == [list(box)]
 
 
 def test_a_part_that_is_told_otherwise_is_not_a_second_object() -> None:
@@ -224,4 +217,4 @@ def test_a_part_that_is_told_otherwise_is_not_a_second_object() -> None:
     found = seen((60.0, 20.0, 120.0, 60.0), tiles, confidence=0.9)
     end = (float(tiles[1][0]), 20.0, float(tiles[1][0]) + 10, 30.0)
     found[1] = seen(end, tiles, confidence=0.5)[1]
-    assert merged(found, tiles).boxes.tolist() == [[60.0, 20.0, 120.0, 60.0]]
+    assert merged(found, tiles).box_px.tolist() == [[60.0, 20.0, 120.0, 60.0]]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pavetwin.perception.results.photograph import PhotographPose, pose_of
+from pavetwin.perception.photograph import PhotographPose, pose_of
 from scenes.aerial import FOCAL_PX, HEIGHT_M, LATITUDE, LONGITUDE, aerial_photograph
 
 SIZE = (640, 480)

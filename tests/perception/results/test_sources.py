@@ -2,14 +2,14 @@
 
 from pathlib import Path
 
-from pavetwin.perception.inference import Detector
-from pavetwin.perception.results.detect_folder import detect_source
-from pavetwin.perception.results.sources import source_images
+from pavetwin.perception.detect_folder import detect_source
+from pavetwin.perception.detector import Detector
+from pavetwin.perception.images import source_images
 from scenes.drawn_detector import FILE, drawn
 
 
 def test_annotated_pictures_are_no_photographs(tmp_path: Path) -> None:
-    drawn((96, 96), ("Pothole", (30, 10, 60, 90))).save(tmp_path / "a.png")
+    drawn((96, 96), ("pothole", (30, 10, 60, 90))).save(tmp_path / "a.png")
     (tmp_path / "pictures").mkdir()
     drawn((96, 96)).save(tmp_path / "pictures" / "b.png")
     assert [each.name for each in source_images(tmp_path)] == ["a.png", "pictures/b.png"], "a folder of that name"
@@ -20,7 +20,7 @@ def test_annotated_pictures_are_no_photographs(tmp_path: Path) -> None:
 
 def test_progress_is_told_for_each_image_and_within_a_large_one(tmp_path: Path) -> None:
     drawn((96, 96)).save(tmp_path / "a.png")
-    drawn((500, 96), ("Pothole", (30, 10, 60, 90))).save(tmp_path / "b.png")
+    drawn((500, 96), ("pothole", (30, 10, 60, 90))).save(tmp_path / "b.png")
     told: list[tuple[float, str]] = []
     detect_source(
         Detector(FILE, tiled=True),

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from pavetwin.perception.results.measuring import NOT_RESOLVABLE
-from pavetwin.perception.results.visible_severity import visible_severity
+from pavetwin.detections import NOT_RESOLVABLE
+from pavetwin.perception.measuring import visible_severity
 
 
 def crack(width_mm: float, gsd_mm: float) -> np.ndarray:
@@ -32,14 +32,14 @@ def hole(diameter_mm: float, gsd_mm: float) -> np.ndarray:
     ],
 )
 def test_a_crack_by_its_opening(width_mm: float, gsd_mm: float, told: str) -> None:
-    assert visible_severity("Single Crack", crack(width_mm, gsd_mm), gsd_mm) == told
+    assert visible_severity("single_crack", crack(width_mm, gsd_mm), gsd_mm) == told
 
 
 def test_a_coarse_mask_decides_less() -> None:
     mask = crack(30.0, 2.0)
-    assert visible_severity("Single Crack", mask, 2.0, cell_px=1.0) == "medium"
-    assert visible_severity("Single Crack", mask, 2.0, cell_px=8.0) == "low to medium"
-    assert visible_severity("Single Crack", mask, 2.0, cell_px=20.0) == NOT_RESOLVABLE
+    assert visible_severity("single_crack", mask, 2.0, cell_px=1.0) == "medium"
+    assert visible_severity("single_crack", mask, 2.0, cell_px=8.0) == "low to medium"
+    assert visible_severity("single_crack", mask, 2.0, cell_px=20.0) == NOT_RESOLVABLE
 
 
 @pytest.mark.parametrize(
@@ -53,8 +53,8 @@ def test_a_coarse_mask_decides_less() -> None:
     ],
 )
 def test_a_pothole_by_its_diameter_at_any_depth(diameter_mm: float, told: str) -> None:
-    assert visible_severity("Pothole", hole(diameter_mm, 2.5), 2.5) == told
+    assert visible_severity("pothole", hole(diameter_mm, 2.5), 2.5) == told
 
 
 def test_a_network_of_cracks_shows_no_severity() -> None:
-    assert visible_severity("Crocodile Crack", np.ones((200, 300), dtype=bool), 2.0) == NOT_RESOLVABLE
+    assert visible_severity("crocodile_crack", np.ones((200, 300), dtype=bool), 2.0) == NOT_RESOLVABLE

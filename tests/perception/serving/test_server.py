@@ -22,13 +22,13 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.inference import Detector
-from pavetwin.perception.serving import server as server_module
-from pavetwin.perception.serving.server import PredictionServer
-from pavetwin.perception.serving.uploads import ServerLimits
+from pavetwin.labels.class_names import display_name
+from pavetwin.perception import server as server_module
+from pavetwin.perception.detector import Detector
+from pavetwin.perception.server import PredictionServer, ServerLimits
 from scenes.drawn_detector import FILE, drawn
 
-STREET = drawn((96, 64), ("Pothole", (10, 8, 40, 48)), ("Car", (60, 12, 90, 56)))
+STREET = drawn((96, 64), ("pothole", (10, 8, 40, 48)), ("car", (60, 12, 90, 56)))
 BOUNDARY = "x-boundary"
 
 
@@ -120,8 +120,8 @@ def test_it_says_what_the_detector_says(service: Running) -> None:
     assert status == 200, told
     (found,) = Detector(FILE, threads=1).detect([STREET])
     assert (status, told["width"], told["height"]) == (200, 96, 64)
-    assert [each["class"] for each in told["detections"]] == found.names
-    np.testing.assert_allclose([each["box"] for each in told["detections"]], found.boxes, atol=0.01)
+    assert [each["class"] for each in told["detections"]] == [*map(display_name, found.class_name)]
+    np.testing.assert_allclose([each["box"] for each in told["detections"]], found.box_px, atol=0.01)
     np.testing.assert_allclose([each["confidence"] for each in told["detections"]], found.confidence, atol=1e-4)
     assert len(told["detections"][1]["outline"]) >= 4
 
@@ -206,7 +206,7 @@ def test_hung_clients_are_dropped_and_hold_nobody_up(service: Running) -> None:
 
 
 def test_32_clients_get_their_own_answers(service: Running) -> None:
-    pictures = [drawn((96, 64), ("Car", (20 + at, 12, 50 + at, 56))) for at in range(32)]
+    pictures = [drawn((96, 64), ("car", (20 + at, 12, 50 + at, 56))) for at in range(32)]
     with ThreadPoolExecutor(32) as clients:
         answers = list(clients.map(lambda picture: service.send(encoded(picture)), pictures))
     assert [status for status, _ in answers] == [200] * 32

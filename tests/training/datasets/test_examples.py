@@ -9,19 +9,17 @@ import numpy as np
 import pytest
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.labels.classes import categories
-from pavetwin.labels.rle import encode
-from pavetwin.perception.classes import (
-    CAR,
-    CLASSES,
-    COARSE,
+from pavetwin.labels.class_names import (
+    CLASS_LABELS,
+    COARSE_LABELS,
     NO_SUBTYPE,
-    PERSON,
     ROAD_DEFECT,
     class_of,
     coarse_of,
     subtype_of,
 )
+from pavetwin.labels.classes import categories
+from pavetwin.labels.rle import encode
 from pavetwin.training.datasets.examples import (
     Outline,
     RunLengths,
@@ -33,14 +31,16 @@ from pavetwin.training.datasets.examples import (
 from pavetwin.training.datasets.packs import PackOptions, read_pack, write_pack
 from scenes.drawn_roads import NAMES, drawn_roads
 
+PERSON, CAR = 1, 2  # in `COARSE`
+
 
 def test_the_classes_are_those_of_label_files() -> None:
-    assert tuple(category.name for category in categories()[:5]) == CLASSES
-    for number, name in enumerate(CLASSES):
+    assert tuple(category.name for category in categories()[:5]) == CLASS_LABELS
+    for number, name in enumerate(CLASS_LABELS):
         coarse = coarse_of(name, is_defect=False)
         assert coarse is not None
         assert class_of(coarse, subtype_of(name)) == number
-        assert (COARSE[coarse] == name) == (number >= 3)
+        assert (COARSE_LABELS[coarse] == name) == (number >= 3)
     assert coarse_of("Spalling", is_defect=True) == ROAD_DEFECT
     assert class_of(ROAD_DEFECT, NO_SUBTYPE) is None
     assert coarse_of("Tree", is_defect=False) is None

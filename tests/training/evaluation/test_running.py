@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.inference import Detector
+from pavetwin.perception.detector import Detector
 from pavetwin.training.evaluation.detections import LEAST_CONFIDENCE, found_by
 from pavetwin.training.evaluation.evaluate import evaluate
 from pavetwin.training.evaluation.labelled import read_split

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.classes import CLASSES
+from pavetwin.labels.class_names import CLASS_LABELS
 from pavetwin.training.evaluation import ultralytics_models
 from pavetwin.training.evaluation.comparison import ComparedModel, cells, processor, with_speeds
 from pavetwin.training.evaluation.ultralytics_models import check_ultralytics, open_ultralytics
@@ -88,7 +88,7 @@ def test_weights_that_are_of_no_use_are_refused(tmp_path: Path) -> None:
         (tmp_path / name).touch()
     with pytest.raises(PaveTwinError, match=r"damaged.pt' is damaged, or no weights of Ultralytics."):
         open_ultralytics(tmp_path / "damaged.pt", confidence=0.25, image_px=640)
-    with pytest.raises(PaveTwinError, match=rf"dogs.pt' knows none of the classes {', '.join(CLASSES)}."):
+    with pytest.raises(PaveTwinError, match=rf"dogs.pt' knows none of the classes {', '.join(CLASS_LABELS)}."):
         open_ultralytics(tmp_path / "dogs.pt", confidence=0.25, image_px=640)
     with pytest.raises(PaveTwinError, match=r"`weights`: there is no file '.*gone.pt'."):
         check_ultralytics(tmp_path / "gone.pt")

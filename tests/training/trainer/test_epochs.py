@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pavetwin.perception.classes import CLASSES
+from pavetwin.labels.class_names import CLASSES
 from pavetwin.training.datasets.examples import ExampleSet
 from pavetwin.training.trainer import trainer
 from pavetwin.training.trainer.batches import TrainingViews

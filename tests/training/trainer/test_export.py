@@ -12,9 +12,8 @@ from torch import nn
 from torchvision.ops import box_iou
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.inference import Detector
-from pavetwin.perception.inference.model_file import ModelFacts
-from pavetwin.perception.shipped import DEFAULT, model_path
+from pavetwin.perception.detector import Detector
+from pavetwin.perception.model_file import DEFAULT, ModelFacts, model_path
 from pavetwin.training.network.architecture import variant
 from pavetwin.training.network.network import DetectLimits, DetectorNetwork, ImageDetections, detect
 from pavetwin.training.trainer.export import export, onnx_model

@@ -15,8 +15,7 @@ from onnx import TensorProto, helper
 from torch import Tensor, nn
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.inference.model_file import ModelFacts
-from pavetwin.perception.shipped import start_path
+from pavetwin.perception.model_file import ModelFacts, start_path
 from pavetwin.training.datasets.examples import ExampleSet
 from pavetwin.training.network.architecture import Architecture, variant
 from pavetwin.training.network.losses import no_targets

@@ -7,7 +7,7 @@ import torch
 from torchvision.ops import roi_align
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.classes import COARSE
+from pavetwin.labels.class_names import COARSE
 from pavetwin.training.network.architecture import Architecture, variant
 from pavetwin.training.network.layers import pooled, sample_regions
 from pavetwin.training.network.losses import no_targets

@@ -10,7 +10,7 @@ from pycocotools.coco import COCO
 from pycocotools.cocoeval import COCOeval
 from torchvision.ops import box_iou
 
-from pavetwin.perception.classes import ROAD_DEFECT, SUBTYPES
+from pavetwin.labels.class_names import ROAD_DEFECT, SUBTYPES
 from pavetwin.training.datasets.examples import read_coco
 from pavetwin.training.network.network import DetectLimits, ImageDetections, detect
 from pavetwin.training.trainer.batches import Batch, ValidationViews, batches

@@ -17,7 +17,7 @@ import pytest
 import torch
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.classes import CAR, PERSON, ROAD_DEFECT
+from pavetwin.labels.class_names import ROAD_DEFECT
 from pavetwin.training.datasets.examples import ExampleSet, read_coco
 from pavetwin.training.trainer.__main__ import main
 from pavetwin.training.trainer.machine import check_compiler, has_half
@@ -28,6 +28,8 @@ from pavetwin.training.trainer.schedule import MovingAverage, epoch_order, phase
 from pavetwin.training.trainer.trainer import Trainer
 from pavetwin.training.trainer.watchers import Silent
 from scenes.drawn_roads import NAMES, drawn_roads
+
+PERSON, CAR = 1, 2  # in `COARSE`
 
 TINY = TrainingOptions(
     width=0.03, depth=0.01, image_px=64, epochs=2, classifier_epochs=1, batch=4, warmup_epochs=1, mosaic_off=1, seed=3

@@ -9,7 +9,7 @@ import torch
 from PIL import Image
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.classes import ROAD_DEFECT
+from pavetwin.labels.class_names import ROAD_DEFECT
 from pavetwin.training.datasets.examples import Example, ExampleSet, read_coco
 from pavetwin.training.trainer.batches import TrainingViews, ValidationViews, batches, collated, labelled
 from pavetwin.training.trainer.pictures import HeldExampleSet

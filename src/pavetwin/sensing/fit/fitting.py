@@ -1,4 +1,4 @@
-"""From looks at rendered captures to a fitted sensor."""
+"""Tables of looks, and their columns."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,20 +8,19 @@ from typing import Final
 import numpy as np
 import polars as pl
 from scipy.optimize import minimize
-from scipy.special import ndtr, ndtri
+from scipy.special import log_ndtr, ndtr, ndtri
 
 from pavetwin.arrays import Float64Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.sensing.fit.mixed_probit import fit_mixed_probit
 from pavetwin.sensing.fit.tables import CAPTURE, GROUP, LOOK_COLUMNS, LookSource
-from pavetwin.sensing.fitted_number import FittedNumber
-from pavetwin.sensing.looks import Look
-from pavetwin.sensing.sensor_model import (
+from pavetwin.sensing.fitted_sensor import (
     BEND,
     OF_ALL,
     OF_CLASS,
     FalseAlarms,
     FittedDetector,
+    FittedNumber,
     FittedTo,
     SensorModel,
     Variable,
@@ -29,6 +28,32 @@ from pavetwin.sensing.sensor_model import (
     term_names,
     values_of,
 )
+from pavetwin.sensing.looks import Look
+from pavetwin.sensing.sensor import PARAMETER_DRAWS
+
+
+def found_by_draws(model: SensorModel, looks: Sequence[Sequence[Look]], count: int = PARAMETER_DRAWS) -> Float64Array:
+    """(count, defects) the probability that at least one of a defect's looks finds it, in each draw.
+
+    Args:
+        looks: of each defect; none, or of a class that the model was not fitted to, find nothing.
+    """
+    draws = model.parameter_draws(count)
+    columns = {name: at for at, name in enumerate(model.terms)}
+    nodes, weights = np.polynomial.hermite_e.hermegauss(21)
+    effects = np.exp(draws[:, -1:, np.newaxis]) * nodes
+    found = np.zeros((count, len(looks)))
+    for at, mine in enumerate(looks):
+        known = [model.row(look) for look in mine if look.kind in model.classes]
+        if known:
+            x = np.zeros((len(known), len(columns)))
+            for row, values in enumerate(known):
+                x[row, [columns[name] for name in values]] = list(values.values())
+            scores = (draws[:, :-1] @ x.T)[:, :, np.newaxis]
+            missed = np.exp(log_ndtr(-(scores + effects)).sum(axis=1))
+            found[:, at] = 1.0 - missed @ (weights / weights.sum())
+    return found
+
 
 SD_OF_LEVEL, SD_OF_EFFECT, SD_OF_SHAPE, SD_OF_LIGHT = 2.5, 2.0, 1.0, 0.1
 """Standard deviations of the priors: of a class's level, and of an effect of a variable divided by its spread. A class

@@ -5,7 +5,7 @@ from typing import Final
 
 import polars as pl
 
-from pavetwin.sensing.sensor_model import FittedDetector
+from pavetwin.sensing.fitted_sensor import FittedDetector
 
 LOOK_COLUMNS: Final = {
     **dict.fromkeys(("kind", "severity"), pl.String),

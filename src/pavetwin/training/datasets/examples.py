@@ -21,8 +21,8 @@ from pavetwin.arrays import UInt8Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels import CUT_OUT
 from pavetwin.labels.boxes import FloatBox
+from pavetwin.labels.class_names import COARSE_LABELS, ROAD_DEFECT, SUBTYPE_LABELS, coarse_of, subtype_of
 from pavetwin.labels.rle import decode, encode
-from pavetwin.perception.classes import COARSE, ROAD_DEFECT, SUBTYPES, coarse_of, subtype_of
 
 SPLITS_USED: Final = ("train", "val")
 """Splits of a dataset that training reads."""
@@ -79,9 +79,9 @@ class TrueObject:
     category: str
     """Its name in the file."""
     coarse: int
-    """In `COARSE`."""
+    """In `COARSE_LABELS`."""
     subtype: int
-    """In `SUBTYPES`, or `NO_SUBTYPE`."""
+    """In `SUBTYPE_LABELS`, or `NO_SUBTYPE`."""
     box: FloatBox
     """In pixels of the image."""
     is_ignored: bool = False
@@ -169,8 +169,8 @@ def missing_classes(examples: Iterable[Example]) -> list[str]:
     objects = [each for example in examples for each in example.objects if not each.is_ignored]
     coarse = {each.coarse for each in objects}
     subtypes = {each.subtype for each in objects}
-    missing = [name for at, name in enumerate(SUBTYPES) if at not in subtypes]
-    return missing + [name for at, name in enumerate(COARSE) if at not in coarse and at != ROAD_DEFECT]
+    missing = [name for at, name in enumerate(SUBTYPE_LABELS) if at not in subtypes]
+    return missing + [name for at, name in enumerate(COARSE_LABELS) if at not in coarse and at != ROAD_DEFECT]
 
 
 SYNTHETIC: Final = "PaveTwin synthetic images"

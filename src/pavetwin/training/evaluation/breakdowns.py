@@ -11,9 +11,8 @@ from typing import Final
 import numpy as np
 
 from pavetwin.arrays import BoolArray
+from pavetwin.detections import SIZES, possible_severities
 from pavetwin.labels.boxes import area
-from pavetwin.perception.classes import SIZES
-from pavetwin.perception.results.visible_severity import possible_ranks
 from pavetwin.training.evaluation.detections import FoundBox
 from pavetwin.training.evaluation.labelled import LabelledImage, LabelledRegion
 from pavetwin.training.evaluation.matching import HALF, Matched
@@ -227,7 +226,7 @@ def severity_agreements(five: Matched, confidence: float) -> list[SeverityAgreem
     for name, pairs in found_whole(five, confidence).items():
         right = within = too_low = too_high = not_resolvable = 0
         for region, found in pairs:
-            ranks = possible_ranks(found.severity)
+            ranks = possible_severities(found.severity)
             if ranks is None or not region.severity:
                 continue
             true = order.index(Severity(region.severity))

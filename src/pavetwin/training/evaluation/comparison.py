@@ -15,8 +15,8 @@ from typing import Any, Final
 import numpy as np
 
 from pavetwin.arrays import UInt8Array
-from pavetwin.perception.inference.detector import Detector
-from pavetwin.perception.shipped import model_path
+from pavetwin.perception.detector import Detector
+from pavetwin.perception.model_file import model_path
 from pavetwin.training.evaluation.detections import LEAST_CONFIDENCE, Detects, found_by
 from pavetwin.training.evaluation.evaluate import evaluate
 from pavetwin.training.evaluation.labelled import LabelledSplit

@@ -4,20 +4,18 @@ import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from io import BytesIO
-from math import isfinite
+from math import isfinite, nan
 from pathlib import Path
 from typing import Any, Final, Protocol
 
 from PIL import Image
 
+from pavetwin.detections import NOT_RESOLVABLE, SIZES, Detections, possible_severities
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import FloatBox
-from pavetwin.perception.classes import NO_SUBTYPE, ROAD_DEFECT, SIZES, class_of, coarse_of_classes
-from pavetwin.perception.inference.detections import Detections
-from pavetwin.perception.inference.pictures import Picture
-from pavetwin.perception.results.detected_image import sizes_of
-from pavetwin.perception.results.measuring import NOT_RESOLVABLE
-from pavetwin.perception.results.visible_severity import possible_ranks
+from pavetwin.labels.class_names import NO_SUBTYPE, ROAD_DEFECT, class_of, coarse_of_classes
+from pavetwin.perception.images import Picture
+from pavetwin.perception.measuring import stated_sizes, with_sizes
 from pavetwin.training.evaluation.labelled import LabelledImage, LabelledSplit
 
 _ROUNDING: Final = 2e-3
@@ -121,7 +119,7 @@ def _found(row: Any, image: int, where: str, categories: Mapping[int, tuple[int,
         name: _positive(attributes, name, where) for name in SIZES if attributes.get(name) not in (None, NOT_RESOLVABLE)
     }
     severity = attributes.get("severity") or ""
-    if severity and (not isinstance(severity, str) or possible_ranks(severity) is None):
+    if severity and (not isinstance(severity, str) or possible_severities(severity) is None):
         raise PaveTwinError(
             f"{where} has a severity '{severity}'; it is low, medium, high, low to medium or medium to high."
         )
@@ -254,16 +252,24 @@ def _picture(split: LabelledSplit, image: LabelledImage) -> Image.Image:
 
 def _found_in(detector: Detects, split: LabelledSplit, image: LabelledImage) -> list[FoundBox]:
     (detected,) = detector.detect([_picture(split, image)])
-    gsd_mm = image.facts.get("gsd_mm", image.example.gsd_mm)
-    coarse = coarse_of_classes(detected.classes)
+    detected = with_sizes(detected, image.facts.get("gsd_mm", image.example.gsd_mm) or nan)
+    numbers = detected.class_number
+    coarse = coarse_of_classes(numbers)
     rows = []
-    for at in range(len(detected)):
-        measured = sizes_of(detected, at, gsd_mm) if gsd_mm else {}
-        number, severity = int(detected.classes[at]), str(measured.get("severity", ""))
-        sizes = {name: value for name, value in measured.items() if not isinstance(value, str) and value > 0}
-        detection = float(detected.detection[at])
-        confidence = detection * float(detected.subtype[at])
+    for row in range(len(detected)):
+        stated = stated_sizes(detected, row)
+        sizes = {name: value for name, value in stated.items() if not isinstance(value, str) and value > 0}
+        detection = float(detected.detection_confidence[row])
         rows.append(
-            FoundBox(image.number, int(coarse[at]), number, detected.box(at), detection, confidence, sizes, severity)
+            FoundBox(
+                image.number,
+                int(coarse[row]),
+                int(numbers[row]),
+                detected.box(row),
+                detection,
+                detection * float(detected.subtype_confidence[row]),
+                sizes,
+                str(stated.get("severity", "")),
+            )
         )
     return rows

@@ -12,7 +12,7 @@ from math import isfinite, pi, sqrt
 from pathlib import Path
 from typing import Any, Final
 
-from pavetwin.perception.classes import (
+from pavetwin.labels.class_names import (
     COARSE,
     CRACKS,
     NO_SUBTYPE,

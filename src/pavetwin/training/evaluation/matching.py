@@ -16,7 +16,7 @@ import numpy as np
 
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.classes import CLASSES, COARSE, ROAD_DEFECT, SUBTYPES
+from pavetwin.labels.class_names import CLASS_LABELS, COARSE_LABELS, ROAD_DEFECT, SUBTYPE_LABELS
 from pavetwin.training.evaluation.detections import FoundBox
 from pavetwin.training.evaluation.labelled import LabelledImage, LabelledRegion
 
@@ -83,16 +83,16 @@ def labelled_only(images: tuple[LabelledImage, ...], found: Sequence[FoundBox]) 
 
 def match_five(images: tuple[LabelledImage, ...], found: tuple[FoundBox, ...]) -> Matched:
     """Match the five classes by final confidence. Defects of other classes are ignored regions of every subtype."""
-    return _matched(images, found, CLASSES)
+    return _matched(images, found, CLASS_LABELS)
 
 
 def match_coarse(images: tuple[LabelledImage, ...], found: tuple[FoundBox, ...]) -> Matched:
     """Match the three coarse classes by detection confidence."""
-    return _matched(images, found, COARSE)
+    return _matched(images, found, COARSE_LABELS)
 
 
 def _matched(images: tuple[LabelledImage, ...], found: tuple[FoundBox, ...], names: tuple[str, ...]) -> Matched:
-    is_coarse = names == COARSE
+    is_coarse = names == COARSE_LABELS
     rows: list[dict[str, Any]] = []
     numbers: list[int] = []
     for place, image in enumerate(images):
@@ -118,7 +118,7 @@ def _true_classes(region: LabelledRegion, *, is_coarse: bool) -> tuple[Sequence[
     if (number := region.number_of_class) is not None:
         return (number,), region.true.is_ignored
     assert region.true.coarse == ROAD_DEFECT
-    return range(len(SUBTYPES)), True
+    return range(len(SUBTYPE_LABELS)), True
 
 
 def coco_row(

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from pavetwin.arrays import Float64Array
-from pavetwin.perception.classes import ROAD_DEFECT
+from pavetwin.labels.class_names import ROAD_DEFECT
 from pavetwin.training.evaluation.matching import HALF, Matched
 from pavetwin.training.evaluation.scores import weighted_precision
 

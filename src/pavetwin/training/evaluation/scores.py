@@ -10,7 +10,7 @@ import numpy as np
 
 from pavetwin.arrays import BoolArray, Float64Array, Int64Array
 from pavetwin.labels.boxes import FloatBox, area, within
-from pavetwin.perception.classes import CLASSES, ROAD_DEFECT, SUBTYPES
+from pavetwin.labels.class_names import CLASSES, ROAD_DEFECT, SUBTYPES
 from pavetwin.training.evaluation.detections import FoundBox
 from pavetwin.training.evaluation.labelled import LabelledImage
 from pavetwin.training.evaluation.matching import HALF, Matched, MatchedClass

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from math import isfinite
 from typing import Any
 
-from pavetwin.perception.classes import CLASSES, SUBTYPES
+from pavetwin.labels.class_names import CLASS_LABELS, SUBTYPE_LABELS
 from pavetwin.training.evaluation.evaluate import DetectorEvaluation
 from pavetwin.training.evaluation.matching import HALF, THRESHOLDS, Matched
 from pavetwin.training.evaluation.resampling import Metrics, ResampledDifference, ResampledInterval
@@ -34,7 +34,7 @@ def as_values(found: DetectorEvaluation) -> dict[str, Any]:
         "at_best_of_validation": _scores(found.at_best) if found.at_best is not None else None,
         "subtypes_on_matched_regions": _subtypes(found.subtypes_matched),
         "subtypes_on_true_regions": _subtypes(found.subtypes_true) if found.subtypes_true is not None else None,
-        "confusion": {"names": [*CLASSES, "background"], "counts": found.confusion.tolist()},
+        "confusion": {"names": [*CLASS_LABELS, "background"], "counts": found.confusion.tolist()},
         "calibration": _calibration(found.reliability),
         "calibration_in_use": _calibration(found.reliability_in_use),
         "intervals": intervals_as_values(found.intervals),
@@ -104,7 +104,7 @@ def _subtypes(scores: SubtypeScores) -> dict[str, Any]:
         "regions": scores.regions,
         "macro_f1": scores.macro_f1,
         "accuracy": scores.accuracy,
-        "f1": dict(zip(SUBTYPES, scores.f1, strict=True)),
+        "f1": dict(zip(SUBTYPE_LABELS, scores.f1, strict=True)),
         "counts": scores.counts.tolist(),
     }
 

@@ -16,10 +16,10 @@ from typing import Any, Final
 import numpy as np
 
 from pavetwin.arrays import Int64Array
+from pavetwin.detections import Detections
 from pavetwin.errors import PaveTwinError, no_such
-from pavetwin.perception.classes import CLASSES
-from pavetwin.perception.inference.detections import Detections
-from pavetwin.perception.inference.pictures import Picture, pixels_of
+from pavetwin.labels.class_names import CLASS_LABELS, CLASSES
+from pavetwin.perception.images import Picture, pixels_of
 
 NETWORKS: Final = tuple(f"{family}{size}" for family in ("yolov8", "yolo11", "yolo12") for size in "nsml")
 
@@ -70,14 +70,14 @@ class UltralyticsModel:
         rows = result.boxes.data.numpy()
         numbers = classes_of(self.model.names, rows[:, 5])
         kept = (numbers >= 0) & (rows[:, 2:4] > rows[:, :2]).all(axis=1)
-        count = int(kept.sum())
+        confidence = rows[kept, 4].astype(np.float32)
         return Detections(
-            (pixels.shape[1], pixels.shape[0]),
-            rows[kept, :4].astype(np.float32),
-            numbers[kept],
-            rows[kept, 4].astype(np.float32),
-            np.ones(count, dtype=np.float32),
-            ((),) * count,
+            [CLASSES[number] for number in numbers[kept]],
+            confidence,
+            size_px=(pixels.shape[1], pixels.shape[0]),
+            box_px=rows[kept, :4].astype(np.float32),
+            detection_confidence=confidence,
+            subtype_confidence=np.ones(len(confidence), dtype=np.float32),
         )
 
 
@@ -88,7 +88,7 @@ def classes_of(names: Mapping[int, str], numbers: Any) -> Int64Array:
         names: names of the network's classes; case, hyphens and underscores are ignored.
         numbers: (n,) class numbers of the network.
     """
-    known = {name.lower(): at for at, name in enumerate(CLASSES)}
+    known = {name.lower(): at for at, name in enumerate(CLASS_LABELS)}
     plain = {at: name.lower().replace("_", " ").replace("-", " ") for at, name in names.items()}
     return np.array([known.get(plain[int(number)], -1) for number in numbers], dtype=np.int64)
 
@@ -130,5 +130,5 @@ def open_ultralytics(given: str | Path, *, confidence: float, image_px: int) -> 
     except Exception as error:
         raise PaveTwinError(f"'{given}' is damaged, or no weights of Ultralytics.") from error
     if is_file and (classes_of(model.names, list(model.names)) < 0).all():
-        raise PaveTwinError(f"'{given}' knows none of the classes {', '.join(CLASSES)}.")
+        raise PaveTwinError(f"'{given}' knows none of the classes {', '.join(CLASS_LABELS)}.")
     return UltralyticsModel(model, confidence, image_px or int(model.overrides.get("imgsz", 640)))

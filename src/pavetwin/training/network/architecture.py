@@ -5,7 +5,7 @@ from math import ceil
 from typing import Any, Final
 
 from pavetwin.errors import PaveTwinError, no_such
-from pavetwin.perception.classes import COARSE
+from pavetwin.labels.class_names import COARSE
 
 REG_MAX: Final = 16
 """Bins of the distribution of each side's distance; a box reaches at most 15 strides from its anchor."""

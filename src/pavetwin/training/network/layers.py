@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 from torchvision.ops import roi_align
 
-from pavetwin.perception.classes import SUBTYPES
+from pavetwin.labels.class_names import SUBTYPES
 from pavetwin.training.network.architecture import REG_MAX, STRIDES, Architecture
 
 _ACTIVATIONS = {"silu": nn.SiLU, "relu": nn.ReLU}

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 from torchvision.ops import batched_nms
 
-from pavetwin.perception.classes import ROAD_DEFECT, SUBTYPES
+from pavetwin.labels.class_names import ROAD_DEFECT, SUBTYPES
 from pavetwin.training.network.architecture import REG_MAX, STRIDES, Architecture
 from pavetwin.training.network.layers import REGION_STRIDE, Backbone, DetectionHead, Neck, RegionHead
 

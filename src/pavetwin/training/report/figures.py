@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import PercentFormatter
 
 from pavetwin.draw import style
+from pavetwin.labels.class_names import CLASS_LABELS
 from pavetwin.labels.classes import colours
-from pavetwin.perception.classes import CLASSES
 from pavetwin.reports import canvas
 from pavetwin.reports.blocks import ReportFigure
 from pavetwin.training.evaluation.breakdowns import Breakdown
@@ -22,7 +22,7 @@ _DASHES: Final = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)), 
 
 def precision_figure(found: DetectorEvaluation) -> ReportFigure:
     """Precision over recall of each class, with the stated confidence marked."""
-    colour = colours(CLASSES)
+    colour = colours(CLASS_LABELS)
     with style.styled():
         figure = style.new_figure(0.9 * canvas.WIDTH_IN, 3.2)
         figure.set_layout_engine("constrained")
@@ -65,7 +65,7 @@ def _curve(each: MatchedClass) -> tuple[list[float], list[float]]:
 
 def confusion_figure(found: DetectorEvaluation) -> ReportFigure:
     """Shares of the true objects of a class, with counts."""
-    names = [*CLASSES, "background"]
+    names = [*CLASS_LABELS, "background"]
     counts = found.confusion
     total = counts.sum(axis=1, keepdims=True)
     share = np.divide(counts, total, out=np.zeros(counts.shape), where=total > 0)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from pavetwin.files import writing
-from pavetwin.perception.classes import SUBTYPES
+from pavetwin.labels.class_names import SUBTYPE_LABELS
 from pavetwin.reports.blocks import Block, Section, Table, TableCell, text_cells
 from pavetwin.reports.page import block_numbers, figure_files, render
 from pavetwin.reports.words import counted
@@ -169,12 +169,12 @@ def _confusion(found: DetectorEvaluation) -> list[Block]:
 def _subtype_table(words: str, scores: SubtypeScores) -> Table:
     rows = tuple(
         text_cells(name, *(f"{count}" for count in counts.tolist()), percent(f1))
-        for name, counts, f1 in zip(SUBTYPES, scores.counts, scores.f1, strict=True)
+        for name, counts, f1 in zip(SUBTYPE_LABELS, scores.counts, scores.f1, strict=True)
     )
     return Table(
         f"Subtypes on {words}: {scores.regions} defects, macro F1 {percent(scores.macro_f1)}\u00a0%, "
         f"{percent(scores.accuracy)}\u00a0% right.",
-        ("true", *SUBTYPES, "F1 %"),
+        ("true", *SUBTYPE_LABELS, "F1 %"),
         rows,
         lead=1,
         span="reported",

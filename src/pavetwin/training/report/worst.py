@@ -10,8 +10,8 @@ from PIL import Image, ImageDraw
 from pavetwin.draw.contact_sheet import CELL_PX, assembled, captioned, draw_box
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import FloatBox, area, within
+from pavetwin.labels.class_names import CLASS_LABELS
 from pavetwin.labels.classes import colours
-from pavetwin.perception.classes import CLASSES
 from pavetwin.reports import canvas
 from pavetwin.reports.blocks import ReportFigure
 from pavetwin.training.evaluation.detections import FoundBox
@@ -53,7 +53,7 @@ def false_alarms(found: DetectorEvaluation) -> list[DetectorError]:
         DetectorError(
             places[box.image],
             box.box,
-            f"{CLASSES[box.number_of_class]} {box.confidence:.2f}",
+            f"{CLASS_LABELS[box.number_of_class]} {box.confidence:.2f}",
             _reason(box, places[box.image]),
         )
         for box in wrong
@@ -106,7 +106,9 @@ def sheet(found: DetectorEvaluation, errors: list[DetectorError], title: str, ca
     if not errors:
         return None
     cells = list(_cells(found, errors[:SHOWN]))
-    drawn = assembled(cells, f"{title}   {len(cells)} of {len(errors)}", colours(CLASSES), ignored="ignored region")
+    drawn = assembled(
+        cells, f"{title}   {len(cells)} of {len(errors)}", colours(CLASS_LABELS), ignored="ignored region"
+    )
     stream = BytesIO()
     drawn.save(stream, format="JPEG", quality=82)
     width = round(canvas.WIDTH_IN * 96)
@@ -132,7 +134,7 @@ def _cell(found: DetectorEvaluation, error: DetectorError, reported: list[FoundB
     scale = CELL_PX / (window[2] - window[0])
     shown = picture.crop(window).resize((CELL_PX, CELL_PX), Image.Resampling.LANCZOS)
     pen = ImageDraw.Draw(shown)
-    colour = colours(CLASSES)
+    colour = colours(CLASS_LABELS)
 
     def on_cell(box: FloatBox) -> FloatBox:
         return (
@@ -147,10 +149,10 @@ def _cell(found: DetectorEvaluation, error: DetectorError, reported: list[FoundB
         if region.true.is_ignored or number is None:
             draw_box(pen, on_cell(region.true.box), None)
         elif within(region.true.box, error.box):
-            draw_box(pen, on_cell(region.true.box), colour[CLASSES[number]])
+            draw_box(pen, on_cell(region.true.box), colour[CLASS_LABELS[number]])
     for box in reported:
         if within(box.box, error.box):
-            _corners(pen, on_cell(box.box), colour[CLASSES[box.number_of_class]])
+            _corners(pen, on_cell(box.box), colour[CLASS_LABELS[box.number_of_class]])
     name = error.image.example.name
     short = name if len(name) <= 22 else f"…{name[-21:]}"
     return captioned(shown, error.heading, f"{error.about}  ·  {short}", "")

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.shipped import start_path
+from pavetwin.perception.model_file import start_path
 from pavetwin.training.datasets.packs import read_examples
 from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
 from pavetwin.training.trainer.trainer import Trainer

@@ -14,7 +14,7 @@ from torch.utils.data import DataLoader, Dataset, default_collate
 from pavetwin.arrays import Float64Array, UInt8Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import FloatBox
-from pavetwin.perception.classes import CLASSES, COARSE, NO_SUBTYPE, ROAD_DEFECT, class_of, coarse_of_classes
+from pavetwin.labels.class_names import CLASSES, COARSE, NO_SUBTYPE, ROAD_DEFECT, class_of, coarse_of_classes
 from pavetwin.seeds import Stream, child
 from pavetwin.training.datasets.examples import TrueObject
 from pavetwin.training.evaluation.matching import coco_row, judged, precision_of

@@ -16,8 +16,8 @@ from torch.export import Dim
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
-from pavetwin.perception.classes import CLASSES
-from pavetwin.perception.inference.model_file import OUTPUTS, ModelFacts
+from pavetwin.labels.class_names import CLASS_LABELS
+from pavetwin.perception.model_file import OUTPUTS, ModelFacts
 from pavetwin.training.network.architecture import STRIDES, Architecture, variant
 from pavetwin.training.network.layers import REGION_STRIDE, RegionHead, pooled
 from pavetwin.training.network.network import DetectLimits, DetectorNetwork, gflops
@@ -95,7 +95,7 @@ def facts_of(network: DetectorNetwork, content: Mapping[str, Any]) -> ModelFacts
     """
     options = content.get("options", {})
     return ModelFacts(
-        classes=CLASSES,
+        classes=CLASS_LABELS,
         image_px=int(options.get("image_px", 640)),
         native=bool(options.get("native", False)),
         stride=SIDE_STEP,

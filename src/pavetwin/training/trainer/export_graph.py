@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from onnx import TensorProto, helper, numpy_helper, parser
 
-from pavetwin.perception.classes import COARSE, ROAD_DEFECT, SUBTYPES
+from pavetwin.labels.class_names import COARSE, ROAD_DEFECT, SUBTYPES
 
 OPSET: Final = 18
 

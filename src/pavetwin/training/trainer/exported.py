@@ -21,7 +21,7 @@ from pavetwin.training.trainer.batches import Batch
 from pavetwin.training.trainer.pictures import DevicePictures, images_of
 
 if TYPE_CHECKING:
-    from pavetwin.perception.inference.model_file import ModelFacts
+    from pavetwin.perception.model_file import ModelFacts
 
 SUFFIX: Final = ".onnx"
 """Suffix of exported models."""
@@ -46,7 +46,7 @@ def exported_model(path: Path) -> "tuple[DetectorNetwork, ModelFacts]":
         PaveTwinError: the file is damaged, another model or of another version; or `onnx` is not installed.
     """
     # A training without an exported model needs none of these packages.
-    from pavetwin.perception.inference.model_file import ModelFacts
+    from pavetwin.perception.model_file import ModelFacts
 
     model = _read(path)
     facts = ModelFacts.of_properties({each.key: each.value for each in model.metadata_props}, f"'{path}'")

@@ -6,7 +6,7 @@ from math import inf
 from typing import Any, Final, Self
 
 from pavetwin.errors import PaveTwinError, nearest_name, no_such
-from pavetwin.perception.classes import COARSE, SUBTYPES
+from pavetwin.labels.class_names import COARSE_LABELS, SUBTYPE_LABELS
 from pavetwin.training.network.architecture import Architecture, LossWeights, variant
 from pavetwin.training.trainer.views import ViewOptions
 
@@ -76,7 +76,7 @@ class TrainingOptions:
             raise PaveTwinError(no_such("order", self.order, ORDERS, key="`order`"))
         if self.image_px % 32:
             raise PaveTwinError(f"`image_px` {self.image_px}: it must be a multiple of 32.")
-        known = (*SUBTYPES, *COARSE[1:])
+        known = (*SUBTYPE_LABELS, *COARSE_LABELS[1:])
         for name in self.without_classes:
             if name not in known:
                 raise PaveTwinError(no_such("class", name, known, key="`without`"))

@@ -17,7 +17,7 @@ import torch
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import FORMAT, check_format, writing
-from pavetwin.perception.classes import CLASSES
+from pavetwin.labels.class_names import CLASS_LABELS
 from pavetwin.training.network.architecture import Architecture
 from pavetwin.training.network.network import DetectorNetwork
 from pavetwin.training.trainer.exported import exported_model, is_exported
@@ -29,7 +29,7 @@ CURVES: Final = "curves.csv"
 
 COLUMNS: Final = (
     *("phase", "epoch", "rate", "box", "classes", "distribution", "subtype", "mask", "total", "map50", "map"),
-    *CLASSES,
+    *CLASS_LABELS,
 )
 """Columns of the curves: mean losses of the epoch, mean average precision on the validation images at IoU 0.5 and over
 0.5 to 0.95, and average precision of each class at IoU 0.5."""
@@ -94,7 +94,7 @@ class RunFolder:
         """Write usable weights with facts about their training."""
         state = {
             "architecture": network.architecture.as_mapping(),
-            "classes": list(CLASSES),
+            "classes": list(CLASS_LABELS),
             "weights": network.state_dict(),
             **facts,
         }

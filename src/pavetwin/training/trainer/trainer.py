@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.classes import CLASSES
+from pavetwin.labels.class_names import CLASS_LABELS
 from pavetwin.training.datasets.examples import SPLITS_USED, ExampleSet, labelled_classes, missing_classes
 from pavetwin.training.network.losses import Losses, detection_losses, mask_loss, subtype_loss
 from pavetwin.training.network.network import DetectorNetwork, Encoded
@@ -340,7 +340,7 @@ class Trainer:
                 **means,
                 "map50": result,
                 "map": strict,
-                **dict(zip(CLASSES, each, strict=True)),
+                **dict(zip(CLASS_LABELS, each, strict=True)),
             }
         )
         if fitness > it.best:

@@ -13,7 +13,7 @@ from PIL import Image
 
 from pavetwin.arrays import Float32Array, Float64Array, UInt8Array
 from pavetwin.labels.boxes import FloatBox, PixelBox, share_within, within
-from pavetwin.perception.classes import CRACKS
+from pavetwin.labels.class_names import CRACK_LABELS
 from pavetwin.training.datasets.examples import Example, ExampleSet, Shape, TrueObject, mask_in
 
 GREY: Final = 114
@@ -202,7 +202,7 @@ def _seen(part: ImagePart) -> list[SeenObject]:
                 continue
         side = max(inside[2] - inside[0], inside[3] - inside[1])
         is_small = side < LEAST_SIDE_PX
-        is_long_crack = true.category in CRACKS and side >= LEAST_CRACK_PX
+        is_long_crack = true.category in CRACK_LABELS and side >= LEAST_CRACK_PX
         is_cut = share_within(whole, window) < LEAST_SHARE and not is_long_crack
         found.append(SeenObject(true, inside, true.is_ignored or is_small or is_cut, part))
     return found

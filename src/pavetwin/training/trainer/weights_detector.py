@@ -10,10 +10,10 @@ import torch
 
 from pavetwin.arrays import UInt8Array
 from pavetwin.labels.boxes import FloatBox, share_within
-from pavetwin.perception.inference.detector import Detector
-from pavetwin.perception.inference.model_file import ModelFacts
-from pavetwin.perception.inference.pictures import Picture, pixels_of
-from pavetwin.perception.inference.tiles import tile_windows
+from pavetwin.perception.detector import Detector
+from pavetwin.perception.images import Picture, pixels_of
+from pavetwin.perception.model_file import ModelFacts
+from pavetwin.perception.tiles import tile_windows
 from pavetwin.training.network.network import DetectLimits, detect
 from pavetwin.training.trainer.export import facts_of
 from pavetwin.training.trainer.exported import exported_model, is_exported

@@ -13,11 +13,10 @@ from tornado.web import Application, HTTPError, RequestHandler, stream_request_b
 
 from pavetwin._core import __version__
 from pavetwin.listening import close_all, listening_sockets
-from pavetwin.perception.inference.detector import Detector
-from pavetwin.perception.results.detected_image import DetectedImage, described
-from pavetwin.perception.serving.openapi import description, page
-from pavetwin.perception.serving.replies import FORMS
-from pavetwin.perception.serving.uploads import RefusedRequestError, ServerLimits, decoded, files_of
+from pavetwin.perception.detector import Detector
+from pavetwin.perception.openapi import description, page
+from pavetwin.perception.results import REPLIES, DetectedImage, described
+from pavetwin.perception.uploads import RefusedRequestError, ServerLimits, decoded, files_of
 
 MEGABYTE: Final = 1_000_000
 
@@ -224,9 +223,9 @@ class _PredictHandler(_AnyHandler):
     async def post(self) -> None:
         if self._refusal is not None:
             raise self._refusal
-        asked = self.get_query_argument("format", next(iter(FORMS)))
-        if asked not in FORMS:
-            raise RefusedRequestError(400, f"No format '{asked[:40]}'; known are {', '.join(FORMS)}.")
+        asked = self.get_query_argument("format", next(iter(REPLIES)))
+        if asked not in REPLIES:
+            raise RefusedRequestError(400, f"No format '{asked[:40]}'; known are {', '.join(REPLIES)}.")
         if self.server.waiting >= self.server.limits.waiting:
             raise RefusedRequestError(429, _BUSY)
         body, self._body = bytes(self._body), bytearray()
@@ -241,7 +240,7 @@ class _PredictHandler(_AnyHandler):
             self._is_handed_over = False
             self._release()
         if not self._is_gone:
-            self.answer([FORMS[asked](image) for image in found])
+            self.answer([REPLIES[asked](image) for image in found])
 
     def answer(self, images: list[Any]) -> None:
         """Tell what was found."""

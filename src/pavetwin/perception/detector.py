@@ -8,16 +8,14 @@ import numpy as np
 from PIL import Image
 
 from pavetwin.arrays import Float32Array, UInt8Array
+from pavetwin.detections import Detections, MaskPart
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import PixelBox
-from pavetwin.perception.classes import SUBTYPES
-from pavetwin.perception.inference.detections import Detections, MaskPart
-from pavetwin.perception.inference.model_file import ModelFacts, open_session
-from pavetwin.perception.inference.overlaps import lowering
-from pavetwin.perception.inference.parts import whole_objects
-from pavetwin.perception.inference.pictures import Picture, pixels_of
-from pavetwin.perception.inference.tiles import merged, tile_windows
-from pavetwin.perception.shipped import model_path
+from pavetwin.labels.class_names import CLASSES, SUBTYPES
+from pavetwin.perception.images import Picture, pixels_of
+from pavetwin.perception.model_file import ModelFacts, model_path, open_session
+from pavetwin.perception.suppression import lowering, whole_objects
+from pavetwin.perception.tiles import merged, tile_windows
 
 GREY: Final = 114
 """Beside and below an image that is no multiple of the stride, as in training."""
@@ -181,18 +179,26 @@ class Detector:
 
 
 def _detections(
-    size: tuple[int, int], found: dict[str, Any], step: Float32Array, corner: tuple[int, int]
+    size_px: tuple[int, int], found: dict[str, Any], step: Float32Array, corner: tuple[int, int]
 ) -> Detections:
-    """What was said of a picture, in pixels of the image that it is of: scaled by `step`, moved to `corner`."""
-    limits = np.array([*size, *size], dtype=np.float32)
+    """The outputs for a part of an image as detections in the image's pixels: scaled by `step`, moved to `corner`."""
+    limits = np.array([*size_px, *size_px], dtype=np.float32)
     boxes = np.clip(found["boxes"] * step + np.array([*corner, *corner], dtype=np.float32), 0, limits)
-    classes = found["classes"]
+    names = [CLASSES[number] for number in found["classes"]]
     grids = found.get("masks")
     masks: list[tuple[MaskPart, ...]] = []
-    for at, box in enumerate(boxes.tolist()):
-        has_mask = grids is not None and classes[at] < len(SUBTYPES)
-        masks.append((MaskPart((box[0], box[1], box[2], box[3]), grids[at]),) if has_mask else ())  # type: ignore[index]
-    return Detections(size, boxes, classes, found["detection"], found["subtype"], tuple(masks))
+    for row, (left, top, right, bottom) in enumerate(boxes.tolist()):
+        has_mask = grids is not None and names[row] in SUBTYPES
+        masks.append((MaskPart((left, top, right, bottom), grids[row]),) if has_mask else ())  # type: ignore[index]
+    return Detections(
+        names,
+        found["detection"] * found["subtype"],
+        size_px=size_px,
+        box_px=boxes,
+        mask=masks,
+        detection_confidence=found["detection"],
+        subtype_confidence=found["subtype"],
+    )
 
 
 def _resized(pixels: UInt8Array, size: tuple[int, int]) -> UInt8Array:

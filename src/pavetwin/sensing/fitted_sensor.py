@@ -1,23 +1,9 @@
-"""A fitted sensor: the chance that a detector finds a defect, its false alarms, and how sure both are. One JSON file.
-
-A probit model with a random effect u per defect: a look finds the defect where
-
-    x · β + σ u + e > 0,   u and e standard normal,
-
-u the same for all looks at a defect and e drawn for each. So a single look finds it with the chance
-Φ(x · β / √(1 + σ²)), and looks at one defect have the correlation σ² / (1 + σ²), as those of the sensor `recall` have
-(`pavetwin.sensing.draws`).
-
-In x, the logarithm of the size in pixels has a second term for each class, `bend`, so that its effect is a natural
-cubic spline with three knots: what a detector finds has a plateau at fine resolutions and falls steeply below it. The
-ground resolution itself counts too: a defect is lost faster as its pixels get coarser than a smaller one is at the same
-resolution, since the texture around it changes as well.
-"""
+"""x"""
 
 import json
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from math import exp, log2, radians, sin, sqrt
+from math import exp, log, log2, radians, sin, sqrt
 from pathlib import Path
 from statistics import NormalDist
 from typing import Annotated, Any, Final, Literal, NamedTuple, Self
@@ -26,12 +12,74 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from pavetwin.arrays import Float64Array
-from pavetwin.config.settings import Positive, Settings, Share
+from pavetwin.config.settings import NonNegative, Positive, Settings, Share
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256, writing
-from pavetwin.sensing.entry_model import EntryModel
-from pavetwin.sensing.fitted_number import FittedNumber
 from pavetwin.sensing.looks import Look
+
+
+class FittedNumber(Settings):
+    """A number that was fitted, with its standard error."""
+
+    estimate: float
+    standard_error: NonNegative
+
+
+OF_ENTRY: Final = ("confidence", "looks", "size")
+"""Variables of an entry, whose effects all classes share."""
+
+SIZE_PX: Final = 32.0
+"""Root of the area of a footprint from which sizes are counted, in pixels."""
+
+_LEAST: Final = 0.01
+"""Confidences nearer to 0 and 1 count as this near."""
+
+
+def entry_values(confidence: float, looks: int, size_px: float) -> tuple[float, float, float]:
+    """The variables of an entry, in the order of `OF_ENTRY`."""
+    sure = min(max(confidence, _LEAST), 1.0 - _LEAST)
+    return log(sure / (1.0 - sure)), log2(max(looks, 1)), log2(max(size_px, 1.0) / SIZE_PX)
+
+
+class EntryModel(Settings):
+    """The part of a fitted sensor that judges entries of inventories."""
+
+    terms: Mapping[str, FittedNumber]
+    """β: each class by its name, and `OF_ENTRY`."""
+    entries: Annotated[int, Field(ge=1)]
+    """That it was fitted to."""
+    defect_share: Share
+    """Of these, that show a defect."""
+    severities: Mapping[str, tuple[NonNegative, NonNegative, NonNegative]]
+    """By class: shares of low, medium and high among the defects of these missions."""
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if missing := [name for name in OF_ENTRY if name not in self.terms]:
+            raise ValueError(f"`terms` lack '{missing[0]}'")
+        if not 0.0 < self.defect_share < 1.0:
+            raise ValueError("`defect_share` is above 0 and below 1")
+        if set(self.severities) != set(self.terms) - set(OF_ENTRY):
+            raise ValueError("`severities` are those of the classes in `terms`")
+        if any(sum(shares) <= 0 for shares in self.severities.values()):
+            raise ValueError("`severities` of a class have a sum above 0")
+        return self
+
+    def chance(self, kind: str, confidence: float, looks: int, size_px: float) -> float | None:
+        """The probability that an entry shows a defect; None for a class that it was not fitted to.
+
+        Args:
+            kind: class of the defect, such as `pothole`.
+            looks: how many images show it.
+            size_px: root of the area of its footprint, in pixels.
+        """
+        if kind not in self.severities:
+            return None
+        values = entry_values(confidence, looks, size_px)
+        score = self.terms[kind].estimate
+        score += sum(self.terms[name].estimate * value for name, value in zip(OF_ENTRY, values, strict=True))
+        return 1.0 / (1.0 + exp(-min(max(score, -30.0), 30.0)))
+
 
 SEVERITIES: Final[Mapping[str, float]] = {"low": -1.0, "medium": 0.0, "high": 1.0}
 

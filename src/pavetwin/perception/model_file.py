@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.classes import CLASSES
+from pavetwin.labels.class_names import CLASS_LABELS
 
 FORMAT: Final = 1
 """Of the file's inputs, outputs and properties."""
@@ -35,7 +35,7 @@ INPUT: Final = "uint8 (batch, rows, columns, 3), red, green, blue; divided by 25
 class ModelFacts:
     """What a file says of itself."""
 
-    classes: tuple[str, ...] = CLASSES
+    classes: tuple[str, ...] = CLASS_LABELS
     image_px: int = 640
     """Side of the images it was trained on."""
     native: bool = False
@@ -92,9 +92,9 @@ class ModelFacts:
             )
         except (KeyError, ValueError, TypeError) as error:
             raise PaveTwinError(f"{where} has damaged properties ({error}); export it again.") from error
-        if facts.classes != CLASSES:
+        if facts.classes != CLASS_LABELS:
             names = ", ".join(facts.classes)
-            raise PaveTwinError(f"{where} has the classes {names}; this version's are {', '.join(CLASSES)}.")
+            raise PaveTwinError(f"{where} has the classes {names}; this version's are {', '.join(CLASS_LABELS)}.")
         return facts
 
 
@@ -138,3 +138,45 @@ def open_session(path: Path, threads: int) -> tuple[Any, ModelFacts]:
     if tuple(each.name for each in session.get_outputs()) != wanted:
         raise PaveTwinError(f"'{path}' has other outputs than its properties say; export it again.")
     return session, facts
+
+
+FOLDER: Final = Path(__file__).parent / "weights"
+
+DEFAULT: Final = "rendered"
+"""Detector used where none is named."""
+
+
+def shipped_models() -> list[str]:
+    """Names of the detectors that ship."""
+    return sorted(file.stem for file in FOLDER.glob("*.onnx"))
+
+
+def model_path(model: str | Path) -> Path:
+    """File of a model: an ONNX file, or a detector that ships, by name. A file takes precedence.
+
+    Raises:
+        PaveTwinError: there is neither.
+    """
+    file = Path(model)
+    if file.is_file():
+        return file
+    if str(model) in shipped_models():
+        return FOLDER / f"{model}.onnx"
+    raise PaveTwinError(
+        f"There is no model '{model}': name one that ships ({', '.join(shipped_models())}), or a file of "
+        f"`pavetwin export RUN --output model.onnx`."
+    )
+
+
+def start_path(start: str | Path) -> Path:
+    """File of initial weights: `best.pt` of a run, an exported model, or a detector that ships, by name.
+
+    Raises:
+        PaveTwinError: there is none of them.
+    """
+    if Path(start).is_file() or str(start) in shipped_models():
+        return model_path(start)
+    raise PaveTwinError(
+        f"`start`: there is no file of weights '{start}'; name the best.pt of a run, the file of `pavetwin export RUN "
+        f"output=model.onnx`, or a model that ships ({', '.join(shipped_models())})."
+    )

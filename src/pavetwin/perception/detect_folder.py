@@ -1,4 +1,4 @@
-"""Detect in a source and write everything: annotated pictures, and files for other programs."""
+"""Detect in a source and write the results: annotated images, and files for other programs."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,12 +8,10 @@ from typing import Final
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
-from pavetwin.perception.inference.detector import Detector
-from pavetwin.perception.results.detected_image import DetectedImage, described
-from pavetwin.perception.results.forms import coco, geojson, label_studio, table
-from pavetwin.perception.results.measuring import check_size
-from pavetwin.perception.results.pictures import annotated
-from pavetwin.perception.results.sources import SourceImage, source_images
+from pavetwin.perception.detector import Detector
+from pavetwin.perception.images import SourceImage, source_images
+from pavetwin.perception.measuring import check_size
+from pavetwin.perception.results import DetectedImage, annotated, coco, described, geojson, label_studio, table
 
 PICTURES_FOLDER: Final = "pictures"
 COCO_FILE: Final = "coco.json"
@@ -26,13 +24,13 @@ _QUALITY: Final = 90
 
 @dataclass(frozen=True, slots=True)
 class DetectOutcome:
-    """What was done."""
+    """Results of detecting in a source."""
 
     images: tuple[DetectedImage, ...]
     unreadable: tuple[str, ...]
-    """Files of a folder that could not be read as images, and why."""
+    """Messages on files of a folder that are not readable as images."""
     files: tuple[Path, ...]
-    """Those written, but for the annotated pictures."""
+    """Written files, without the annotated images."""
 
 
 def detect_source(
@@ -45,26 +43,25 @@ def detect_source(
     pictures: bool = True,
     tell: Callable[[float, str], None] = lambda share, what: None,  # noqa: ARG005
 ) -> DetectOutcome:
-    """Detect in every image of a source. Memory holds one image, and what is said of all.
+    """Detect in every image of a source. Memory holds one image, and the detections of all.
 
     Args:
         output: folder of the files; it may exist.
         every_s: seconds between the frames of a video.
-        gsd_mm: ground resolution of all images, which counts for more than what photographs say.
-        pictures: write annotated ones too.
-        tell: is called with the share that is done, and words.
+        gsd_mm: ground resolution of all images, which takes precedence over the poses of photographs.
+        pictures: write annotated images too.
+        tell: called with the share done and a message.
 
     Raises:
-        PaveTwinError: the source holds no image that can be read, a value is out of its bounds, or a file cannot be
-            written.
+        PaveTwinError: the source holds no readable image, a value is out of its bounds, or a file cannot be written.
     """
     if gsd_mm is not None:
         check_size("gsd_mm", gsd_mm)
     done: list[DetectedImage] = []
     unreadable: list[str] = []
     for image in source_images(source, every_s, output):
-        told = partial(_tell, image, f"Detecting in image {len(done) + 1}", tell)
-        told(0.0)
+        report = partial(_tell, image, f"Detecting in image {len(done) + 1}", tell)
+        report(0.0)
         try:
             pixels, pose = image.read()
         except PaveTwinError as error:
@@ -72,11 +69,11 @@ def detect_source(
                 raise
             unreadable.append(str(error))
             continue
-        (found,) = detector.detect([pixels], told)
+        (found,) = detector.detect([pixels], report)
         done.append(described(image.name, found, pose, gsd_mm))
         if pictures:
             name = PurePosixPath(image.name)
-            # The suffix is part of the name, since a.jpg and a.png are two pictures.
+            # The suffix is part of the name, since a.jpg and a.png are two images.
             target = output / PICTURES_FOLDER / name.with_name(f"{name.stem}-{name.suffix[1:]}.jpg")
             with writing(target) as temporary:
                 annotated(pixels, done[-1]).save(temporary, "JPEG", quality=_QUALITY)
@@ -85,11 +82,11 @@ def detect_source(
     return DetectOutcome(tuple(done), tuple(unreadable), _write(done, output))
 
 
-def _tell(image: SourceImage, words: str, tell: Callable[[float, str], None], done: float) -> None:
+def _tell(image: SourceImage, message: str, tell: Callable[[float, str], None], done: float) -> None:
     """Args:
     done: share of the image.
     """
-    tell(image.share + done * image.part, words)
+    tell(image.share + done * image.part, message)
 
 
 def _write(images: list[DetectedImage], output: Path) -> tuple[Path, ...]:

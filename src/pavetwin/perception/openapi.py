@@ -3,9 +3,9 @@
 from html import escape
 from typing import Any, Final
 
-from pavetwin.perception.classes import CLASSES
-from pavetwin.perception.serving.replies import FORMS
-from pavetwin.perception.serving.uploads import FIELD, ServerLimits
+from pavetwin.labels.class_names import CLASS_LABELS
+from pavetwin.perception.results import REPLIES
+from pavetwin.perception.uploads import FIELD, ServerLimits
 
 _ERRORS: Final = {
     "400": "The form or an image is damaged, there are too many files, or a parameter is not known.",
@@ -34,8 +34,8 @@ _SCHEMAS: Final[dict[str, Any]] = {
         "type": "object",
         "required": ["class", "confidence", "det_conf", "cls_conf", "box"],
         "properties": {
-            "class": {"type": "string", "enum": list(CLASSES)},
-            "class_id": {"type": "integer", "minimum": 0, "maximum": len(CLASSES) - 1},
+            "class": {"type": "string", "enum": list(CLASS_LABELS)},
+            "class_id": {"type": "integer", "minimum": 0, "maximum": len(CLASS_LABELS) - 1},
             "confidence": {**_SHARE, "description": "The final one: det_conf × cls_conf."},
             "det_conf": _SHARE,
             "cls_conf": _SHARE,
@@ -83,7 +83,7 @@ def description(version: str, limits: ServerLimits) -> dict[str, Any]:
 
 def _predict(name: str, summary: str, file: dict[str, Any], reply: dict[str, Any]) -> dict[str, Any]:
     form = {"type": "object", "required": [FIELD], "properties": {FIELD: file}}
-    asked = {"name": "format", "in": "query", "schema": {"type": "string", "enum": list(FORMS), "default": "json"}}
+    asked = {"name": "format", "in": "query", "schema": {"type": "string", "enum": list(REPLIES), "default": "json"}}
     error = {"$ref": "#/components/schemas/Error"}
     return {
         "operationId": name,

@@ -9,8 +9,8 @@ from tornado.httputil import HTTPFile, HTTPInputError, ParseMultipartConfig, par
 
 from pavetwin.arrays import UInt8Array
 from pavetwin.errors import PaveTwinError
-from pavetwin.perception.inference.pictures import of_any_size, pixels_of
-from pavetwin.perception.results.photograph import PhotographPose, pose_of
+from pavetwin.perception.images import of_any_size, pixels_of
+from pavetwin.perception.photograph import PhotographPose, pose_of
 
 FIELD: Final = "file"
 """Of the multipart form."""

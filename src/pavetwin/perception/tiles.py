@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
+from pavetwin.detections import IS_COVERED, Detections, MaskPart
 from pavetwin.labels.boxes import PixelBox
-from pavetwin.perception.box_pairs import areas
-from pavetwin.perception.classes import SINGLE_CRACK, coarse_of_classes
-from pavetwin.perception.inference.detections import IS_COVERED, Detections, MaskPart
+from pavetwin.labels.class_names import CRACKS, coarse_of_classes
+from pavetwin.perception.suppression import areas
 
 OVERLAP: Final = 0.2
 """Of neighbouring tiles, as a share of their side, at least."""
@@ -62,58 +62,57 @@ def merged(found: Sequence[Detections], tiles: Sequence[PixelBox]) -> Detections
         found: of each tile, in pixels of the image.
         tiles: left, top, right, bottom. One may be the whole image.
     """
-    size = found[0].size_px
     pieces = _pieces(found, tiles)
-    rows = [_joined(group, pieces, found) for group in _groups(pieces, tiles)]
-    rows.sort(key=lambda row: -row[2] * row[3])
-    boxes = np.array([row[0] for row in rows], dtype=np.float32).reshape(-1, 4)
-    return Detections(
-        size,
-        boxes,
-        np.array([row[1] for row in rows], dtype=np.int64),
-        np.array([row[2] for row in rows], dtype=np.float32),
-        np.array([row[3] for row in rows], dtype=np.float32),
-        tuple(row[4] for row in rows),
+    groups = _groups(pieces, tiles)
+    joined = pieces.detections[[_judge(group, pieces) for group in groups]].with_columns(
+        box_px=[_box(group, pieces) for group in groups],
+        mask=[tuple(part for row in group for part in pieces.detections.mask[row]) for group in groups],
     )
+    surest = joined.detection_confidence.astype(np.float64) * joined.subtype_confidence
+    return joined[np.argsort(-surest, kind="stable")]
 
 
 @dataclass(frozen=True, slots=True)
 class _Pieces:
-    """What the tiles say of objects, a row for each box."""
+    """The detections of all tiles, a row each."""
 
-    boxes: Float64Array
-    """(n, 4) in pixels of the image."""
+    detections: Detections
     tile: IndexArray
-    row: IndexArray
-    """Among the detections of its tile."""
     is_cut: BoolArray
     """Whether it ends at a seam."""
     cells: tuple[Float64Array | None, ...]
     """(n,) of a single crack that ends at a seam: (cells, 4) left, top, right and bottom of what its mask covers, in
     pixels of the image; None of others."""
     coarse: IndexArray
-    """0 for every defect, else the class."""
-    confidence: Float64Array
+    """Number of the coarse class."""
+
+    @property
+    def boxes(self) -> Float64Array:
+        """(n, 4) in pixels of the image."""
+        return self.detections.box_px
+
+    @property
+    def confidence(self) -> Float64Array:
+        return self.detections.confidence
 
 
 def _pieces(found: Sequence[Detections], tiles: Sequence[PixelBox]) -> _Pieces:
-    counts = [len(each) for each in found]
-    tile = np.repeat(np.arange(len(tiles)), counts)
-    boxes = np.concatenate([each.boxes for each in found]).astype(float).reshape(-1, 4)
+    detections = Detections.concatenated(found)
+    tile = np.repeat(np.arange(len(tiles)), [len(each) for each in found])
+    boxes = detections.box_px
     edges = np.array(tiles, dtype=float)[tile]
-    width, height = found[0].size_px
+    width, height = found[0].size_px or (0, 0)
     seams = edges != [0, 0, width, height]
     is_cut = (seams & (np.abs(boxes - edges) <= EDGE_PX)).any(axis=1)
-    is_crack = np.concatenate([each.classes for each in found]) == SINGLE_CRACK
-    masks = [mask for each in found for mask in each.masks]
+    is_crack = detections.class_name == CRACKS[0]
     return _Pieces(
-        boxes=boxes,
+        detections=detections,
         tile=tile,
-        row=np.concatenate([np.arange(count) for count in counts]),
         is_cut=is_cut,
-        cells=tuple(_cells(mask) if wanted else None for mask, wanted in zip(masks, is_cut & is_crack, strict=True)),
-        coarse=coarse_of_classes(np.concatenate([each.classes for each in found])),
-        confidence=np.concatenate([each.confidence for each in found]).astype(float),
+        cells=tuple(
+            _cells(mask) if wanted else None for mask, wanted in zip(detections.mask, is_cut & is_crack, strict=True)
+        ),
+        coarse=coarse_of_classes(detections.class_number),
     )
 
 
@@ -222,12 +221,6 @@ def _shares(boxes: Float64Array, window: Float64Array) -> Float64Array:
     return areas(_within(boxes, np.broadcast_to(window, boxes.shape))) / np.maximum(areas(boxes), 1e-9)
 
 
-def _joined(
-    group: Sequence[int], pieces: _Pieces, found: Sequence[Detections]
-) -> tuple[list[float], int, float, float, tuple[MaskPart, ...]]:
-    """Box, class, both confidences and mask of one object."""
-    judge = max(group, key=lambda at: pieces.confidence[at] * areas(pieces.boxes[[at]])[0])
-    of, row = found[pieces.tile[judge]], pieces.row[judge]
-    masks = tuple(part for at in group for part in found[pieces.tile[at]].masks[pieces.row[at]])
-    box = _box(group, pieces).tolist()
-    return box, int(of.classes[row]), float(of.detection[row]), float(of.subtype[row]), masks
+def _judge(group: Sequence[int], pieces: _Pieces) -> int:
+    """The piece that decides class and confidence of an object."""
+    return max(group, key=lambda at: pieces.confidence[at] * areas(pieces.boxes[[at]])[0])

@@ -1,1 +1,0 @@
-"""The detector behind HTTP: `pavetwin serve`."""
