@@ -19,7 +19,7 @@ from pavetwin.app.frame_source import FILE, SHOWN_PX, _sources, shown_frame, wri
 from pavetwin.app.frames import FrameRenderer
 from pavetwin.app.requests import FramePart
 from pavetwin.app.session import Played
-from pavetwin.app.task_pool import KeptProcess, Said
+from pavetwin.app.task_pool import KeptProcess, Messages
 from pavetwin.app.tasks import run
 from pavetwin.capture.mission_frames import CAPTURES, FOLDER, save_frames
 from pavetwin.capture.mission_images import MissionImages
@@ -187,12 +187,12 @@ class Stand:
     is_alive: bool = True
     dies: bool = False
 
-    async def run(self, task: Mapping[str, Any], told: Any, said: Said | None = None) -> Mapping[str, Any]:  # noqa: ARG002
+    async def run(self, task: Mapping[str, Any], told: Any, messages: Messages | None = None) -> Mapping[str, Any]:  # noqa: ARG002
         (shown,) = [name for name in ("capture", "name") if name in task]
         self.ran.append(task[shown])
         while not self.is_let:
             await asyncio.sleep(0.005)
-            if said is not None and said.is_new:
+            if messages is not None and messages.is_new:
                 return {}
         if self.dies:
             raise task_pool.ProcessDiedError
@@ -395,7 +395,7 @@ def test_a_frame_that_is_not_wanted_is_given_up_between_its_steps(monkeypatch: p
 
     monkeypatch.setattr(frame_source, "_sources", lambda _: (Source(),))
     task = {"do": "frame", "folder": "x", "mission": 0, "capture": 0, "part": "preview"}
-    quiet, telling = SimpleNamespace(said=list), SimpleNamespace(said=lambda: [{"stop": True}])
+    quiet, telling = SimpleNamespace(messages=list), SimpleNamespace(messages=lambda: [{"stop": True}])
     assert run(task, quiet)["jpeg"]
     assert run(task, telling) == {}
     assert scene._renderer.on_step() is None, "it is asked no more"

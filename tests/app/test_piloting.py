@@ -13,7 +13,7 @@ import pytest
 from pavetwin.app import task_pool
 from pavetwin.app.live import joined
 from pavetwin.app.steering import STICKS
-from pavetwin.app.task_pool import Said, TaskProcess
+from pavetwin.app.task_pool import Messages, TaskProcess
 from pavetwin.mission.by_hand import PILOT, ByHand, fly_again, sticks_of_values
 from pavetwin.mission.inputs import load_inputs
 from pavetwin.mission.planning import plan_mission
@@ -172,12 +172,12 @@ def test_of_many_sticks_few_are_passed_on_and_the_latest_last(monkeypatch: pytes
     passed_on = asyncio.Event()
 
     async def flood() -> list[dict[str, Any]]:
-        pipe, said = Pipe(), Said()
+        pipe, messages = Pipe(), Messages()
         process = TaskProcess(pipe)  # type: ignore[arg-type]
-        running = asyncio.create_task(process.run({"do": "pilot"}, lambda _: None, said))
+        running = asyncio.create_task(process.run({"do": "pilot"}, lambda _: None, messages))
         for burst in range(3):
             for number in range(100):
-                said.say({"ahead": 100 * burst + number})
+                messages.send({"ahead": 100 * burst + number})
                 await asyncio.sleep(0)
             passed_on.set()  # the least time between two has passed
             await asyncio.sleep(0.01)
@@ -188,7 +188,7 @@ def test_of_many_sticks_few_are_passed_on_and_the_latest_last(monkeypatch: pytes
     sleep = asyncio.sleep
 
     async def wait(seconds: float) -> None:
-        if seconds == task_pool.SAID_EVERY_S:
+        if seconds == task_pool.MESSAGE_EVERY_S:
             passed_on.clear()
             await passed_on.wait()
         else:
@@ -197,6 +197,6 @@ def test_of_many_sticks_few_are_passed_on_and_the_latest_last(monkeypatch: pytes
     monkeypatch.setattr(asyncio, "sleep", wait)
     task, *sticks = asyncio.run(flood())
     assert task == {"do": "pilot"}
-    assert sticks[0]["said"]["ahead"] < 100, "at once"
-    assert sticks[-1] == {"said": {"ahead": 299}}
+    assert sticks[0]["message"]["ahead"] < 100, "at once"
+    assert sticks[-1] == {"message": {"ahead": 299}}
     assert len(sticks) <= 5, "one for each time that has passed"

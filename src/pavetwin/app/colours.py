@@ -15,7 +15,7 @@ from pavetwin.draw.mission_style import AGENT_COLOURS, HIDDEN, OPEN_DEFECT, SEEN
 FILE: Final = Path(__file__).with_name("colours.json")
 
 _SHADES: Final = 16
-"""Of the colours of visibility, from 0 to 1."""
+"""Number of visibility colours from 0 to 1."""
 
 
 def page_colours() -> Mapping[str, Any]:

@@ -30,13 +30,13 @@ _DEEPEST: Final = 32
 """Lists and mappings within each other: a mission.yaml has a few, and reading many takes minutes."""
 
 _LARGEST: Final = 10**18
-"""Of whole numbers."""
+"""Whole numbers only."""
 
 _SAME_M: Final = 0.01
 
 
 def choices_of(task: Mapping[str, Any]) -> dict[str, Any]:
-    """What a `mission.yaml` chooses.
+    """Choices in a `mission.yaml`.
 
     Args:
         task: its `text`, and `worlds`, the folders that the page shows by their keys.
@@ -183,7 +183,7 @@ def _without_none(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _left_out(values: Mapping[str, Any], request: FlightRequest, world: World) -> list[str]:
-    """What would be flown otherwise than it says."""
+    """Settings of a mission that the page has no field for."""
     traffic, base = _part(values, "traffic"), values.get("base")
     left = [name for name in ("routes", "recording", "take_off_s") if traffic.get(name)]
     left += [name for name in ("aircraft", "plugins") if values.get(name)]

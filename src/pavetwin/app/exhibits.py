@@ -30,7 +30,7 @@ class ExhibitKind(StrEnum):
 
     @property
     def file(self) -> str:
-        """What is shown."""
+        """Shown folder."""
         return REPORT if self is ExhibitKind.STUDY else SHEET
 
 
@@ -44,12 +44,12 @@ class Exhibit:
 
 
 def exhibit_kind(folder: Path) -> ExhibitKind | None:
-    """What a folder holds; None where it is no study and no dataset."""
+    """Kind of a folder; None where it is neither a study nor a dataset."""
     return next((ExhibitKind(kind) for mark, kind in _MARKS.items() if (folder / mark).is_file()), None)
 
 
-def show_exhibit(folder: Path, kind: ExhibitKind, place: Path, tell: Callable[[float, str], None]) -> dict[str, str]:
-    """What the page shows of a study or a dataset as it is now.
+def show_exhibit(folder: Path, kind: ExhibitKind, place: Path, report: Callable[[float, str], None]) -> dict[str, str]:
+    """Make the report of a study or the contact sheet of a dataset in its present state.
 
     Args:
         place: the session's folder, where it is kept until the exhibit changes.
@@ -64,21 +64,21 @@ def show_exhibit(folder: Path, kind: ExhibitKind, place: Path, tell: Callable[[f
     target = place / f"exhibit-{key}"
     if not (target / kind.file).is_file():
         with made_once(target) as made:
-            _make(folder, kind, made, tell)
+            _make(folder, kind, made, report)
     return {"key": key, "file": kind.file}
 
 
-def _make(folder: Path, kind: ExhibitKind, place: Path, tell: Callable[[float, str], None]) -> None:
+def _make(folder: Path, kind: ExhibitKind, place: Path, report: Callable[[float, str], None]) -> None:
     if kind is ExhibitKind.STUDY:
         from pavetwin.experiments.report.page import write_report
         from pavetwin.experiments.report.study import gather_folder
         from pavetwin.experiments.store import Store
 
-        tell(0.0, "Statistics")
+        report(0.0, "Statistics")
         study = gather_folder(Store(folder))
-        write_report(study, place, lambda share: tell(share, "Drawing the report"))
+        write_report(study, place, lambda share: report(share, "Drawing the report"))
         return
-    tell(0.0, "Drawing the contact sheet")
+    report(0.0, "Drawing the contact sheet")
     if kind is ExhibitKind.CAPTURED:
         from pavetwin.capture.sheets import save_sheet
 

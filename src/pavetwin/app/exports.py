@@ -33,7 +33,7 @@ from pavetwin.mission.timeline import Timeline
 STATIC: Final = Path(__file__).parent / "static"
 
 LARGEST_BYTES: Final = 60_000_000
-"""Of a file: larger ones take browsers many seconds to open."""
+"""Largest size of a file; larger ones take browsers many seconds to open."""
 
 ENTRY: Final = "replay.js"
 INSTEAD: Final = {"server.js": "inlined.js"}
@@ -134,7 +134,7 @@ CLOCK: Final = "mission"
 
 
 def is_installed() -> bool:
-    """Whether recordings can be written here."""
+    """Whether the package for recordings is installed."""
     return find_spec("rerun") is not None
 
 
@@ -266,7 +266,7 @@ _PLANS: Final = {
 
 
 def exports() -> list[dict[str, Any]]:
-    """What can be made here: its name, in words, whether only of what can be flown again, and whether of one mission
+    """Available exports: name, description, whether the mission must be flown again, and whether of one mission
     where several policies were flown."""
     made = [
         {
@@ -297,7 +297,7 @@ def exports() -> list[dict[str, Any]]:
     return made
 
 
-def make_export(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
+def make_export(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, Any]:
     """Make one of them.
 
     Args:
@@ -305,7 +305,7 @@ def make_export(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
             `results`, that of the missions; `mission`, that of the one of which a plan is made; `world`.
 
     Returns:
-        `files`, their names in that folder, and what is to be `told` of them.
+        `files`, their names in that folder, and a `told` remark.
 
     Raises:
         PaveTwinError: it cannot be made.
@@ -316,7 +316,7 @@ def make_export(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
     made.mkdir(parents=True, exist_ok=True)
     world = kept_world(Path(task["world"]))
     if what == HTML:
-        tell(0.0, "Writing the page")
+        report(0.0, "Writing the page")
         name = f"{results.name}.html"
         with writing(made / "map.json.gz") as temporary:
             temporary.write_bytes(packed_map(world))
@@ -325,7 +325,7 @@ def make_export(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
         return {"files": [name], "told": "Plays in any browser, from the file alone."}
     if what == RRD:
         name = f"{results.name}.rrd"
-        flown, _ = again(descriptions(results), world, tell)
+        flown, _ = again(descriptions(results), world, report)
         write_rerun(flown, made / name)
         return {"files": [name], "told": "Open it with `rerun`."}
     former = MissionFolder(task["mission"], other_policy=True)

@@ -1,4 +1,4 @@
-"""What a browser may ask for: a mission by names and numbers. No path, policy file or plugin is among them."""
+"""Missions that a browser may request, by names and numbers: no paths, policy files or plugins."""
 
 import re
 from typing import Annotated, Any, Final, Self
@@ -79,7 +79,7 @@ class FlightRequest(Settings):
 
     @property
     def names(self) -> list[str]:
-        """Of the policies, each once."""
+        """Names of the policies, each once."""
         return policies_named(self.policies)
 
     @property

@@ -3,7 +3,6 @@
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final
@@ -23,14 +22,14 @@ from pavetwin.mission.saving import MISSION, check_mission_folder, save_mission,
 from pavetwin.mission.spec import MissionSpec
 from pavetwin.world.model import World
 
-Told = Callable[[float, str], None]
-"""Told the share done and what is being done."""
+OnProgress = Callable[[float, str], None]
+"""Called with the share done and the present stage."""
 
 LISTED: Final = 40
 """Missions of a world that the page lists, the latest first."""
 
 
-def listed_missions(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:  # noqa: ARG001 - as every task
+def listed_missions(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, Any]:  # noqa: ARG001 - as every task
     """The missions of a world, the latest first."""
     return {"missions": [path.name for path in _mission_folders(Path(task["world"]))[:LISTED]]}
 
@@ -42,7 +41,7 @@ def _mission_folders(world: Path) -> list[Path]:
 
 
 def _is_shown(path: Path) -> bool:
-    """Whether it is whole: what is being written has a hidden name."""
+    """Whether a folder is whole: unfinished ones have a hidden name."""
     return not path.name.startswith(".")
 
 
@@ -76,41 +75,40 @@ def planned(
     )
 
 
-def fly_request(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
+def fly_request(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, Any]:
     """Fly the missions of a request, write them where the command line does, and what plays them."""
     request, world = FlightRequest.of(task["request"]), kept_world(Path(task["world"]))
-    tell(0.0, "Preparing the flight domain")
+    report(0.0, "Preparing the flight domain")
     names = request.names
     specs, environment = planned(request, world, names)
-    inputs = load_inputs(specs[0], world=world, environment=environment, on_progress=tell)
+    inputs = load_inputs(specs[0], world=world, environment=environment, on_progress=report)
     specs = [inputs.flown(spec) for spec in specs]
     folder = mission_folder(specs[0], names, PRESET, usual_targets=request.is_usual)
-    return _flown_into(folder, specs, inputs, Path(task["folder"]), tell)
+    return _flown_into(folder, specs, inputs, Path(task["folder"]), report)
 
 
-def fly_missed(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
+def fly_missed(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, Any]:
     """Fly a mission again over the segments on which it missed a defect, as `fly --again … --only-missed` does."""
     world = kept_world(Path(task["world"]))
     former = MissionFolder(task["mission"])
     spec = former.planned(world, targets=former.missed_segments())
-    inputs = load_inputs(spec, world=world, on_progress=tell)
-    return _flown_into(former.folder_of_missed, [inputs.flown(spec)], inputs, Path(task["folder"]), tell)
+    inputs = load_inputs(spec, world=world, on_progress=report)
+    return _flown_into(former.folder_of_missed, [inputs.flown(spec)], inputs, Path(task["folder"]), report)
 
 
 def _flown_into(
-    folder: Path, specs: list[MissionSpec], inputs: MissionInputs, session: Path, tell: TaskReport
+    folder: Path, specs: list[MissionSpec], inputs: MissionInputs, session: Path, report: TaskReport
 ) -> Mapping[str, Any]:
-    """Until all is flown, nothing is written into the folder. From `ready` on its missions are whole, but for the
-    pictures."""
-    with alone_in(folder, session, tell):
+    """Fly missions, and write them once all are flown. From `ready` on they are whole except for the images."""
+    with alone_in(folder, session, report):
         check_mission_folder(folder)
         check_replaceable(folder, specs)
         with inputs.replay:
-            results = [_one(spec, inputs, tell) for spec in specs]
-            played = {**_written(results, inputs, session, tell), "results": str(folder)}
+            results = [_one(spec, inputs, report) for spec in specs]
+            played = {**_written(results, inputs, session, report), "results": str(folder)}
         _save(results, folder)
-        tell.ready({**played, "names": _file_names(folder, results)})
-        _draw(results, folder, tell)
+        report.ready({**played, "names": _file_names(folder, results)})
+        _draw(results, folder, report)
         return {**played, "names": _file_names(folder, results)}
 
 
@@ -122,51 +120,47 @@ def _save(results: list[MissionResult], folder: Path) -> None:
         save_missions(results, temporary)
 
 
-def play_mission(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
+def play_mission(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, Any]:
     """Fly a mission of the world again, to play it; nothing of it is written again."""
     world, session = kept_world(Path(task["world"])), Path(task["folder"])
     folders = {folder.name: folder for folder in _mission_folders(Path(task["world"]))}
     folder = folders.get(str(task["mission"]))
     if folder is None:
         raise PaveTwinError(f"`mission`: '{str(task['mission'])[:80]}' is no mission of '{world.name}'.")
-    with alone_in(folder, session, tell):
-        results, inputs = again(descriptions(folder), world, tell)
-        played = _written(results, inputs, session, tell)
+    with alone_in(folder, session, report):
+        results, inputs = again(descriptions(folder), world, report)
+        played = _written(results, inputs, session, report)
         return {**played, "results": str(folder), "names": _file_names(folder, results)}
 
 
-def again(files: Sequence[Path], world: World, tell: Told) -> tuple[list[MissionResult], MissionInputs]:
+def again(files: Sequence[Path], world: World, report: OnProgress) -> tuple[list[MissionResult], MissionInputs]:
     """Missions over the same traffic, flown again from their descriptions; nothing is written.
 
     Raises:
         PaveTwinError: one cannot be read, or its inputs have changed.
     """
     specs = [MissionFolder(file).planned(world) for file in files]
-    inputs = load_inputs(specs[0], world=world, on_progress=tell)
+    inputs = load_inputs(specs[0], world=world, on_progress=report)
     with inputs.replay:
-        return [_one(spec, inputs, tell) for spec in specs], inputs
+        return [_one(spec, inputs, report) for spec in specs], inputs
 
 
-def _one(spec: MissionSpec, inputs: MissionInputs, tell: Told) -> MissionResult:
+def _one(spec: MissionSpec, inputs: MissionInputs, report: OnProgress) -> MissionResult:
     from pavetwin.capture.mission_images import MissionImages
 
-    def said(what: str) -> Callable[[float], None]:
-        return partial(_told, tell, what)
+    def reporting(what: str) -> Callable[[float], None]:
+        return lambda share: report(share, what)
 
-    inputs.on_extend(said("Recording more traffic"))
+    inputs.on_extend(reporting("Recording more traffic"))
     environment = inputs.environment
     images = MissionImages(environment.inspected_world, inputs.replay, spec.seed, environment.parked)
     return fly(
         spec,
         inputs=inputs,
         image_source=images,
-        on_progress=said(f"Flying {spec.policy.name}"),
-        on_look=said("Rendering the captures and searching them"),
+        on_progress=reporting(f"Flying {spec.policy.name}"),
+        on_look=reporting("Rendering the captures and searching them"),
     )
-
-
-def _told(tell: Told, what: str, share: float) -> None:
-    tell(share, what)
 
 
 def write_played(results: Sequence[MissionResult], inputs: MissionInputs, folder: Path) -> None:
@@ -176,11 +170,11 @@ def write_played(results: Sequence[MissionResult], inputs: MissionInputs, folder
     write_playback(results, folder, step_s=inputs.replay.recording.step_s)
 
 
-def _written(results: list[MissionResult], inputs: MissionInputs, session: Path, tell: TaskReport) -> dict[str, Any]:
-    """What plays missions, in a folder that is named by what they are."""
+def _written(results: list[MissionResult], inputs: MissionInputs, session: Path, report: TaskReport) -> dict[str, Any]:
+    """Write the played data of missions into a folder named by their hash."""
     from pavetwin.app.frame_source import write_frame_source
 
-    tell(1.0, "Preparing to play")
+    report(1.0, "Preparing to play")
     specs = json.dumps([result.spec.as_values() for result in results], sort_keys=True)
     key = sha256(specs.encode()).hexdigest()[:20]
     target = session / key
@@ -192,12 +186,12 @@ def _written(results: list[MissionResult], inputs: MissionInputs, session: Path,
     return {"key": key, "captures": captures, "policies": policies}
 
 
-def _draw(results: list[MissionResult], folder: Path, tell: TaskReport) -> None:
+def _draw(results: list[MissionResult], folder: Path, report: TaskReport) -> None:
     """The maps that the command line draws."""
     from pavetwin.draw.mission_map import save_comparison_map, save_mission_map
 
     for result in results:
-        tell(1.0, f"Drawing the map: {result.policy}")
+        report(1.0, f"Drawing the map: {result.policy}")
         save_mission_map(result, (folder / result.policy if len(results) > 1 else folder) / "map.png")
     if len(results) > 1:
         save_comparison_map(results, folder / "comparison.png")

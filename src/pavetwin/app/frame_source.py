@@ -2,7 +2,7 @@
 
 A preview comes first: the same view in as many pixels as are shown, without labels, in a tenth of the time.
 
-Poses and detections of all captures are in a file beside what the browser plays. World, defects and traffic are read
+Poses and detections of all captures are in a file next to the played data. World, defects and traffic are read
 again from what the missions' specs name, once for all frames of these missions.
 """
 
@@ -191,7 +191,7 @@ class MissionFrames:
         return self.images.rendered(frame, size, truth=False).rgb
 
     def searched(self, capture: int) -> list[dict[str, Any]]:
-        """What the shipped detector finds in the image that it takes of a capture."""
+        """Detections of the shipped detector in a rendered capture."""
         frame = self.frame(capture)
         found = self._detector.detect(replace(frame, source=self.images))
         rows = zip(found.class_name, found.confidence.tolist(), found.box_px.tolist(), strict=True)
@@ -204,7 +204,7 @@ class MissionFrames:
 
 @lru_cache(maxsize=1)
 def _sources(folder: Path) -> tuple[MissionFrames, ...]:
-    """Of the missions in a folder, whose name stands for their content."""
+    """Missions of a folder, whose name identifies their content."""
     missions = json.loads((folder / FILE).read_text(encoding="utf-8"))
     specs = [MissionSpec.parse(mission["spec"], where=FILE) for mission in missions]
     inputs = load_inputs(specs[0], world=kept_world(Path(specs[0].world.path)))

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from pavetwin.app.requests import FramePart
-from pavetwin.app.task_pool import KeptProcess, Said
+from pavetwin.app.task_pool import KeptProcess, Messages
 
 KEPT: Final = 160
 """Frames in memory; each is below about 150 kB."""
@@ -28,8 +28,8 @@ class FrameRenderer:
         self._pages: set[object] = set()
         self._waiting: dict[object, tuple[Mapping[str, Any], asyncio.Future[Mapping[str, Any]]]] = {}
         self._running: asyncio.Task[None] | None = None
-        self._rendered: tuple[object, Said] | None = None
-        """Whose frame is rendered that can be given up, and what tells it so."""
+        self._rendered: tuple[object, Messages] | None = None
+        """Page whose cancellable frame is being rendered, and the channel to cancel it."""
         self._kept: OrderedDict[str, Mapping[str, Any]] = OrderedDict()
 
     async def frame(self, page: object, task: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -49,11 +49,11 @@ class FrameRenderer:
         return await rendered
 
     def _drop(self, page: object) -> None:
-        """What a page has asked for is not wanted any more."""
+        """Drop the requests of a page."""
         if waiting := self._waiting.pop(page, None):
             waiting[1].cancel()
         if self._rendered is not None and self._rendered[0] is page:
-            self._rendered[1].say({"stop": True})
+            self._rendered[1].send({"stop": True})
 
     async def _render(self) -> None:
         while self._waiting:
@@ -61,11 +61,11 @@ class FrameRenderer:
             task, rendered = self._waiting.pop(page)
             if rendered.done():
                 continue
-            said = Said()
-            self._rendered = None if task.get("part") == FramePart.PREVIEW else (page, said)
+            messages = Messages()
+            self._rendered = None if task.get("part") == FramePart.PREVIEW else (page, messages)
             try:
-                result = await self._process.run(task, said=said)
-            except Exception as error:  # whoever asked is told, and the next one is rendered
+                result = await self._process.run(task, messages=messages)
+            except Exception as error:  # reported to the page; the next one is rendered
                 if not rendered.done():
                     rendered.set_exception(error)
                 continue

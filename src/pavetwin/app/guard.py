@@ -73,7 +73,7 @@ class Guard:
 
     @staticmethod
     def is_origin(origin: str | None, host: str) -> bool:
-        """Whether a request is from this server's own page, or from no page at all."""
+        """Whether a request comes from this server's own page, or from no page."""
         return origin is None or origin.lower() == f"http://{host}".lower()
 
     @staticmethod
@@ -91,7 +91,7 @@ def _is_address(name: str) -> bool:
 
 
 _ALL: Final = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}
-"""What listens for every machine, and the name of this machine then."""
+"""Addresses that accept every machine, with the name to open on this one."""
 
 _ELSEWHERE: Final = ("192.0.2.1", 9)
 """An address for examples (RFC 5737): nothing is sent to it."""
@@ -135,7 +135,7 @@ REFUSAL_POLICY: Final = "; ".join(
 
 
 def refusal_page(words: str) -> str:
-    """HTML that says why, and what to do.
+    """HTML page with the reason and the fix.
 
     Args:
         words: plain text.

@@ -1,4 +1,4 @@
-"""What the server answers over HTTP: the page and its files, worlds, missions to play, and results to keep."""
+"""HTTP handlers: the page and its files, worlds, played missions, and results to download."""
 
 import json
 from contextlib import suppress
@@ -52,7 +52,7 @@ class GuardedHandler(RequestHandler):
         check_request(self)
         self.set_header("Content-Security-Policy", self.guard.policy(self.request.host))
 
-    def tell(self, content: Any) -> None:
+    def reply(self, content: Any) -> None:
         """Answer with JSON."""
         self.set_header("Content-Type", "application/json; charset=utf-8")
         self.finish(json.dumps(content))
@@ -60,7 +60,7 @@ class GuardedHandler(RequestHandler):
     def write_error(self, status_code: int, **how: Any) -> None:  # noqa: ARG002 - Tornado's
         error = how.get("exc_info", (None, None, None))[1]
         words = error.words if isinstance(error, RefusedError) else f"{self._reason}."
-        self.tell({"error": words})
+        self.reply({"error": words})
 
     async def send_file(self, path: Path, kind: str, *, gzipped: bool = False, name: str | None = None) -> None:
         """Send a file in blocks, each once the client has taken the one before.
@@ -111,7 +111,7 @@ class PageHandler(GuardedHandler):
         await self.send_file(STATIC / "index.html", "text/html; charset=utf-8")
 
     def write_error(self, status_code: int, **how: Any) -> None:
-        """A browser gets a page that says what to do."""
+        """Send browsers a page with the fix."""
         error = how.get("exc_info", (None, None, None))[1]
         if not isinstance(error, RefusedError) or "text/html" not in self.request.headers.get("Accept", ""):
             super().write_error(status_code, **how)
@@ -141,14 +141,14 @@ class FileHandler(StaticFileHandler):
 
 
 class StartHandler(GuardedHandler):
-    """What the page needs first: the worlds, and what a mission may be made of."""
+    """First data of the page: the worlds, and the choices for a mission."""
 
     async def get(self) -> None:
         try:
             choices = await self.session.choices()
         except PaveTwinError as error:
             raise RefusedError(500, str(error)) from error
-        self.tell(
+        self.reply(
             {
                 "version": __version__,
                 "worlds": [{"id": world.id, "name": world.name} for world in self.session.worlds],
@@ -205,7 +205,7 @@ class PlayedHandler(GuardedHandler):
 
 
 class ExhibitHandler(GuardedHandler):
-    """What was made of a study or a dataset. A report brings its styles and pictures with it, and has no script."""
+    """Report of a study or contact sheet of a dataset. A report embeds its styles and images, and has no script."""
 
     async def get(self, key: str, name: str) -> None:
         file = self.session.shown_file(key, name)
@@ -268,7 +268,7 @@ class UploadHandler(GuardedHandler):
             self._upload.take(chunk)
         except PaveTwinError as error:
             self.set_status(410)
-            self.tell({"error": str(error)})  # which ends the connection
+            self.reply({"error": str(error)})  # which ends the connection
 
     def post(self, key: str) -> None:  # noqa: ARG002 - `prepare` has used it
         assert self._upload is not None

@@ -3,7 +3,7 @@
 The page sends `{"id": 7, "do": "fly", "world": "w0", "request": {…}}` and gets `{"id": 7, "share": 0.4, "what": …}` as
 often as it reads, `{"id": 7, "ready": {…}}` when a mission can be played, and then `{"id": 7, "done": {…}}` or
 `{"id": 7, "error": "…"}`. `{"id": 7, "do": "cancel"}` ends a task; a mission that is ready stays, and is `done` without
-the pictures that were not drawn yet. Of the frames that a page asks for only the latest waits, to be rendered or to be
+the images that were not drawn yet. Of the frames that a page asks for only the latest waits, to be rendered or to be
 sent; `{"id": 7, "cancelled": true}` answers the one before it. A flight or a drive by hand tells
 `{"id": 7, "live": {…}}` ten times a second, as often as the page reads, with all that is new since, and takes
 `{"id": 7, "do": "say", "stick": {…}}`, the latest first. A page that goes away ends all of its tasks.
@@ -22,7 +22,7 @@ from pavetwin.app.guard import Guard
 from pavetwin.app.handlers import check_request
 from pavetwin.app.requests import StickRequest
 from pavetwin.app.session import BY_HAND, Session
-from pavetwin.app.task_pool import Said
+from pavetwin.app.task_pool import Messages
 from pavetwin.app.task_report import failure_words
 from pavetwin.errors import PaveTwinError
 
@@ -30,13 +30,13 @@ LARGEST_MESSAGE: Final = 1 << 17
 """Bytes that a page may send at once."""
 
 TASKS: Final = 4
-"""Of one page at a time, frames aside."""
+"""Tasks of one page at a time, frames aside."""
 
 FRAME: Final = "frame"
 
 FLOWN: Final = ("fly", "fly_missed")
 FLIGHTS: Final = (*FLOWN, "play", *BY_HAND)
-"""Of which a page has one at a time."""
+"""Tasks that a page has one of at a time."""
 
 UNREAD: Final = 1 << 22
 """Bytes that may wait for a page; one that reads so late is closed."""
@@ -46,7 +46,7 @@ PAGES: Final = 64
 
 
 def joined(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Any]:
-    """Two states of a flight or a drive by hand told as one: the later, with what is new in both.
+    """Merge two states of a flight or drive by hand: the later, with the additions of both.
 
     Columns of captures and lists of defects grow; a flag stays where either has it.
     """
@@ -77,11 +77,11 @@ class LiveHandler(WebSocketHandler):
         self._flight: int | None = None
         """The flight that is going on, until it is ready."""
         self._ready: dict[int, Mapping[str, Any]] = {}
-        """Missions whose pictures are being drawn."""
+        """Missions whose images are being drawn."""
         self._unread = 0
-        self._said: dict[int, Said] = {}
+        self._messages: dict[int, Messages] = {}
         self._untold: dict[int, dict[str, Any]] = {}
-        """What of flights and drives by hand the page could not be told yet."""
+        """Unsent states of flights and drives by hand."""
         self._leaving: asyncio.Task[None] | None = None
         self._sending: asyncio.Future[None] | None = None
         self._is_open = False
@@ -151,15 +151,15 @@ class LiveHandler(WebSocketHandler):
         except PaveTwinError as error:
             self.close(1003, str(error)[:100])
             return
-        if said := self._said.get(number):
-            said.say(stick.model_dump())
+        if messages := self._messages.get(number):
+            messages.send(stick.model_dump())
 
     async def _do(self, number: int, asked: dict[str, Any]) -> None:
         try:
             self._send({"id": number, **await self._answer(number, asked)})
         finally:
             del self._tasks[number]
-            self._said.pop(number, None)
+            self._messages.pop(number, None)
             self._untold.pop(number, None)
             self._ready.pop(number, None)
             self._frames.discard(number)
@@ -171,8 +171,8 @@ class LiveHandler(WebSocketHandler):
         try:
             if asked.get("do") == FRAME:
                 return {"done": await self._frame(number, asked)}
-            said = self._said[number] = Said()
-            done = await self.session.run(asked, lambda told: self._report(number, told, asked.get("do")), said)
+            messages = self._messages[number] = Messages()
+            done = await self.session.run(asked, lambda told: self._report(number, told, asked.get("do")), messages)
         except asyncio.CancelledError:
             return {"done": self._ready[number]} if number in self._ready else {"cancelled": True}
         except Exception as error:

@@ -115,7 +115,7 @@ def _encoded(frames: list["PoseColumns"], step_s: float) -> bytes:
 def _starts(step: Int64Array, columns: dict[str, Float64Array], step_s: float) -> BoolArray:
     """(n,) whether a pose begins a run: another agent, a gap, or a step over which the trace does not move it.
 
-    The trace tells the velocity towards the next pose where it moves an agent there, and that of its heading elsewhere.
+    The trace holds the velocity towards the next pose where it moves an agent there, and that of its heading elsewhere.
     """
     if not len(step):
         return np.zeros(0, dtype=np.bool_)
@@ -167,7 +167,7 @@ def write_playback(results: Sequence[MissionResult], folder: Path, *, step_s: fl
 
 
 def write_agents(trace: Trace, folder: Path, *, step_s: float, until_s: float) -> dict[str, Any]:
-    """Write the agents of each minute. Returns what `FLIGHT` says of them."""
+    """Write the agents of each minute. Returns their entry in `FLIGHT`."""
     written = 0
     for number, content in enumerate(minutes(trace, step_s, until_s)):
         (folder / minute_file(number)).write_bytes(gzip.compress(content, 6, mtime=0))
@@ -231,7 +231,7 @@ def mission_values(result: MissionResult) -> dict[str, Any]:
 def still_values(
     environment: MissionEnvironment, settings: MissionSettings, policy: str, sensor: str
 ) -> dict[str, Any]:
-    """What of a mission does not change while it is flown."""
+    """Constant data of a mission."""
     return {
         "policy": policy,
         "sensor": sensor,

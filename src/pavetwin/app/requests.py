@@ -1,4 +1,4 @@
-"""What a browser may say of maps, of frames and of flights by hand. It loads little: the server reads these itself."""
+"""Requests of a browser about maps, frames and flights by hand. The server reads these itself, so this loads little."""
 
 import re
 from enum import StrEnum
@@ -16,18 +16,18 @@ LARGEST_KM2: Final = 10.0
 """Area of the rectangle around the streets of a map."""
 
 LARGEST_BYTES: Final = 100_000_000
-"""Of a map as it is sent."""
+"""Largest size of a sent map."""
 
 
 class FramePart(StrEnum):
-    """What a browser may ask for of a capture, by what it takes; see `pavetwin.app.frame_source`."""
+    """Parts of a rendered capture, in order of cost; see `pavetwin.app.frame_source`."""
 
     PREVIEW = "preview"
     """The image alone, in as many pixels as are shown."""
     LABELLED = "labelled"
     """The image that `fly --save-frames` saves, with its labels."""
     SEARCHED = "searched"
-    """What the shipped detector finds."""
+    """Detections of the shipped detector."""
 
 
 Deflection = Annotated[float, Field(ge=-1.0, le=1.0)]
@@ -37,7 +37,7 @@ class TownRequest(Settings):
     """A town that a browser asks for, from a map that it is going to send. No path is among it."""
 
     name: Annotated[str, StringConstraints(pattern=re.compile(r"^\w[\w-]{0,59}\Z"))]
-    """Of the town and of its folder."""
+    """Name of the town and of its folder."""
     kind: Literal[".osm", ".osm.pbf", ".net.xml"]
     bytes: Annotated[int, Field(ge=1)]
     left_hand: bool = False
@@ -68,7 +68,7 @@ def check_size(size: int) -> None:
 
 
 class StickRequest(Settings):
-    """What a pilot asks for, see `pavetwin.mission.by_hand.Stick`."""
+    """Stick of a pilot, see `pavetwin.mission.by_hand.Stick`."""
 
     ahead: Deflection = 0.0
     left: Deflection = 0.0

@@ -88,15 +88,15 @@ class AppServer:
         await self._session.close()
 
 
-async def serve_forever(session: Session, guard: Guard, host: str, port: int, tell: Callable[[int], None]) -> None:
+async def serve_forever(session: Session, guard: Guard, host: str, port: int, report: Callable[[int], None]) -> None:
     """Run until the task is cancelled.
 
     Args:
-        tell: is called with the port once it listens.
+        report: is called with the port once it listens.
     """
     server = AppServer(session, guard)
     try:
-        tell(server.start(host, port))
+        report(server.start(host, port))
         await session.read_ahead()
         await asyncio.Event().wait()
     finally:

@@ -1,5 +1,5 @@
-"""What a running server knows: the worlds it shows, the missions it can play, and a folder for what the browser
-fetches, which is gone when the server ends."""
+"""State of a running server: shown worlds, playable missions, and a folder of files for the browser, which is removed
+when the server ends."""
 
 import asyncio
 import tempfile
@@ -12,7 +12,7 @@ from typing import Any, Final, Self
 from pavetwin.app.exhibits import REPORT, SHEET, Exhibit, exhibit_kind
 from pavetwin.app.frames import FrameRenderer
 from pavetwin.app.requests import FramePart
-from pavetwin.app.task_pool import KeptProcess, OnReport, Said, TaskPool
+from pavetwin.app.task_pool import KeptProcess, Messages, OnReport, TaskPool
 from pavetwin.app.uploads import Uploads
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.files import staging_folder
@@ -22,10 +22,10 @@ WORLDS: Final = "worlds"
 """The folder here whose worlds are shown where none is named, and that gets those built from maps."""
 
 BY_HAND: Final = ("pilot", "drive")
-"""What takes the latest position of a stick while it goes on."""
+"""Tasks that take stick positions while they run."""
 
 PILOTS: Final = 2
-"""Of these at a time; more wait."""
+"""Such tasks at a time; more wait."""
 
 FOLDER: Final = "pavetwin-app"
 """A part of the name of a server's temporary folder. Those of servers that were killed go with the next start."""
@@ -59,13 +59,13 @@ class Played:
     folder: Path
     results: Path
     names: tuple[str, ...]
-    """Of the results that can be fetched."""
+    """Names of the results for download."""
     captures: tuple[int, ...]
     """How many each mission has."""
     policies: tuple[str, ...]
-    """Of each mission."""
+    """Policy of each mission."""
     world: Path
-    """Of its world."""
+    """Folder of the world."""
 
     @property
     def made(self) -> Path:
@@ -118,7 +118,7 @@ class Session:
         return list(self._exhibits.values())
 
     def shown_file(self, key: str, name: str) -> Path | None:
-        """What was made of an exhibit; None where there is no such file."""
+        """File of an exhibit; None where there is no such file."""
         file = self.folder / f"exhibit-{key}" / name
         return file if name in (REPORT, SHEET) and file.is_file() else None
 
@@ -162,14 +162,14 @@ class Session:
         return TownFile(Path(found["path"]), found.get("tag")) if found else None
 
     async def choices(self) -> Mapping[str, Any]:
-        """What a mission may be made of: names of policies, sensors, aircraft, traffic; and its usual values."""
+        """Choices for a mission: names of policies, sensors, aircraft and traffic, with defaults."""
         return await self._once("choices", {"do": "choices"})
 
     async def _once(self, name: str, task: Mapping[str, Any]) -> Mapping[str, Any]:
         """Run a task, or wait for the same one that runs already."""
         if (made := self._making.get(name)) is None:
             made = self._making[name] = asyncio.create_task(self._made(name, task))
-            made.add_done_callback(lambda done: done.cancelled() or done.exception())  # nobody may wait any more
+            made.add_done_callback(lambda done: done.cancelled() or done.exception())  # no one may be waiting
         return await asyncio.shield(made)
 
     async def _made(self, name: str, task: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -179,19 +179,21 @@ class Session:
             del self._making[name]
 
     async def read_ahead(self) -> None:
-        """What a browser asks for first, so that most of it is there when it does."""
+        """Prepare the first requests of a browser in advance."""
         with suppress(PaveTwinError):
             await self.choices()
             for world in self.worlds[:1]:
                 await self.map_file(world.id)
 
-    async def run(self, asked: Mapping[str, Any], on_progress: OnReport, said: Said | None = None) -> Mapping[str, Any]:
-        """Do what a browser asked for: `choose` what a mission.yaml says, `estimate`, `fly`, `fly_missed`, `play`, list
+    async def run(
+        self, asked: Mapping[str, Any], on_progress: OnReport, messages: Messages | None = None
+    ) -> Mapping[str, Any]:
+        """Do what a browser asked for: `choose` by a mission.yaml, `estimate`, `fly`, `fly_missed`, `play`, list
         the `missions`, `build` a town, `pilot` a flight or `drive` a car by hand, `export` a mission, or `show` a study
         or a dataset.
 
         Args:
-            said: what the page says to the task while it goes on.
+            messages: messages of the page to the running task.
 
         Raises:
             PaveTwinError: it is none of these, names what is not there, or cannot be done.
@@ -224,7 +226,7 @@ class Session:
             on_progress({"ready": self._kept(message["ready"], world)} if "ready" in message else message)
 
         pool = self._flights if task["do"] in BY_HAND else self.tasks
-        return self._kept(await pool.run(task, told, said=said), world)
+        return self._kept(await pool.run(task, told, messages=messages), world)
 
     async def _export(self, asked: Mapping[str, Any], on_progress: OnReport) -> Mapping[str, Any]:
         played, number = self._mission(asked)
@@ -235,7 +237,7 @@ class Session:
         return await self.tasks.run(task, on_progress)
 
     def made_file(self, key: str, name: str) -> Path | None:
-        """What was made of a mission; None where there is no such file."""
+        """File made of a mission; None where there is no such file."""
         played = self._played.get(key)
         if played is None or not played.made.is_dir():
             return None
@@ -297,7 +299,7 @@ class Session:
 
     @classmethod
     def of(cls, folders: Sequence[Path], tasks: TaskPool | None = None) -> Self:
-        """Of these worlds, studies and datasets, and of the worlds in the folder `worlds` here where no world is named.
+        """A session of these folders, with the worlds in the folder `worlds` here where no world is named.
 
         Raises:
             PaveTwinError: a folder is none of these.

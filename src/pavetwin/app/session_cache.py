@@ -58,7 +58,7 @@ WAITING_S: Final = 0.1
 def made_once(target: Path) -> Iterator[Path]:
     """A temporary folder of this task's own, which becomes `target` at the end of the block.
 
-    The name of `target` says what is in it: where another task has made it meanwhile, that one stays.
+    The name of `target` identifies its content: a folder that another task has made meanwhile stays.
 
     Raises:
         PaveTwinError: it cannot be written. Nothing is left behind.
@@ -73,12 +73,12 @@ def made_once(target: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def alone_in(folder: Path, session: Path, tell: Callable[[float, str], None]) -> Iterator[None]:
+def alone_in(folder: Path, session: Path, report: Callable[[float, str], None]) -> Iterator[None]:
     """While the block runs, no other task of the session that asks the same works in a folder of missions.
 
     Args:
-        session: its folder, which gets the lock: what is cancelled leaves nothing beside the missions.
-        tell: told that another task is waited for.
+        session: its folder, which gets the lock: a cancelled task leaves nothing next to the missions.
+        report: called while the task waits for another one.
     """
     name = session / f"mission-{sha256(str(folder.absolute()).encode()).hexdigest()[:20]}"
     with ExitStack() as held:
@@ -89,6 +89,6 @@ def alone_in(folder: Path, session: Path, tell: Callable[[float, str], None]) ->
             except PaveTwinError as error:
                 if not isinstance(error.__cause__, BlockingIOError):
                     raise
-            tell(0.0, "Waiting for another page with the same mission")
+            report(0.0, "Waiting for another page with the same mission")
             time.sleep(WAITING_S)
         yield

@@ -51,13 +51,13 @@ from pavetwin.sensing import Sensor, load_sensor
 from pavetwin.world.model import Defect
 
 FIRST_MINUTES: Final = 2
-"""Of traffic that are there at the beginning; the others follow while it goes on."""
+"""Initial minutes of traffic; the others follow during the flight."""
 
 PATIENCE_S: Final = 1.5
-"""A stick that is held is told again and again; after this long without, it is let go."""
+"""Time without a message after which the stick is released; a held stick is sent repeatedly."""
 
 LATE_S: Final = 1.0
-"""What is this much behind the clock, while traffic was recorded, goes on from there."""
+"""Delay behind the clock, after recording traffic, from which the flight continues without catching up."""
 
 TRACK: Final = (
     *("t_s", "x_m", "y_m", "altitude_m", "speed_mps", "yaw_rad", "battery", "visibility", "mode", "segment"),
@@ -67,7 +67,7 @@ CAPTURES: Final = ("t_s", "x_m", "y_m", "yaw_rad")
 
 
 class PilotReport(Protocol):
-    """Who is told how it goes, and tells what the pilot does."""
+    """Channel to the pilot: reports of the flight, and messages of the stick."""
 
     def __call__(self, share: float, what: str, /) -> None: ...
 
@@ -75,12 +75,12 @@ class PilotReport(Protocol):
 
     def live(self, values: Mapping[str, Any], /) -> None: ...
 
-    def said(self) -> list[Mapping[str, Any]]:
-        """What was said since."""
+    def messages(self) -> list[Mapping[str, Any]]:
+        """Messages since the last call."""
 
 
 class LiveVehicle(Protocol):
-    """What is steered."""
+    """A steered vehicle."""
 
     policy: str
     """Stands where the name of a policy does."""
@@ -98,22 +98,22 @@ class LiveVehicle(Protocol):
         """Go on for `STEP_S`."""
 
     def still(self) -> Mapping[str, Any]:
-        """What of the mission does not change."""
+        """Constant data of the mission."""
 
     def state(self) -> Mapping[str, Any]:
-        """What has changed with the last step, and is now."""
+        """Changes of the last step, and the present state."""
 
 
-def steer_live(vehicle: LiveVehicle, inputs: MissionInputs, session: Path, tell: PilotReport) -> None:
+def steer_live(vehicle: LiveVehicle, inputs: MissionInputs, session: Path, report: PilotReport) -> None:
     """Go on until it is over, with a folder of the session that is gone afterwards.
 
     Raises:
         PaveTwinError: it cannot go on.
     """
-    inputs.on_extend(lambda share: tell(share, "Recording more traffic"))
+    inputs.on_extend(lambda share: report(share, "Recording more traffic"))
     with _live_folder(session) as folder:
-        _Live(vehicle, inputs, folder, tell).run()
-        tell(1.0, "Preparing to play")
+        _Live(vehicle, inputs, folder, report).run()
+        report(1.0, "Preparing to play")
 
 
 @contextmanager
@@ -129,8 +129,8 @@ def _live_folder(session: Path) -> Iterator[Path]:
 class _Live:
     """A vehicle as the page sees it while it goes on."""
 
-    def __init__(self, vehicle: LiveVehicle, inputs: MissionInputs, folder: Path, tell: PilotReport) -> None:
-        self._vehicle, self._inputs, self._folder, self._tell = vehicle, inputs, folder, tell
+    def __init__(self, vehicle: LiveVehicle, inputs: MissionInputs, folder: Path, report: PilotReport) -> None:
+        self._vehicle, self._inputs, self._folder, self._report_to = vehicle, inputs, folder, report
         self._minutes = 0
         self._sizes: AgentSizes = {}
         self._agents: dict[str, Any] = {}
@@ -145,7 +145,7 @@ class _Live:
             known, state = self._minutes, self._vehicle.state()
             self._write_minutes(int(self._vehicle.time_s / MINUTE_S) + FIRST_MINUTES)
             more = {} if known == self._minutes else {"minutes": self._minutes, "agents": self._agents}
-            self._tell.live({**state, **more})
+            self._report_to.live({**state, **more})
             step += 1
             behind_s = time.monotonic() - begun_s - step * STEP_S
             if behind_s > LATE_S:
@@ -155,7 +155,7 @@ class _Live:
 
     def _read_stick(self) -> StickRequest:
         now_s = time.monotonic()
-        for values in self._tell.said():
+        for values in self._report_to.messages():
             self._stick, self._said_s = StickRequest.of(values), now_s
         if now_s - self._said_s > PATIENCE_S:
             self._stick = StickRequest(lands=self._stick.lands)
@@ -183,7 +183,7 @@ class _Live:
         }
         write_flight(known, self._folder, level=1)
         played = {"key": self._folder.name, "results": str(self._folder), "names": []}
-        self._tell.ready({**played, "captures": [0], "policies": [self._vehicle.policy]})
+        self._report_to.ready({**played, "captures": [0], "policies": [self._vehicle.policy]})
 
     def _write_minutes(self, count: int) -> None:
         """The traffic of the first minutes; what was not recorded yet is recorded now."""
@@ -200,7 +200,7 @@ class _Live:
 STICKS: Final = "by-hand.json"
 
 
-def fly_by_hand(spec: MissionSpec, inputs: MissionInputs, session: Path, tell: PilotReport) -> dict[str, Any]:
+def fly_by_hand(spec: MissionSpec, inputs: MissionInputs, session: Path, report: PilotReport) -> dict[str, Any]:
     """Fly until the pilot has landed, and write what plays the flight.
 
     Args:
@@ -227,7 +227,7 @@ def fly_by_hand(spec: MissionSpec, inputs: MissionInputs, session: Path, tell: P
         every_capture=sensor.every_capture,
         sees_confirmed=sensor.sees_confirmed,
     )
-    steer_live(_Uav(flight, sensor), inputs, session, tell)
+    steer_live(_Uav(flight, sensor), inputs, session, report)
     return _written_flight(flight, spec, inputs, session)
 
 
@@ -313,7 +313,7 @@ SEGMENTS, TRACK_FILE, DEFECTS = "segments.csv", "track.csv", "defects.csv"
 
 STANDS, DRIVES, REVERSES, BLOCKED = range(4)
 _MODES: Final = (("stand", "stands"), ("drive", "drives"), ("reverse", "reverses"), ("blocked", "is stopped"))
-"""What the car does, in the order of the numbers above."""
+"""States of the car, in the order of the numbers above."""
 
 GUEST: Final = (
     "The traffic is recorded and does not react: the car is its guest, and others drive through it. The numbers are of "
@@ -321,7 +321,7 @@ GUEST: Final = (
 )
 
 
-def drive_by_hand(spec: MissionSpec, inputs: MissionInputs, session: Path, tell: PilotReport) -> dict[str, Any]:
+def drive_by_hand(spec: MissionSpec, inputs: MissionInputs, session: Path, report: PilotReport) -> dict[str, Any]:
     """Drive until the driver ends it, and write what plays the drive.
 
     Args:
@@ -333,7 +333,7 @@ def drive_by_hand(spec: MissionSpec, inputs: MissionInputs, session: Path, tell:
     """
     sensor = load_sensor(spec.settings.sensing, spec.seed)
     drive = Drive(inputs.environment, inputs.traffic, spec.settings, sensor, street=next(iter(spec.targets), None))
-    steer_live(_Car(drive), inputs, session, tell)
+    steer_live(_Car(drive), inputs, session, report)
     return _written_drive(drive, spec, inputs, session)
 
 
@@ -399,7 +399,7 @@ def _mode(speed_mps: float, *, is_blocked: bool) -> int:
 
 
 def _still_drive(drive: Drive) -> dict[str, Any]:
-    """What of a drive does not change."""
+    """Constant data of a drive."""
     window = [round(each, 3) for each in drive.camera.window_m(REAR.z_m)]
     return {
         "policy": DRIVER,

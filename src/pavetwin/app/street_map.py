@@ -20,7 +20,7 @@ _COLOURS: Final = Path(__file__).with_name("colours.json")
 """Written by `pavetwin.app.colours`; reading it takes none of the seconds that matplotlib takes to load."""
 
 _TOLERANCE_M: Final = 0.05
-"""Of simplified outlines."""
+"""Tolerance of simplified outlines."""
 
 
 def packed_map(world: World) -> bytes:
@@ -34,7 +34,7 @@ def street_map(world: World, radius_m: float) -> dict[str, Any]:
     """All that the map shows of a world, in plain values.
 
     Args:
-        radius_m: of the UAV, which takes off beside the carriageway.
+        radius_m: of the UAV, which takes off next to the carriageway.
     """
     base = with_roadside_base(world, radius_m).base
     return {

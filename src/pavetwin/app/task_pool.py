@@ -9,7 +9,7 @@ from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager, suppress
 from typing import Any, Final
 
-from pavetwin.app.task_process import GRACE_S, SAID
+from pavetwin.app.task_process import GRACE_S, MESSAGE
 from pavetwin.errors import PaveTwinError
 
 RUNNING: Final = 3
@@ -18,14 +18,14 @@ RUNNING: Final = 3
 IDLE: Final = 2
 """Processes that are kept for the next tasks, with the world that they have read."""
 
-SAID_EVERY_S: Final = 0.05
-"""Least time between two things that are said to a task."""
+MESSAGE_EVERY_S: Final = 0.05
+"""Least time between two messages to a task."""
 
 _LINE: Final = 1 << 22
 """Longest reply in bytes: what is larger goes into files."""
 
 OnReport = Callable[[Mapping[str, Any]], None]
-"""Told `share` and `what`, or what is `ready` while the task goes on."""
+"""Called with `share` and `what`, or with data that is `ready` while the task continues."""
 
 
 class ProcessDiedError(PaveTwinError):
@@ -35,8 +35,8 @@ class ProcessDiedError(PaveTwinError):
         super().__init__("The process that did this has died; perhaps the memory was used up. Try it with less.")
 
 
-class Said:
-    """What somebody says to a task that runs: only the latest counts."""
+class Messages:
+    """Messages to a running task: only the latest counts."""
 
     def __init__(self) -> None:
         self._values: Mapping[str, Any] = {}
@@ -44,15 +44,15 @@ class Said:
 
     @property
     def is_new(self) -> bool:
-        """Whether anything was said that nobody has taken."""
+        """Whether there is a message that was not taken."""
         return self._is_new.is_set()
 
-    def say(self, values: Mapping[str, Any]) -> None:
+    def send(self, values: Mapping[str, Any]) -> None:
         self._values = values
         self._is_new.set()
 
     async def latest(self) -> Mapping[str, Any]:
-        """What was said last, once it is new."""
+        """Wait for a new message and return it."""
         await self._is_new.wait()
         self._is_new.clear()
         return self._values
@@ -85,29 +85,31 @@ class TaskProcess:
         assert self._process.stdout is not None
         return self._process.returncode is None and not self._process.stdout.at_eof()
 
-    async def run(self, task: Mapping[str, Any], on_progress: OnReport, said: Said | None = None) -> Mapping[str, Any]:
+    async def run(
+        self, task: Mapping[str, Any], on_progress: OnReport, messages: Messages | None = None
+    ) -> Mapping[str, Any]:
         """Args:
-            said: what is said to the task while it runs.
+            messages: sent to the running task.
 
         Raises:
             PaveTwinError: the task cannot be done, or its process died.
         """
-        if said is None:
+        if messages is None:
             return await self._run(task, on_progress)
-        passing = asyncio.create_task(self._pass_on(said))
+        passing = asyncio.create_task(self._pass_on(messages))
         try:
             return await self._run(task, on_progress)
         finally:
             passing.cancel()
             await asyncio.gather(passing, return_exceptions=True)
 
-    async def _pass_on(self, said: Said) -> None:
+    async def _pass_on(self, messages: Messages) -> None:
         assert self._process.stdin is not None
         while True:
-            values = await said.latest()
-            self._process.stdin.write(json.dumps({SAID: values}).encode() + b"\n")
+            values = await messages.latest()
+            self._process.stdin.write(json.dumps({MESSAGE: values}).encode() + b"\n")
             await self._process.stdin.drain()
-            await asyncio.sleep(SAID_EVERY_S)
+            await asyncio.sleep(MESSAGE_EVERY_S)
 
     async def _run(self, task: Mapping[str, Any], on_progress: OnReport) -> Mapping[str, Any]:
         assert self._process.stdin is not None
@@ -154,12 +156,12 @@ class TaskPool:
         on_progress: OnReport = lambda _: None,
         *,
         is_alone: bool = False,
-        said: Said | None = None,
+        messages: Messages | None = None,
     ) -> Mapping[str, Any]:
         """Run a task in a process, once there is one.
 
         Args:
-            said: what is said to it while it runs.
+            messages: sent to the running task.
             is_alone: in a process that runs nothing else, before or afterwards.
 
         Raises:
@@ -168,7 +170,7 @@ class TaskPool:
         if self._free.locked():
             on_progress({"share": 0.0, "what": "Waiting for other tasks"})
         async with self._free, self._process(is_alone=is_alone) as process:
-            return await process.run(task, on_progress, said)
+            return await process.run(task, on_progress, messages)
 
     async def warm_up(self) -> None:
         """Start a process, so that the first task need not wait for what it loads."""
@@ -223,14 +225,19 @@ class KeptProcess:
         self._is_closed = False
 
     async def run(
-        self, task: Mapping[str, Any], *, is_patient: bool = False, again: bool = False, said: Said | None = None
+        self,
+        task: Mapping[str, Any],
+        *,
+        is_patient: bool = False,
+        again: bool = False,
+        messages: Messages | None = None,
     ) -> Mapping[str, Any]:
         """Run a task in its turn.
 
         Args:
             is_patient: after all that wait and are not.
             again: run it in the next process where this one is ended meanwhile.
-            said: what is said to the task while it runs.
+            messages: sent to the running task.
 
         Raises:
             PaveTwinError: as `TaskProcess.run`, or the server ends.
@@ -239,12 +246,12 @@ class KeptProcess:
             known = self._process
             process = await self._ready()
             try:
-                return await self._run_in(process, task, said)
+                return await self._run_in(process, task, messages)
             except ProcessDiedError:
                 was_ended = process is not self._process
                 if (was_ended and not again) or (not was_ended and process is not known):
                     raise
-                return await self._run_in(await self._ready(), task, said)  # or it had died before, while nobody looked
+                return await self._run_in(await self._ready(), task, messages)  # or it had died unnoticed before
 
     @asynccontextmanager
     async def _in_turn(self, *, is_patient: bool) -> AsyncIterator[None]:
@@ -266,9 +273,11 @@ class KeptProcess:
         finally:
             self._turn.release()
 
-    async def _run_in(self, process: TaskProcess, task: Mapping[str, Any], said: Said | None) -> Mapping[str, Any]:
+    async def _run_in(
+        self, process: TaskProcess, task: Mapping[str, Any], messages: Messages | None
+    ) -> Mapping[str, Any]:
         try:
-            return await process.run(task, lambda _: None, said)
+            return await process.run(task, lambda _: None, messages)
         except PaveTwinError:
             raise
         except BaseException:

@@ -1,6 +1,6 @@
 """The process that runs tasks for the page: `python -m pavetwin.app.task_process`.
 
-It reads a task a line from its input, and what is said to a task that runs, and writes lines of JSON: progress, then a
+It reads one task per line from its input, and messages to the running task, and writes lines of JSON: progress, then a
 result or an error. The traceback of an error that is a fault of the program goes to the error stream. It ends with its
 input, so that it does not outlive the server, and takes what it has started with it: it leads a session of its own.
 """
@@ -19,10 +19,10 @@ from types import FrameType
 from typing import IO, Any, Final, NoReturn
 
 GRACE_S: Final = 5.0
-"""To remove temporary files when it is told to end, before it is killed."""
+"""Time to remove temporary files on termination before a kill."""
 
-SAID: Final = "said"
-"""The key of a line that is said to the task that runs."""
+MESSAGE: Final = "message"
+"""Key of a message to the running task."""
 
 EVERY_S: Final = 0.1
 """Least time between two reports of progress of one stage."""
@@ -40,7 +40,7 @@ def main() -> None:
 
     while True:
         task = json.loads(tasks.get())
-        if SAID not in task:  # what is said to a task that is over
+        if MESSAGE not in task:  # else a message to a finished task
             _write(replies, _reply(known, task, _Progress(replies, tasks)))
 
 
@@ -57,7 +57,7 @@ def _reply(known: Any, task: Mapping[str, Any], progress: "_Progress") -> Mappin
 
 
 class _Progress:
-    """Writes progress, and not more often than anybody reads it; reads what is said to the task."""
+    """Progress to the server at a limited rate, and messages from it."""
 
     def __init__(self, replies: IO[str], lines: "queue.SimpleQueue[str]") -> None:
         self._replies, self._lines, self._what, self._told_s = replies, lines, "", 0.0
@@ -75,12 +75,12 @@ class _Progress:
     def live(self, values: Mapping[str, Any]) -> None:
         _write(self._replies, {"live": values})
 
-    def said(self) -> list[Mapping[str, Any]]:
-        said = []
+    def messages(self) -> list[Mapping[str, Any]]:
+        messages = []
         with suppress(queue.Empty):
             while True:
-                said.append(json.loads(self._lines.get_nowait())[SAID])
-        return said
+                messages.append(json.loads(self._lines.get_nowait())[MESSAGE])
+        return messages
 
 
 def _write(replies: IO[str], message: Mapping[str, Any]) -> None:

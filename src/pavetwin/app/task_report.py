@@ -8,19 +8,19 @@ from pavetwin.files import hint
 
 
 class TaskReport(Protocol):
-    """Who is told how far a task is."""
+    """Channel of a task to the page."""
 
     def __call__(self, share: float, what: str, /) -> None:
         """The share done, 0 … 1, and what is being done."""
 
     def ready(self, values: Mapping[str, Any], /) -> None:
-        """What can be used already, while the task goes on."""
+        """Report data that is usable while the task continues."""
 
     def live(self, values: Mapping[str, Any], /) -> None:
-        """What is now, in a task that goes on with the clock."""
+        """Report the present state of a task that runs with the clock."""
 
-    def said(self) -> list[Mapping[str, Any]]:
-        """What was said to the task since, in its order."""
+    def messages(self) -> list[Mapping[str, Any]]:
+        """Messages to the task since the last call, in order."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""What a task process does for the page: read a world for its map, estimate, fly, play what was flown, build.
+"""Tasks of the page: read a world for its map, estimate, fly, play missions, build.
 
 Each takes plain values and returns plain values; large results are files in the session's folder. What takes long once
 is kept for the next task: the world, and the environment at the altitude that was asked for last.
@@ -28,7 +28,7 @@ from pavetwin.uav import AIRCRAFT
 from pavetwin.world.parking.rule import NO_RULE, rule_names
 
 
-def run(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
+def run(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, Any]:
     """Do a task by its name.
 
     Raises:
@@ -51,10 +51,10 @@ def run(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
         "town": _town,
         "frame": _frame,
     }
-    return tasks[task["do"]](task, tell)
+    return tasks[task["do"]](task, report)
 
 
-def _choices(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:  # noqa: ARG001 - as every task
+def _choices(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, Any]:  # noqa: ARG001 - as every task
     """The names that a request may give, and what is flown where it gives none."""
     from pavetwin.app.exports import exports
 
@@ -86,83 +86,83 @@ def _choices(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:  #
     }
 
 
-def _map(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
+def _map(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, Any]:
     """The map of a world, as a file."""
     from pavetwin.app.street_map import packed_map
 
-    tell(0.0, "Reading the town")
+    report(0.0, "Reading the town")
     content = packed_map(kept_world(Path(task["world"])))
     with writing(Path(task["file"])) as temporary:
         temporary.write_bytes(content)
     return {}
 
 
-def _export(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
-    """What is made of a mission when it is asked for."""
+def _export(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, Any]:
+    """Make an export of a mission."""
     from pavetwin.app.exports import make_export
 
-    return make_export(task, tell)
+    return make_export(task, report)
 
 
-def _choose(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:  # noqa: ARG001 - as every task
+def _choose(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, Any]:  # noqa: ARG001 - as every task
     """The choices that a mission.yaml makes."""
     from pavetwin.app.described import choices_of
 
     return choices_of(task)
 
 
-def _pilot(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
+def _pilot(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, Any]:
     """A flight by hand, with the traffic, sensor and settings of a request."""
     from pavetwin.app.steering import fly_by_hand
 
-    spec, inputs = _steered(task, tell)
+    spec, inputs = _steered(task, report)
     with inputs.replay:
-        return fly_by_hand(inputs.flown(spec), inputs, Path(task["folder"]), tell)
+        return fly_by_hand(inputs.flown(spec), inputs, Path(task["folder"]), report)
 
 
-def _drive(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
+def _drive(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, Any]:
     """A drive by hand, with the same."""
     from pavetwin.app.steering import drive_by_hand
 
-    spec, inputs = _steered(task, tell)
+    spec, inputs = _steered(task, report)
     with inputs.replay:
-        return drive_by_hand(inputs.flown(spec), inputs, Path(task["folder"]), tell)
+        return drive_by_hand(inputs.flown(spec), inputs, Path(task["folder"]), report)
 
 
-def _steered(task: Mapping[str, Any], tell: TaskReport) -> tuple[MissionSpec, MissionInputs]:
+def _steered(task: Mapping[str, Any], report: TaskReport) -> tuple[MissionSpec, MissionInputs]:
     request, world = FlightRequest.of(task["request"]), kept_world(Path(task["world"]))
-    tell(0.0, "Preparing the flight domain")
+    report(0.0, "Preparing the flight domain")
     (spec,), environment = planned(request, world, request.names[:1])
-    return spec, load_inputs(spec, world=world, environment=environment, on_progress=tell)
+    return spec, load_inputs(spec, world=world, environment=environment, on_progress=report)
 
 
-def _show(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
+def _show(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, Any]:
     """The report of a study, or the contact sheet of a dataset."""
     from pavetwin.app.exhibits import ExhibitKind, show_exhibit
 
-    return show_exhibit(Path(task["exhibit"]), ExhibitKind(task["kind"]), Path(task["folder"]), tell)
+    return show_exhibit(Path(task["exhibit"]), ExhibitKind(task["kind"]), Path(task["folder"]), report)
 
 
-def _build(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
+def _build(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, Any]:
     """A town from a map that a browser sent."""
     from pavetwin.app.town_build import build_town
 
-    build_town(Path(task["source"]), Path(task["folder"]), task["options"], tell)
+    build_town(Path(task["source"]), Path(task["folder"]), task["options"], report)
     return {}
 
 
-def _town(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:  # noqa: ARG001 - as every task
+def _town(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, Any]:  # noqa: ARG001 - as every task
     """A file of the town in 3-D."""
     from pavetwin.app.town_file import town_file
 
     return town_file(kept_world(Path(task["world"])), task["name"], Path(task["folder"]))
 
 
-def _estimate(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
-    """What the mission of a request takes and shows at best, and the segments that it inspects."""
+def _estimate(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, Any]:
+    """Estimated cost and coverage of a requested mission, with its segments."""
     request, world = FlightRequest.of(task["request"]), kept_world(Path(task["world"]))
     settings = request.settings()
-    tell(0.0, "Preparing the flight domain")
+    report(0.0, "Preparing the flight domain")
     environment = kept_environment(request, world)
     targets = choose_targets(
         environment,
@@ -176,12 +176,12 @@ def _estimate(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
     return {**known, "targets": [world.segments[index].id for index in targets]}
 
 
-def _frame(task: Mapping[str, Any], tell: TaskReport) -> Mapping[str, Any]:
-    """The rendered frame of a capture; empty where anything is said meanwhile, as another one is wanted then."""
+def _frame(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, Any]:
+    """The rendered frame of a capture; empty when a message arrives meanwhile, which requests another one."""
     from pavetwin.app.frame_source import GivenUpError, shown_frame
 
     part = FramePart(task["part"])
     try:
-        return shown_frame(Path(task["folder"]), task["mission"], task["capture"], part, lambda: not tell.said())
+        return shown_frame(Path(task["folder"]), task["mission"], task["capture"], part, lambda: not report.messages())
     except GivenUpError:
         return {}

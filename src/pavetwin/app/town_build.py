@@ -36,7 +36,7 @@ _BLOCK: Final = 1 << 20
 
 
 def check_map(source: Path) -> None:
-    """Refuse a map that is not what its suffix says, or that is too large.
+    """Refuse a map that does not match its suffix, or that is too large.
 
     Raises:
         PaveTwinError: in one line.
@@ -48,7 +48,7 @@ def check_map(source: Path) -> None:
         _check_plain(source)
     corners = _net_corners(source) if source.name.endswith(".net.xml") else _street_corners(source)
     if corners is None:
-        return  # building says what is missing
+        return  # building reports the cause
     (west, south), (east, north) = corners
     km2 = (east - west) * (north - south)
     if km2 > LARGEST_KM2:
@@ -158,7 +158,7 @@ Corners = tuple[tuple[float, float], tuple[float, float]]
 
 
 def _street_corners(source: Path) -> Corners | None:
-    """Of the nodes of streets; None without any."""
+    """Corners of the nodes of streets; None without any."""
     wanted: set[int] = set()
     for way in osm_objects(source, only_ways=True):
         if is_street(way.tags):
@@ -176,7 +176,7 @@ def _street_corners(source: Path) -> Corners | None:
 
 
 def _net_corners(source: Path) -> Corners | None:
-    """Of all lanes; None without any."""
+    """Corners of all lanes; None without any."""
     net = read_roadnet(source, shown_as=source.name)
     lines = [lane.centre_line for edge in net.edges.values() for lane in edge.lanes]
     if not lines:
@@ -193,13 +193,13 @@ MEMORY_BYTES: Final = 4 << 30
 """Address space of this process, and of each that it starts."""
 
 PROCESSOR_S: Final = 600
-"""Of this process, and of each that it starts."""
+"""Limit of this process, and of each that it starts."""
 
 FILE_BYTES: Final = 2 << 30
 """The largest file that is written."""
 
 
-def build_town(source: Path, folder: Path, options: dict[str, Any], tell: Callable[[float, str], None]) -> None:
+def build_town(source: Path, folder: Path, options: dict[str, Any], report: Callable[[float, str], None]) -> None:
     """Build a world as `pavetwin world build` does, within limits; this process is of no use afterwards.
 
     Args:
@@ -212,11 +212,13 @@ def build_town(source: Path, folder: Path, options: dict[str, Any], tell: Callab
     """
     tempfile.tempdir = str(source.parent)
     _limit()
-    tell(0.0, "Checking the map")
+    report(0.0, "Checking the map")
     try:
         check_map(source)
         chosen = BuildOptions.parse(options, where="the page")
-        build_folder(source, folder, chosen, on_progress=lambda share, what: tell(share, f"Building the town: {what}"))
+        build_folder(
+            source, folder, chosen, on_progress=lambda share, what: report(share, f"Building the town: {what}")
+        )
     except PaveTwinError as error:
         raise PaveTwinError(str(error).replace(f"{source.parent}/", "")) from error
 

@@ -56,7 +56,7 @@ class Upload:
 
     def take(self, block: bytes) -> None:
         """Raises:
-        PaveTwinError: nobody waits for it any more, or the disk is full.
+        PaveTwinError: its task has ended, or the disk is full.
         """
         if self._file is None:
             raise PaveTwinError("Nobody waits for this map any more.")
@@ -119,7 +119,7 @@ class Uploads:
         """The folder of a town that a page asks for, once its map has come and the town is built.
 
         Args:
-            on_progress: told the key as `{"ready": {"upload": key}}`, then progress.
+            on_progress: called with the key as `{"ready": {"upload": key}}`, then progress.
 
         Raises:
             PaveTwinError: the request or the map does not fit, or no town comes of it.

@@ -50,7 +50,7 @@ class LateConsole:
         return Console(highlight=False, width=PIPE_COLUMNS if fixed else None)
 
     def print(self, *things: Any, **options: Any) -> None:
-        """As `rich.console.Console.print`."""
+        """See `rich.console.Console.print`."""
         self.rich.print(*things, **options)
 
     def line(self, text: str) -> None:
@@ -72,7 +72,7 @@ class Bar:
 
     def __call__(self, share: float, what: str | None = None, remaining_s: float | None = None) -> None:
         if share < self._share:
-            # The stage before says nothing about the time left in this one.
+            # The time of the previous stage does not predict this one.
             self._bar.reset(self._task)
         self._share = share
         self._bar.update(self._task, completed=share, description=what or self._what, remaining_s=remaining_s)
@@ -126,8 +126,8 @@ def progress(what: str, *, lines: bool = False) -> Iterator[Bar | Lines]:
     """A progress bar on the error stream, so that results can be piped. When that is not a terminal, a plain line now
     and then while it takes long, and with `lines` also at every tenth."""
     if not err.rich.is_terminal:
-        with Lines(what, tenths=lines) as told:
-            yield told
+        with Lines(what, tenths=lines) as plain:
+            yield plain
         return
     from rich.progress import BarColumn, Progress, SpinnerColumn, Task, TextColumn, TimeRemainingColumn
     from rich.text import Text
@@ -143,7 +143,7 @@ def progress(what: str, *, lines: bool = False) -> Iterator[Bar | Lines]:
 
 
 def note_fonts(*worlds: "World") -> None:
-    """Say which package helps where pictures could not show the names of streets."""
+    """Print the missing font package where images could not show the names of streets."""
     from pavetwin.draw.fonts import remark
 
     for words in dict.fromkeys(filter(None, map(remark, worlds))):
@@ -209,7 +209,7 @@ def _tell(
 
 
 def _is_native(stream: object) -> bool:
-    """Whether a stream is the process's error stream, and not one that a caller put in its place."""
+    """Whether a stream is the error stream of the process, not a replacement by a caller."""
     try:
         return stream.fileno() == STDERR  # type: ignore[attr-defined, no-any-return]
     except (AttributeError, UnsupportedOperation, ValueError):

@@ -50,26 +50,26 @@ def demo(
     world = _town(output / "town")
     with progress("[1/4] Drawing the town"):
         save_world_map(with_roadside_base(world, UavSettings().radius_m), output / "town.png")
-    with progress(f"[2/4] Recording {DENSITY} traffic with SUMO") as tell:
-        replay = replay_of(world, DENSITY, FLIGHT_SEED, on_progress=tell)
+    with progress(f"[2/4] Recording {DENSITY} traffic with SUMO") as show:
+        replay = replay_of(world, DENSITY, FLIGHT_SEED, on_progress=show)
     agents = replay.recording.agents
     walking = int(agents.is_pedestrian.sum())
     out.print(
         f"[2/4] Traffic: {len(agents) - walking} vehicles and {walking} pedestrians "
         f"in {replay.recording.duration_s / 60:.0f} min, {DENSITY} density."
     )
-    with replay, progress("[3/4] Flying the four policies") as tell:
+    with replay, progress("[3/4] Flying the four policies") as show:
         settings = load_settings(altitude_m=ALTITUDE_M)
         environment = prepare(world, settings, parking_seed=FLIGHT_SEED)
         spec = plan_mission(
             world, settings, density=DENSITY, segments=SEGMENTS, seed=FLIGHT_SEED, environment=environment
         )
         inputs = MissionInputs(environment, replay)
-        inputs.on_extend(lambda share: tell(share, "[3/4] Recording more traffic"))
+        inputs.on_extend(lambda share: show(share, "[3/4] Recording more traffic"))
         results = []
         for name in policy_names():
             results.append(fly(spec.with_policy(name), inputs=inputs))
-            tell(len(results) / len(policy_names()), "[3/4] Flying the four policies")
+            show(len(results) / len(policy_names()), "[3/4] Flying the four policies")
     minutes = sum(mission.duration_s for mission in results) / 60
     out.print(f"[3/4] Flown: {len(results)} missions over {SEGMENTS} segments at {ALTITUDE_M:g} m, {minutes:.0f} min.")
     folder = output / "missions"
@@ -86,7 +86,7 @@ def demo(
 [bold]Results[/] in {folder}/
   comparison.png        the four policies over the same street
   hover/map.png         the whole mission; mission.gif shows it moving
-  hover/mission.parquet one row a segment; track.parquet, captures.geojson beside it
+  hover/mission.parquet one row per segment; with track.parquet and captures.geojson
   {output}/town.png     the town; town/world.gpkg opens in QGIS
 
 [bold]Next:[/] your own town, from an OpenStreetMap extract
@@ -120,9 +120,9 @@ def _town(folder: Path) -> "World":
         err.print(f"Building the town again: {error}", markup=False)
         world = None
     if world is None:
-        with progress("[1/4] Generating a town") as tell:
+        with progress("[1/4] Generating a town") as show:
             streets = BuildOptions(seed=TOWN_SEED)
-            world, _ = build_folder(NetworkKind.TOWN, folder, streets, worn, force=True, jobs=None, on_progress=tell)
+            world, _ = build_folder(NetworkKind.TOWN, folder, streets, worn, force=True, jobs=None, on_progress=show)
     length_km = sum(segment.length_m for segment in world.segments) / 1000
     out.print(
         f"[1/4] Town: {len(world.segments)} segments, {length_km:.1f} km of streets, {len(world.buildings)} buildings, "

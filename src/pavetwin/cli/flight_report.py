@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 
 CITY_KM: Final = 15.0
-"""Of lanes: towns with fewer are recorded soon enough as a whole."""
+"""Length of lanes up to which a whole town is recorded quickly."""
 
 STATED_AREA_M: Final = 200.0
 """The distance that agrees with the traffic of whole towns: docs/explanation/traffic.md, "Area"."""
@@ -222,7 +222,7 @@ def pace_line(settings: "MissionSettings") -> str:
     speed_mps, interval_s, along_m = inspect_speed_mps(settings), capture_interval_s(settings), window_m(settings)[1]
     if settings.uav.inspect_speed_mps is None and speed_mps < INSPECT_MPS:
         return (
-            f"Inspects at {speed_mps:.1f} m/s: its camera takes a picture every {interval_s:g} s, and faster would "
+            f"Inspects at {speed_mps:.1f} m/s: its camera takes an image every {interval_s:g} s, and faster would "
             "leave gaps. A speed of your own: --set uav.inspect_speed_mps=5."
         )
     gap_m = speed_mps * interval_s - along_m
@@ -259,13 +259,13 @@ def draw(
     """Draw missions into the folder of their numbers.
 
     Args:
-        several: there is a folder for each policy, and the maps have a comparison beside them.
+        several: there is a folder for each policy, and a comparison of the maps.
         animated: whether a mission is shown moving as well.
         frames: takes the frames of a mission's captures; none are saved unless given.
         sheet: draws what the sensor found, missed and reported falsely.
 
     Raises:
-        PaveTwinError: a picture failed; the first that did is named once all others are drawn.
+        PaveTwinError: an image failed; the first failure is reported after all others are drawn.
     """
     drawings: list[tuple[str, Callable[[MissionResult], bool], Drawing]] = []
     if maps:
@@ -317,8 +317,8 @@ def saving_frames(images: "MissionImages", *, every: bool) -> Drawing:
     adapter = str(find_adapter())
 
     def take(mission: "MissionResult", path: Path) -> None:
-        with progress(f"Taking frames: {mission.policy}") as tell:
-            save_frames(mission, images, path.parent, every=every, adapter=adapter, on_progress=tell)
+        with progress(f"Taking frames: {mission.policy}") as show:
+            save_frames(mission, images, path.parent, every=every, adapter=adapter, on_progress=show)
 
     return take
 
@@ -326,7 +326,7 @@ def saving_frames(images: "MissionImages", *, every: bool) -> Drawing:
 def print_files(
     results: Sequence["MissionResult"], folder: Path, *, maps: bool, animate: bool, frames: bool, sheet: bool = False
 ) -> None:
-    """Print which files are where, and which package helps where a picture could not show names."""
+    """Print the written files, and the missing font package where an image could not show names."""
     pictures = {"map.png": maps, "mission.gif": animate, "frames/": frames, SHEET: sheet}
     if any(pictures.values()):
         note_fonts(results[0].environment.world)
@@ -347,8 +347,8 @@ def _draw_map(title: str, result: "MissionResult", path: Path) -> None:
 def _draw_animation(title: str, result: "MissionResult", path: Path) -> None:
     from pavetwin.draw.animation import save_animation
 
-    with progress(f"{title}: {result.policy}, moving") as tell:
-        save_animation(result, path, on_progress=tell)
+    with progress(f"{title}: {result.policy}, moving") as show:
+        save_animation(result, path, on_progress=show)
 
 
 def _draw_comparison(results: Sequence["MissionResult"], path: Path) -> None:
@@ -385,9 +385,9 @@ class FlightProgress:
     """
 
     def __init__(
-        self, tell: Bar | Lines, what: str, traffic: Replay, clock: Callable[[], float] = time.monotonic
+        self, show: Bar | Lines, what: str, traffic: Replay, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        self._tell, self._what, self._traffic, self._clock = tell, what, traffic, clock
+        self._show, self._what, self._traffic, self._clock = show, what, traffic, clock
         self._share, self._flown_s = 0.0, 0.0
         self._first_pace = _pace_of(traffic)
         self._last = clock()
@@ -398,17 +398,17 @@ class FlightProgress:
         """The seconds that it simulates, and the share of them that is done."""
 
     def __call__(self, event: MissionEvent) -> None:
-        """Told everything that happens in the mission."""
+        """Observe an event of the mission."""
         if not isinstance(event, ProgressMade):
             return
         now = self._clock()
         self._end_extension()
         self._flying_s += now - self._last
         self._last, self._share, self._flown_s = now, event.share, event.time_s
-        self._tell(self._share, self._what, self.remaining_s(0.0, 0.0))
+        self._show(self._share, self._what, self.remaining_s(0.0, 0.0))
 
     def extended(self, share: float) -> None:
-        """Told the share done of an extension of the recorded traffic."""
+        """Observe the progress of an extension of the recorded traffic."""
         now = self._clock()
         if share <= self._extended:
             self._end_extension()  # another one has begun
@@ -417,7 +417,7 @@ class FlightProgress:
         self._last, self._extending_s, self._extended = now, self._traffic.extending_s, share
         begun_s = now - self._extension
         left_s = begun_s * (1 - share) / share if share > 0 else 0.0
-        self._tell(self._share, f"{self._what}, recording more traffic", self.remaining_s(left_s, begun_s, share))
+        self._show(self._share, f"{self._what}, recording more traffic", self.remaining_s(left_s, begun_s, share))
 
     def _end_extension(self) -> None:
         if self._extension is not None:

@@ -15,8 +15,8 @@ PAPER: Final = "paper"
 
 
 def note_difference(presets: Iterable[str], worlds: Iterable["World | Path"], population: str | None = None) -> None:
-    """Say that the preset `paper` is not the published setup over worlds with parking lanes or with other defects than
-    the paper's, which of them these are, and what to build instead.
+    """Print the worlds over which the preset `paper` is not the published setup, since they have parking lanes or other
+    defects than the paper's, and the command that builds the published one.
 
     Args:
         worlds: loaded, or their folders; a folder that cannot be read is passed over, since flying over it is refused.
@@ -24,9 +24,9 @@ def note_difference(presets: Iterable[str], worlds: Iterable["World | Path"], po
     """
     if PAPER not in presets:
         return
-    told = [each for world in worlds if (each := _told(world, population))]
-    wider = [name for name, has_lanes, _ in told if has_lanes]
-    others = [f"{name} ({of})" for name, _, of in told if of != PAPER]
+    differing = [each for world in worlds if (each := _setup(world, population))]
+    wider = [name for name, has_lanes, _ in differing if has_lanes]
+    others = [f"{name} ({of})" for name, _, of in differing if of != PAPER]
     differences = []
     if wider:
         differences.append(f"{', '.join(wider)} has parking lanes, so streets and segments are wider.")
@@ -40,7 +40,7 @@ def note_difference(presets: Iterable[str], worlds: Iterable["World | Path"], po
         )
 
 
-def _told(world: "World | Path", population: str | None) -> tuple[str, bool, str] | None:
+def _setup(world: "World | Path", population: str | None) -> tuple[str, bool, str] | None:
     """The name of a world, whether it has parking lanes, and what its defects are placed by."""
     from pavetwin.world.layers import lane_kinds
     from pavetwin.world.model import LaneKind
@@ -55,7 +55,7 @@ def _told(world: "World | Path", population: str | None) -> tuple[str, bool, str
 
 
 def _population(folder: Path | None) -> str:
-    """What the defects of a world were placed by; the paper's where there is no record of it."""
+    """Damage population of a world; the paper's without a record of it."""
     from pavetwin.defects import DefectOptions
     from pavetwin.world.store import load_record
 
