@@ -106,8 +106,8 @@ class RecipeWorld(Settings):
     generate: str | None = Field(default=None, description="Kind of generated streets: town, grid, spider or random.")
     map: Path | None = Field(default=None, description="Instead: a map or a SUMO network, relative to the recipe.")
     split: Split = Field(default="train", description="Split of all images of the world.")
-    streets: BuildOptions = Field(default=BuildOptions(), description="How the world is built, with its seed.")
-    defects: DefectOptions = Field(default=DefectOptions(), description="Which defects it has.")
+    streets: BuildOptions = Field(default=BuildOptions(), description="Options of the world, with its seed.")
+    defects: DefectOptions = Field(default=DefectOptions(), description="Defects of the world.")
 
     @model_validator(mode="after")
     def _has_one_source(self) -> Self:

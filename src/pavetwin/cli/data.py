@@ -54,7 +54,7 @@ def list_sources() -> None:
 )
 def import_folder(
     source: Annotated[str, typer.Argument(help="{sources}, or a mapping file of your own (mine.yaml).")],
-    folder: Annotated[Path, typer.Argument(help="Where the source's dataset was unpacked.")],
+    folder: Annotated[Path, typer.Argument(help="Folder of the unpacked dataset.")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the new dataset.")] = None,
     longest: Annotated[int, typer.Option(help="Longer side of images in pixels, at most.")] = 640,
     tiles: Annotated[
@@ -68,7 +68,9 @@ def import_folder(
         Path | None,
         typer.Option(help="Text file with a picture's path a line: checked, they show nothing of any class."),
     ] = None,
-    quality: Annotated[int, typer.Option(help="Of JPEG, 50 to 100; pictures that fit are copied as they are.")] = 92,
+    quality: Annotated[
+        int, typer.Option(help="JPEG quality, 50 to 100; pictures that fit are copied as they are.")
+    ] = 92,
 ) -> None:
     """Convert a source's folder into a dataset of the common form, or continue an unfinished import.
 
@@ -278,7 +280,7 @@ def pack(
     datasets: Annotated[list[Path], typer.Argument(help="Folders with COCO files: exported datasets and captures.")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="File to write.")] = None,
     max_mb: Annotated[float, typer.Option(help="Size of the file in millions of bytes, at most.")] = 60.0,
-    quality: Annotated[int, typer.Option(help="Of WebP, 1 to 100; lowered where the file would be too large.")] = 90,
+    quality: Annotated[int, typer.Option(help="WebP quality, 1 to 100; lowered if the file would be too large.")] = 90,
     longest: Annotated[
         int | None, typer.Option(help="Longer side of pictures in pixels, at most; as they are unless given.")
     ] = None,

@@ -23,7 +23,7 @@ EXPORTED = "export"
 
 
 def build(
-    recipe: Annotated[Path, typer.Argument(metavar="RECIPE.yaml", help="What the dataset is made of.")],
+    recipe: Annotated[Path, typer.Argument(metavar="RECIPE.yaml", help="File of the recipe.")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the stages.")] = None,
     jobs: Jobs = None,
 ) -> None:

@@ -56,12 +56,12 @@ class BalanceSettings(Settings):
         description="Instances of each class; the fewest by which all are equal if null.",
     )
     leave_out: bool = Field(default=False, description="Leave images out where copies alone make no class equal.")
-    copies: int = Field(default=50, ge=0, le=200, description="Of one image, at most.")
+    copies: int = Field(default=50, ge=0, le=200, description="Copies of one image, at most.")
     rotation_deg: float = Field(default=15.0, ge=0.0, le=15.0, description="To either side, at most.")
     brightness: float = Field(default=0.15, ge=0.0, le=0.5, description="Share of the full scale, at most.")
     contrast: float = Field(default=0.25, ge=0.0, le=0.5, description="Relative change, at most.")
     noise: float = Field(default=0.025, ge=0.0, le=0.2, description="Standard deviation over the full scale, at most.")
-    quality: int = Field(default=92, ge=50, le=100, description="Of JPEG.")
+    quality: int = Field(default=92, ge=50, le=100, description="JPEG quality.")
 
 
 @dataclass(frozen=True)

@@ -233,7 +233,7 @@ class CompositeSettings(Settings):
     road_masks: Path | None = Field(
         default=None, description="Folder of masks NAME.png, white where an image shows road; else its look decides."
     )
-    quality: int = Field(default=92, ge=50, le=100, description="Of JPEG.")
+    quality: int = Field(default=92, ge=50, le=100, description="JPEG quality.")
 
     @field_validator("share")
     @classmethod

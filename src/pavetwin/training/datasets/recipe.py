@@ -38,7 +38,7 @@ class RecipePack(Settings):
     """Packing of a recipe's results into one file."""
 
     most_mb: float = Field(default=60.0, ge=0.001, le=100_000, description="Millions of bytes, at most.")
-    quality: int = Field(default=90, ge=1, le=100, description="Of WebP; lowered where the file would be too large.")
+    quality: int = Field(default=90, ge=1, le=100, description="WebP quality; lowered if the file would be too large.")
     longest_px: int | None = Field(default=None, ge=32, le=8192, description="Longer side of pictures, at most.")
     splits: tuple[Literal["train", "val", "test"], ...] = Field(
         default=("train", "val"), min_length=1, description="Splits that are packed."
@@ -71,10 +71,10 @@ class RecipeSource(Settings):
     """One source of a recipe."""
 
     source: str = Field(description="A known source, or a mapping file (mine.yaml).")
-    folder: Path = Field(description="Where its dataset was unpacked.")
+    folder: Path = Field(description="Folder of the unpacked dataset.")
     background: Path | None = Field(default=None, description="List of pictures that someone has checked.")
     gsd_mm: float | None = Field(default=None, gt=0, le=1000, description="Millimetres a pixel covers, if known.")
-    size: ImageSize | None = Field(default=None, description="How large its images become; null: as all others.")
+    size: ImageSize | None = Field(default=None, description="Size of its images; null: as all others.")
 
 
 class Recipe(Settings):
@@ -83,9 +83,9 @@ class Recipe(Settings):
     sources: tuple[RecipeSource, ...] = Field(
         min_length=1, description="In the order in which the first picture counts."
     )
-    size: ImageSize = Field(default=ImageSize(), description="How large images become.")
-    composite: CompositeSettings | None = Field(default=None, description="What is put on which roads; null: nothing.")
-    balance: BalanceSettings | None = Field(default=None, description="How classes are balanced; null leaves them.")
+    size: ImageSize = Field(default=ImageSize(), description="Size of images.")
+    composite: CompositeSettings | None = Field(default=None, description="Composites; null: none.")
+    balance: BalanceSettings | None = Field(default=None, description="Balance of classes; null: none.")
     split: tuple[float, float, float] = Field(default=(70.0, 20.0, 10.0), description="Percent of train, val and test.")
     export: tuple[str, ...] = Field(default=("yolo", "coco"), description="Formats; none are allowed.")
     seed: int = Field(default=0, ge=0, description="Random seed of composites, copies and the split.")

@@ -25,7 +25,7 @@ CUT: Final = "cut"
 class ImageSize(Settings):
     """Size of imported images. No image is enlarged: that adds no detail."""
 
-    longest_px: int = Field(default=640, ge=64, le=16384, description="Of the longer side, at most.")
+    longest_px: int = Field(default=640, ge=64, le=16384, description="Longer side of images in pixels, at most.")
     tiles: bool = Field(
         default=False, description="Cut larger images into tiles of that size instead of scaling them down."
     )
@@ -33,7 +33,7 @@ class ImageSize(Settings):
     target_gsd_mm: float | None = Field(
         default=None, gt=0, le=1000, description="Ground resolution that images are scaled to."
     )
-    quality: int = Field(default=92, ge=50, le=100, description="Of JPEG.")
+    quality: int = Field(default=92, ge=50, le=100, description="JPEG quality.")
 
 
 @dataclass(frozen=True, slots=True)

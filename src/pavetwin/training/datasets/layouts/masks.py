@@ -25,9 +25,7 @@ class MaskLayout(LabelLayout):
     """Files belong together by name: `12_RAW.jpg`, `12_CRACK.png`, `12_POTHOLE.png`."""
 
     format: Literal["masks"] = "masks"
-    picture: str = Field(
-        default="", description="What the names of pictures end in, before their suffix, such as _RAW."
-    )
+    picture: str = Field(default="", description="Ending of the names of pictures, before their suffix, such as _RAW.")
     masks: Mapping[str, str] = Field(description="Class → what the names of its masks end in, such as _CRACK.png.")
     join_px: int = Field(default=0, ge=0, le=200, description="Parts with gaps of up to so many pixels are one object.")
     least_px: int = Field(default=1, ge=1, description="Objects with fewer pixels are left out.")

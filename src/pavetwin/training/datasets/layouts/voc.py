@@ -18,7 +18,7 @@ class VocLayout(LabelLayout):
 
     format: Literal["voc"] = "voc"
     first_pixel: Literal[0, 1] = Field(default=1, description="The number of the first column and row.")
-    ending: str = Field(default="", description="What the names of label files have behind the picture's name.")
+    ending: str = Field(default="", description="Ending of the names of label files after the picture's name.")
 
     def images(self, folder: Path, report: Report) -> Iterator[RawImage]:
         pictures = PictureIndex(folder)
