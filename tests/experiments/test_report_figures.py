@@ -1,19 +1,35 @@
 """The figures and maps of the report of a study."""
 
+import re
 from itertools import pairwise, product
 from pathlib import Path
 from xml.etree import ElementTree
 
 import polars as pl
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
+from pavetwin.draw import style
 from pavetwin.draw.style import POLICY_COLOURS, policy_styles
 from pavetwin.experiments.metrics import metric_named
-from pavetwin.experiments.report.figures import by_altitude, options, spread, tradeoff
+from pavetwin.experiments.report.figures import (
+    by_altitude,
+    dominates,
+    on_front,
+    options,
+    policy_legend,
+    spread,
+    tradeoff,
+    traffic_title,
+)
 from pavetwin.experiments.report.page import write_report
 from pavetwin.experiments.report.study import gather
 from pavetwin.experiments.report.study_sections import colour_range, street_map, street_means
 from pavetwin.experiments.statistics.summary import summarise
+from pavetwin.reports.canvas import slim
 from scenes import tiny
 from scenes.outline import sections, small_study
 from scenes.report_studies import PAPER, SMALL, page_of, study_of, table_of
@@ -173,3 +189,64 @@ def test_figures_are_files_too_when_they_are_asked_for(tmp_path: Path) -> None:
             assert ElementTree.fromstring(path.read_text()).tag.endswith("svg")
         else:
             assert path.read_bytes().startswith(b"\x89PNG")
+
+
+_GLYPH_SCALE = re.compile(r"scale\(([^)]*)\)")
+
+
+def test_a_slimmed_figure_keeps_the_size_of_its_letters(tmp_path: Path) -> None:
+    figure = Figure(figsize=(3, 1))
+    figure.text(0.1, 0.5, "Low traffic", fontsize=7.5)
+    figure.savefig(tmp_path / "figure.svg")
+    svg = (tmp_path / "figure.svg").read_text(encoding="utf-8")
+    slimmed = slim(svg)
+    assert len(slimmed) < len(svg)
+    assert _GLYPH_SCALE.findall(slimmed) == _GLYPH_SCALE.findall(svg) != []
+
+
+@pytest.mark.parametrize(("width_in", "lines"), [(4.0, 2), (7.0, 1)])
+def test_a_legend_stays_within_its_figure(width_in: float, lines: int) -> None:
+    policies = ("baseline", "hover", "micro", "skip")
+    more = [Line2D([], [], label=f"{altitude_m} m") for altitude_m in (6, 10, 15, 30)]
+    with style.styled():
+        figure = style.new_figure(width_in, 2.0)
+        policy_legend(figure, style.policy_styles(policies), more)
+        (legend,) = figure.legends
+        figure.draw_without_rendering()
+    assert legend.get_window_extent().width <= figure.bbox.width
+    assert [text.get_text() for text in legend.get_texts()] == [*policies, "6 m", "10 m", "15 m", "30 m"]
+    assert len({round(text.get_window_extent().y0) for text in legend.get_texts()}) == lines
+
+
+@pytest.mark.parametrize(
+    ("traffic", "title"), [("high", "High traffic"), ("los-C", "los-C traffic"), ("v12-p40", "v12-p40 traffic")]
+)
+def test_names_of_traffic_keep_their_letters(traffic: str, title: str) -> None:
+    assert traffic_title(traffic) == title
+
+
+POINTS = st.lists(st.tuples(st.integers(0, 6).map(float), st.integers(0, 6).map(float)), max_size=30)
+
+
+@given(POINTS)
+def test_no_point_of_the_front_is_dominated_and_every_other_is_by_one_of_it(points: list[tuple[float, float]]) -> None:
+    front = on_front(points)
+    best = [point for point, chosen in zip(points, front, strict=True) if chosen]
+    for point, chosen in zip(points, front, strict=True):
+        better = [one for one in best if one[0] >= point[0] and one[1] <= point[1] and one != point]
+        assert chosen == (not better)
+
+
+@given(POINTS)
+def test_something_is_always_on_the_front(points: list[tuple[float, float]]) -> None:
+    assert any(on_front(points)) == bool(points)
+
+
+def test_equal_points_share_the_front() -> None:
+    assert on_front([(1.0, 1.0), (1.0, 1.0), (0.5, 2.0)]) == [True, True, False]
+
+
+def test_more_gain_at_the_same_cost_dominates() -> None:
+    assert dominates((2.0, 1.0), (1.0, 1.0))
+    assert not dominates((1.0, 1.0), (1.0, 1.0))
+    assert not dominates((2.0, 2.0), (1.0, 1.0))

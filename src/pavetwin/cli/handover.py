@@ -1,4 +1,4 @@
-"""`pavetwin handover`: what an agency files and a pilot takes along."""
+"""`pavetwin handover`: one folder for agency and pilot."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -80,7 +80,7 @@ def _source(folder: Path, study: Path | None, levels: Mapping[str, str | None], 
     """The study that recommends; None where there is none.
 
     Raises:
-        PaveTwinError: there is none at its place, there are two, or an option is for a study and there is none.
+        PaveTwinError: the study does not exist, there are two, or an option needs a study.
     """
     if study is not None and is_study:
         raise PaveTwinError(f"`study` {study}: '{folder}' is a study itself; name a mission.")
@@ -111,7 +111,7 @@ def _of_mission(
         check_limits(given.plan, given.world, limits, [each.most_waypoints for each in formats])
         tell(0.4, "Writing")
         plans = write_handover(given, target, formats, force=force)
-    _tell(given, target, plans)
+    _print_handover(given, target, plans)
 
 
 def _of_study(
@@ -138,7 +138,7 @@ def _of_study(
         check_limits(given.plan, given.world, limits, [each.most_waypoints for each in formats])
         tell(0.9, "Writing")
         plans = write_handover(given, target, formats, force=force, with_mission=True)
-    _tell(given, target, plans)
+    _print_handover(given, target, plans)
     out.line(f"The mission is in {target / 'mission'}.")
 
 
@@ -149,14 +149,14 @@ def _images(inputs: "MissionInputs", spec: "MissionSpec") -> "ImageSource":
     return MissionImages(environment.inspected_world, inputs.replay, spec.seed, environment.parked)
 
 
-def _tell(given: "Handover", target: Path, plans: list[str]) -> None:
+def _print_handover(given: "Handover", target: Path, plans: list[str]) -> None:
     from pavetwin.flightplan.formats.plan_files import remark_on_parts
     from pavetwin.handover import HANDOVER_FILES
     from pavetwin.handover.files import INVENTORY
 
     found, defects = given.found, given.defects.height
     out.line(
-        f"{found} of {defects} defects found; PCI of what was found {given.pci_found:.1f}, it is "
+        f"{found} of {defects} defects found; PCI of the found defects {given.pci_found:.1f}, true PCI "
         f"{given.condition.pci:.1f}, over {len(given.condition.true)} sample units of {given.streets.height} streets."
     )
     print_plan(given.plan)

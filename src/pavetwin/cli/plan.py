@@ -54,7 +54,7 @@ class PlanOptions:
         """The trigger and the formats.
 
         Raises:
-            PaveTwinError: there is no such trigger, drone, format or file.
+            PaveTwinError: a trigger, drone, format or file does not exist.
         """
         from pavetwin.flightplan import PLAN_FORMATS, Trigger
         from pavetwin.flightplan.formats.wpml import drone_named
