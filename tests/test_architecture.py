@@ -140,6 +140,12 @@ def test_imports_point_down() -> None:
     assert broken_import_rules(PACKAGE) == []
 
 
+def test_only_commands_import_training() -> None:
+    paths = [path for path in PACKAGE.rglob("*.py") if room_of(path, PACKAGE) not in {"training", "cli"}]
+    importing = [path for path in paths if "training" in {room for _, room in imported_rooms(path, PACKAGE)}]
+    assert [str(path.relative_to(PACKAGE)) for path in importing] == []
+
+
 @pytest.mark.parametrize(
     ("room", "line", "complaint"),
     [
