@@ -1,9 +1,16 @@
-"""`pavetwin traffic` as a user types it: the summary, and one plain line with exit code 2 for what is wrong."""
+"""`pavetwin traffic` and the option --traffic-area of missions."""
 
 from pathlib import Path
 
 import pytest
+import yaml
 
+from pavetwin.cli import flight_report
+from pavetwin.config import load_settings
+from pavetwin.defects import DefectOptions, add_defects
+from pavetwin.errors import PaveTwinError
+from pavetwin.mission import MissionInputs, fly, plan_mission, prepare, replay_of
+from pavetwin.traffic.area import TrafficArea
 from pavetwin.traffic.recording_file import load_recording
 from pavetwin.world.build import BuildOptions, build_world
 from pavetwin.world.cache import cached
@@ -63,3 +70,94 @@ def test_what_is_wrong_is_one_plain_line(world: Path, arguments: tuple[str, ...]
 def test_a_world_or_a_recording_that_is_none(tmp_path: Path) -> None:
     for arguments in (("record", tmp_path / "none", "--density", "low"), ("info", tmp_path / "none.parquet")):
         plain_refusal(pavetwin("traffic", *arguments))
+
+
+SHORT = ("--density", "low", "--seed", "1", "--no-map")
+
+
+@pytest.fixture(scope="module")
+def grid(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("area") / "grid"
+    save_world(add_defects(build_world("grid", BuildOptions(seed=1)), DefectOptions(per_segment=2)), folder)
+    return folder
+
+
+def corner(folder: Path) -> str:
+    segments = load_world(folder).segments
+    return min(segments, key=lambda segment: sum(segment.centre_line.centroid.coords[0])).id
+
+
+def settings_of(folder: Path) -> dict[str, object]:
+    values: dict[str, object] = yaml.safe_load((folder / "mission.yaml").read_text())["settings"]
+    return values
+
+
+@pytest.mark.slow
+def test_a_mission_says_its_area_keeps_it_and_is_flown_again(grid: Path, tmp_path: Path) -> None:
+    one = (*SHORT, "--segment", corner(grid), "--traffic-area")
+    done = pavetwin("fly", grid, *one, "100", "-o", tmp_path / "near")
+    assert done.returncode == 0, done.stderr
+    assert "km of lanes, those within 100 m of what is inspected" in done.stdout
+    assert settings_of(tmp_path / "near")["traffic_area_m"] == 100
+    again = pavetwin("fly", "--again", tmp_path / "near" / "mission.yaml", "--no-map")
+    assert again.returncode == 0, again.stderr
+    assert "The same as the first time." in again.stdout
+    whole = pavetwin("fly", grid, *one, "all", "-o", tmp_path / "all")
+    assert whole.returncode == 0, whole.stderr
+    assert "km of lanes" not in whole.stdout
+    assert settings_of(tmp_path / "all")["traffic_area_m"] is None
+
+
+def test_of_a_large_town_it_is_said_how_much_less_an_area_is(grid: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    world, targets = load_world(grid), [corner(grid)]
+    assert flight_report.whole_town_line(world, targets) == "", "a small one is recorded soon enough"
+    monkeypatch.setattr(flight_report, "CITY_KM", 1.0)
+    monkeypatch.setattr(flight_report, "STATED_AREA_M", 100.0)
+    area = TrafficArea.around(world, targets, 100.0)
+    assert area is not None
+    said = flight_report.whole_town_line(world, targets)
+    assert f"With --traffic-area 100 it is that of {area.length_km(world):.1f} km around" in said
+    monkeypatch.setattr(flight_report, "STATED_AREA_M", 10_000.0)
+    assert flight_report.whole_town_line(world, targets) == "", "an area that is most of the town is the town"
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("-5", "--traffic-area: traffic needs 100 m of streets"),
+        ("99", "--traffic-area: traffic needs 100 m of streets"),
+        ("nan", "--traffic-area: traffic needs 100 m of streets"),
+        ("near", "--traffic-area: expected metres or 'all', not 'near'."),
+    ],
+)
+def test_what_is_no_distance_is_refused(grid: Path, given: str, said: str) -> None:
+    assert said in plain_refusal(pavetwin("fly", grid, *SHORT, "--traffic-area", given))
+
+
+def test_an_area_excludes_traffic_of_ones_own(grid: Path, tmp_path: Path) -> None:
+    mine = pavetwin("fly", grid, "--routes", tmp_path / "x.rou.xml", "--traffic-area", "300")
+    assert "--traffic-area and --routes exclude each other" in plain_refusal(mine)
+
+
+@pytest.mark.slow
+def test_a_recording_without_traffic_on_a_target_is_refused(grid: Path) -> None:
+    world = load_world(grid)
+    settings = load_settings(traffic_area_m=100.0)
+    near = [corner(grid)]
+    far = [max(world.segments, key=lambda segment: sum(segment.centre_line.centroid.coords[0])).id]
+    environment = prepare(world, settings)
+    specs = [
+        plan_mission(world, settings, density="low", segments=each, seed=1, environment=environment)
+        for each in (near, far)
+    ]
+    replay = replay_of(world, "low", 1, area=specs[0].area(world))
+    path = replay.recording.path
+    assert path is not None
+    told = plain_refusal(pavetwin("fly", grid, "--traffic", path, "--segment", far[0], "--no-map"))
+    assert "no traffic on" in told
+    inputs = MissionInputs(environment, replay)
+    assert fly(specs[0], inputs=inputs).spec.settings.traffic_area_m == 100
+    with pytest.raises(PaveTwinError, match="area of the traffic"):
+        fly(specs[1], inputs=inputs)
+    whole = MissionInputs(environment, replay_of(world, "low", 1))
+    assert fly(specs[1], inputs=whole).spec.settings.traffic_area_m is None

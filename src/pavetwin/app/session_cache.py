@@ -87,7 +87,7 @@ def alone_in(folder: Path, session: Path, report: Callable[[float, str], None]) 
                 held.enter_context(working_in(name))
                 break
             except PaveTwinError as error:
-                if not isinstance(error.__cause__, BlockingIOError):
+                if not isinstance(error.__cause__, TimeoutError):
                     raise
             report(0.0, "Waiting for another page with the same mission")
             time.sleep(WAITING_S)

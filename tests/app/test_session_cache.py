@@ -1,4 +1,4 @@
-"""Several pages that ask for the same: each gets it, whole, and none of them takes it away from another."""
+"""Several pages with one request: each gets a whole result, and none removes it for another."""
 
 import json
 import threading
