@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pavetwin.cli.console import err, out
-from pavetwin.errors import PaveTwinError
+from pavetwin.errors import PaveTwinError, naming
 
 if TYPE_CHECKING:
     from pavetwin.training.trainer.watchers import Watcher
@@ -77,7 +77,8 @@ def train(
     given: dict[str, Any] = {"size": size, "image_px": image, "order": order, "epochs": epochs, "batch": batch}
     given |= {"seed": seed, "without": without, "native": native or None}
     pairs = [f"{name}={value}" for name, value in given.items() if value is not None]
-    options = TrainingOptions.parse([*pairs, *(overrides or [])])
+    with naming({"`image_px`": "`image`"}):
+        options = TrainingOptions.parse([*pairs, *(overrides or [])])
     machine = TrainingMachine(device, workers, held_gb, views, compiled)
     begun = start_path(start) if start is not None else None
     check_torch("Training")

@@ -26,7 +26,7 @@ def test_a_packed_dataset_is_trained_from_in_chunks(folder: Path, tmp_path: Path
     words = ("train", tmp_path / "r.pack", "-o", tmp_path / "run", *TINY, "--set", "classifier_epochs=1")
     first = pavetwin(*words, "--stop-after", 0)
     assert first.returncode == 0, first.stderr
-    assert first.stdout == f"Stopped in time; the same command goes on with {tmp_path / 'run'}/.\n"
+    assert first.stdout == f"Stopped on time; the same command continues {tmp_path / 'run'}/.\n"
     done = pavetwin(*words)
     assert done.returncode == 0, done.stderr
     assert "Trained: " in done.stdout
