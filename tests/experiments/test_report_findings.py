@@ -61,7 +61,7 @@ def test_each_traffic_has_its_proposal() -> None:
         return {"coverage": 0.1 * ((cell["policy"] == "hover") == (cell["traffic"] == "high"))}
 
     study_ = gather("Per traffic", {}, study(SMALL, 12, helped), {})
-    proposed = {row[0]: row[2] for row in rows_of(answer_section(study_))}
+    proposed = {row[0]: row[1] for row in rows_of(answer_section(study_))}
     assert proposed.keys() == {"all", "low", "high"}
     assert proposed["high"] == "hover at 6 m"
     assert proposed["low"] != "hover at 6 m"

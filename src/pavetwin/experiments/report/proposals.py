@@ -52,13 +52,19 @@ def answer_section(study: Study) -> Section:
 def _proposals(study: Study) -> Table:
     """A row for each traffic and each assumption."""
     parts: list[tuple[str, Sequence[Advice]]] = [("all", study.advice), *study.advice_in.items()]
-    rows = tuple(text_cells(name, *_proposal_row(advice)) for name, each in parts for advice in each)
-    heads = ("Traffic", "Sensor and preset", "Fly", "Coverage (%)", "Time (s)", "Energy (%)", "Next option")
+    assumed = any(advice.assumption for advice in study.advice)
+    rows = tuple(
+        text_cells(name, *([advice.assumption.rstrip(".")] if assumed else []), *_proposal_row(advice))
+        for name, each in parts
+        for advice in each
+    )
+    lead = ("Traffic", "Sensor and preset") if assumed else ("Traffic",)
+    heads = ("Fly", "Coverage (%)", "Time (s)", "Energy (%)", "Next option")
     return Table(
         "The proposed option in each traffic",
-        (*heads, "Lead", "p", "Best with"),
+        (*lead, *heads, "Lead", "p", "Best with"),
         rows,
-        lead=3,
+        lead=len(lead) + 1,
         notes=(
             "In brackets: 95 % intervals. Lead: the difference to the next option in what decides; its p is taken in "
             "pairs and not corrected. Best with: the probability that the option is the best of those that keep the "
@@ -71,7 +77,6 @@ def _proposals(study: Study) -> Table:
 def _proposal_row(advice: Advice) -> Iterator[str]:
     found = advice.recommendation
     best, other = found.best, found.next_option
-    yield advice.assumption.rstrip(".") or MISSING
     if best is None:
         yield from (f"none ({advice.sentences[0]})", *[MISSING] * 7)
         return
@@ -110,7 +115,7 @@ def options_table(found: Recommendation, caption: str = "All options") -> Table:
                 *([MISSING if row[BATTERIES] is None else f"{batteries_to_bring(row)}"] if has_tours else []),
                 *(shown(metric, row[metric.name]) for metric in extra),
                 *([_keeps(row)] if has_limits else []),
-                p_text(row["p"]),
+                p_text(row["p"] if rows else None),
                 MISSING if row["certainty"] is None else percent(row["certainty"]),
                 *(remarks[len(rows) :][:1] if any(remarks) else []),
             )
@@ -173,7 +178,7 @@ def findings_section(study: Study) -> Section:
     rows = [row for found in study.comparisons for row in _findings(found)]
     shown_rows = rows if len(rows) <= _MOST_ROWS else [row for row in rows if row[2] != MISSING]
     if not shown_rows:
-        return Section(FINDINGS, "What was found", [])
+        return Section(FINDINGS, "Findings", [])
     families = {found.factor: found.number for found in study.comparisons}
     corrected = [f"{counted(number, 'comparison')} of {factors_text(name)}" for name, number in families.items()]
     notes = [
@@ -190,7 +195,7 @@ def findings_section(study: Study) -> Section:
         lead=2,
         notes=notes,
     )
-    return Section(FINDINGS, "What was found", [table])
+    return Section(FINDINGS, "Findings", [table])
 
 
 def _findings(found: Comparison) -> Iterator[tuple[str, ...]]:
