@@ -204,7 +204,7 @@ def test_the_address_that_is_shared_makes_the_same_choices(browser: Any, page: R
     tab.ready()
     tab.wait("location.hash.includes('clouds')")
     tab.page.click("#share")
-    tab.wait("document.querySelector('#notice').textContent.includes('is copied')")
+    tab.wait("document.querySelector('#notice').textContent.includes('Copied the address')")
     address = tab.value("navigator.clipboard.readText()")
     assert "token" not in address
     choices = "Object.fromEntries(new FormData(document.getElementById('mission')))"

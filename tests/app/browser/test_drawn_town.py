@@ -82,7 +82,7 @@ def test_a_long_first_drawing_is_told(drawn: BrowserTab, server: RunningPage) ->
     tab.ready()
     words = tab.page.locator("#town .empty")
     assert words.inner_text() == "The town is being drawn …"
-    tab.wait("document.querySelector('#town .empty').textContent.includes('a minute or so')")
+    tab.wait("document.querySelector('#town .empty').textContent.includes('about a minute')")
     held[0].continue_()
     settled(tab)
     assert not words.is_visible()

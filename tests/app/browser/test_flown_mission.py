@@ -234,7 +234,7 @@ def test_a_dropped_mission_is_flown_byte_for_byte(tab: BrowserTab, world: Path, 
     tab.open("#world=cross&seed=9")
     tab.ready()
     tab.page.evaluate(YAML, text)
-    tab.wait("document.querySelector('#notice').textContent.includes('Start flies it')")
+    tab.wait("document.querySelector('#notice').textContent.includes('Press Start to fly')")
     assert tab.page.input_value("#mission [name=altitude_m]") == "12.5"
     assert not tab.page.locator("#new-town").is_visible()
     before = set((world / "missions").glob("*"))

@@ -163,6 +163,6 @@ export class Camera {
     };
     for (const [name, text] of Object.entries(values)) this.#cells.get(name).textContent = text;
     this.#doing.textContent = now.mode.words;
-    this.#canvas.setAttribute('aria-label', `What the camera covers, from above: the ${this.#mission.car ? 'car' : 'UAV'} ${now.mode.words}, visibility ${values['visibility o']}`);
+    this.#canvas.setAttribute('aria-label', `Area that the camera covers, from above: the ${this.#mission.car ? 'car' : 'UAV'} ${now.mode.words}, visibility ${values['visibility o']}`);
   }
 }

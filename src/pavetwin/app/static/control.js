@@ -1,6 +1,5 @@
-// Flying and driving by hand: keys or buttons move a stick, the server goes as the stick says, and the page shows the
-// flight or the drive as it grows. The server's clock leads; the page shows a tenth of a second before the last that it
-// was told.
+// Flying and driving by hand: keys or buttons move a stick, the server follows the stick, and the page shows the
+// flight or the drive as it grows. The server's clock leads; the page lags a tenth of a second behind the last report.
 
 import { element } from './dom.js';
 import { Flight, clock } from './playback.js';
@@ -19,7 +18,7 @@ const UAV = {
 };
 const CAR = {
   title: 'You drive', end: 'End', ends: 'Come to rest and end the drive (L)', begins: 'Getting in …',
-  help: 'W or ↑: ahead; S or ↓: brake, then reverse. A D or ← →: steer. Shift: up to 50 instead of 30 km/h. L: end. The rear camera counts. The traffic is recorded: you are its guest, it does not see you.',
+  help: 'W or ↑: ahead; S or ↓: brake, then reverse. A D or ← →: steer. Shift: up to 50 instead of 30 km/h. L: end. The rear camera counts. The traffic is recorded and does not react to you.',
 };
 /** Keys of the page that change only what is seen; the others wait for the landing. */
 const VIEW_KEYS = new Set(['d', 't', 'f', '+', '=', '-', '0', '1', '2', '3', '4', '?']);
@@ -72,7 +71,7 @@ export class Pilot {
     this.#streets = element('ul');
     const pad = element('div', { className: 'pad' }, ...BUTTONS.map(([code, sign, words]) => this.#button(code, sign, words)));
     const land = element('button', { type: 'button', className: 'main end' });
-    const giveUp = element('button', { type: 'button', title: 'End at once; nothing is kept' }, 'Give up');
+    const giveUp = element('button', { type: 'button', title: 'End now without saving' }, 'Give up');
     land.addEventListener('click', () => this.#land());
     giveUp.addEventListener('click', () => this.#task?.cancel());
     root.append(
@@ -169,10 +168,10 @@ export class Pilot {
 
   #flown({ is_low: isLow }, mode) {
     if (isLow) this.#low = true;
-    if (this.#low && mode.name !== 'ground') return 'The battery is low: it flies home and lands by itself.';
+    if (this.#low && mode.name !== 'ground') return 'The battery is low: the UAV flies home and lands by itself.';
     if (mode.name !== 'inspect') return `It ${mode.words}.`;
     if (this.#lands) return 'It comes to rest.';
-    return this.#stands() ? 'It may fly no farther this way: turn, or fly back.' : 'The stick is yours.';
+    return this.#stands() ? 'The flight domain ends here: turn, or fly back.' : 'You have control.';
   }
 
   /** Whether the stick is pushed for a while and the UAV hardly moves: where the area ends in which it may fly. */
@@ -183,7 +182,7 @@ export class Pilot {
   }
 
   #driven({ is_met: isMet }, mode) {
-    if (isMet) return 'Recorded traffic drives through you: it does not see you.';
+    if (isMet) return 'Recorded traffic drives through you: it does not react.';
     if (mode.name === 'blocked') return 'Something is in the way, or the road ends: steer, or reverse.';
     return this.#lands ? 'It comes to rest.' : 'The wheel is yours.';
   }

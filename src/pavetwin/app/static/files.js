@@ -47,7 +47,7 @@ export class Files {
     const links = names.map(name => this.#link(`api/played/${key}/files/${name}`, name, WORDS[name.split('/').at(-1)]));
     this.#root.replaceChildren(
       this.#told, ...this.#makers(folder, policies, isMission), this.#made,
-      element('p', { className: 'remark' }, isMission ? `In ${folder}, as \`pavetwin fly\` writes them:` : `In ${folder}, until the server ends:`), element('ul', { className: 'list' }, ...links),
+      element('p', { className: 'remark' }, isMission ? `In ${folder}, written as by \`pavetwin fly\`:` : `In ${folder}, until the server ends:`), element('ul', { className: 'list' }, ...links),
     );
   }
 
@@ -68,7 +68,7 @@ export class Files {
     const choices = this.exports.filter(({ of_missions: only }) => isMission || !only);
     if (!choices.length) return [];
     const select = element('select', {}, ...choices.map(({ name, words }) => new Option(words, name)));
-    select.setAttribute('aria-label', 'What to make of this mission');
+    select.setAttribute('aria-label', 'Exports of this mission');
     const button = element('button', { type: 'button' }, 'Make'), command = element('small');
     const tell = () => {
       const { name, of_one: isOfOne } = choices.find(each => each.name === select.value);

@@ -83,7 +83,7 @@ export class Frames {
 
   /** Ask for the frame of a moment; while time passes, for that of the moment at which it will be ready. */
   want(t, rate, search) {
-    if (!search) this.#failures.delete('searched'); // whoever asks again may have mended it
+    if (!search) this.#failures.delete('searched'); // a repeated request may succeed
     if (!this.#mission || this.failure) return;
     const times = this.#mission.captures.t_s, capture = this.nearest(Math.min(t + rate * this.#took, times.at(-1) ?? 0)), wanted = capture < 0 ? this.nearest(t) : capture;
     if (wanted !== this.#wanted || rate) this.#wait();

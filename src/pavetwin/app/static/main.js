@@ -95,7 +95,7 @@ async function readAddress(hash) {
   if (!await showWorld()) return;
   const here = missing ? [] : segments.filter(id => map.segment(id)), lacks = segments.length - here.length;
   selection.set(here, count, order);
-  if (missing) notice(`The address is of the town '${missing}', which this page does not have; it shows ${form.worldName}.`);
+  if (missing) notice(`This page does not have the town '${missing}' of the address; it shows ${form.worldName}.`);
   else if (lacks) notice(`The address names ${lacks} segment${lacks === 1 ? '' : 's'} that ${form.worldName} does not have.`);
 }
 
@@ -141,7 +141,7 @@ async function changed(event) {
 
 /** Whether a mission is on its way, which other choices would disturb; tells so. */
 function isBusy() {
-  if (page.task) notice('A mission is on its way. Let it end, or cancel it.', true);
+  if (page.task) notice('A mission is running. Wait for its end, or cancel it.', true);
   return page.task !== null;
 }
 
@@ -253,8 +253,8 @@ async function chooseDescribed(file) {
   if (isBusy()) return;
   try {
     const left = await choose(await file.text());
-    if (left.length) notice(`Chosen as ${file.name} says, but for what the page has no field for: ${left.join(', ')}. \`pavetwin fly --again\` flies it as it was.`);
-    else notice(`Chosen as ${file.name} says. Start flies it.`, true);
+    if (left.length) notice(`Selected the choices of ${file.name}, except those without a field on the page: ${left.join(', ')}. \`pavetwin fly --again\` repeats the mission exactly.`);
+    else notice(`Selected the choices of ${file.name}. Press Start to fly.`, true);
   } catch (error) {
     notice(`${file.name}: ${error.message}`);
   }
@@ -286,7 +286,7 @@ function setFiles({ key, folder, files: names }) {
 /** Choose the segments on which the mission missed something, to fly over them with other settings. */
 function chooseAgain(segments) {
   selection.set(segments);
-  notice('Chosen. Change the altitude or anything else, and press Start.', true);
+  notice('Selected. Change the altitude or anything else, and press Start.', true);
 }
 
 async function flyMissed(segments) {
@@ -301,7 +301,7 @@ async function listFlown() {
     button.addEventListener('click', () => playAgain(name));
     return element('li', {}, button);
   });
-  const other = element('button', { type: 'button', title: 'Make the choices of a mission.yaml (O); or drop the file on the page' }, 'From a mission.yaml …');
+  const other = element('button', { type: 'button', title: 'Load the choices of a mission.yaml (O); or drop the file on the page' }, 'From a mission.yaml …');
   other.addEventListener('click', openDescribed);
   by('flown').querySelector('ul').replaceChildren(element('li', {}, other), ...entries.length ? entries : [element('li', { className: 'empty' }, 'No mission of this town yet.')]);
 }
@@ -312,7 +312,7 @@ async function listFlown() {
 function find(text) {
   if (!text) return;
   const found = map.named(text), streets = [...new Set(found.map(({ street }) => street))];
-  if (!found.length) return notice(`No street here is named '${text}'.`);
+  if (!found.length) return notice(`There is no street named '${text}'.`);
   if (streets.length > 1) return notice(`Several streets have '${text}' in their names: ${streets.slice(0, 5).join(', ')}${streets.length > 5 ? ' …' : ''}.`);
   by('notice').hidden = true;
   selection.pick(found.map(segment => segment.id), { toggle: false });
@@ -337,7 +337,7 @@ async function share() {
   const address = location.origin + location.pathname + form.address(selection.segments, selection.count, selection.order);
   try {
     await navigator.clipboard.writeText(address);
-    notice('The address of this mission is copied.', true);
+    notice('Copied the address of this mission.', true);
   } catch {
     notice(address, false);
   }

@@ -27,8 +27,8 @@ export class Results {
   clear() {
     this.#mission = this.#shown = null;
     this.frames?.clear();
-    this.#panels.table.replaceChildren(element('p', {}, 'Nothing is flown yet. Choose streets on the map, or let them be drawn, and press Start.'));
-    this.#panels.defects.replaceChildren(element('p', {}, 'Each defect of the inspected streets is listed here after the flight: found, or missed and why.'));
+    this.#panels.table.replaceChildren(element('p', {}, 'No mission yet. Choose streets on the map, or leave the choice to the seed, and press Start.'));
+    this.#panels.defects.replaceChildren(element('p', {}, 'Defects of the inspected streets are listed here after the flight: found, or missed with the reason.'));
   }
 
   setFlight(flight, mission) {
@@ -84,7 +84,7 @@ export class Results {
     if (!this.again || !segments.length) return [];
     const [choose, fly] = [element('button', { type: 'button' }, 'Choose'), element('button', { type: 'button' }, 'Fly them again')];
     choose.title = 'Choose these segments, to change the altitude or anything else before Start';
-    fly.title = 'Fly the same mission over these segments alone: pavetwin fly --again … --only-missed';
+    fly.title = 'Fly the same mission over only these segments: pavetwin fly --again … --only-missed';
     choose.addEventListener('click', () => this.again.choose(segments));
     fly.addEventListener('click', () => this.again.fly(segments));
     return [element('div', { className: 'again' }, element('span', {}, `Missed on ${segments.length} segment${segments.length === 1 ? '' : 's'}:`), choose, ...this.#mission.isByHand ? [] : [fly])];

@@ -120,6 +120,6 @@ export class Selection {
       ['', `${known.pixel_mm.toFixed(1)} mm a pixel`], ['at most', `${(100 * known.surface_coverage).toFixed(1)} % of the surface`],
     ];
     this.#numbers.replaceChildren(...numbers.map(([words, value]) => element('span', {}, words ? `${words} ` : '', element('strong', {}, value))));
-    this.#note.textContent = 'Estimated over empty streets: traffic makes it longer and hides some.';
+    this.#note.textContent = 'Estimated over empty streets: traffic adds time and hides some of the surface.';
   }
 }

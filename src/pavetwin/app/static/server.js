@@ -58,7 +58,7 @@ export class Tasks {
     });
     this.#socket.addEventListener('message', event => this.#take(JSON.parse(event.data)));
     this.#socket.addEventListener('close', () => {
-      for (const { reject } of this.#asked.values()) reject(new Error('The server has ended, or was not reached.'));
+      for (const { reject } of this.#asked.values()) reject(new Error('The server has ended, or cannot be reached.'));
       this.#asked.clear();
       this.#waiting = [];
       this.#tell(false);

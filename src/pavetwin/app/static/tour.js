@@ -1,15 +1,15 @@
-// Five steps through the page, shown on the first visit and from the help: a small card beside what it tells of.
+// Five steps through the page, shown on the first visit and from the help: a small card next to the explained part.
 
 import { by, element } from './dom.js';
 import { keep, kept } from './theme.js';
 
 const SEEN = 'pavetwin-tour', GAP_PX = 10, EDGE_PX = 8;
 const STEPS = [
-  ['#map', 'Choose streets', 'Click streets on the map, drag a box around them, or find one by its name. Where you choose none, the seed chooses.'],
-  ['#selection', 'See what they take', 'Minutes, batteries, images, and how much of the surface can be seen at most: all before you fly.'],
+  ['#map', 'Choose streets', 'Click streets on the map, drag a box around them, or find one by its name. Without a choice, the seed selects them.'],
+  ['#selection', 'Check the cost', 'Minutes, batteries, images, and the largest share of the surface that can be seen: all before the flight.'],
   ['#mission .actions', 'Fly', 'Start flies the whole mission. Compare flies two policies through the same traffic.'],
   ['footer', 'Watch', 'Play, or drag the slider. Coloured lanes show when traffic hid the road and what the policy did; N goes to the next occlusion.'],
-  ['#results', 'Ask why', 'Defects lists each one with why it was found or missed. A click leads to the moment and to its picture.'],
+  ['#results', 'Find the reasons', 'Defects lists each one with the reason why it was found or missed. A click shows the moment and its image.'],
 ];
 
 export class Tour {

@@ -8,7 +8,7 @@ const MODES = {
   car: ['Car’s eye', 'From the driver’s seat of a vehicle that you click, or of the nearest (4)'],
 };
 /** Where a car is driven instead of a UAV flown. */
-const DRIVEN = { follow: ['Follow', 'Behind the car (2)'], uav: ['Rear camera', 'What the camera sees that inspects (3)'], car: ['Front camera', 'From the front bumper, or from the vehicle that you click (4)'] };
+const DRIVEN = { follow: ['Follow', 'Behind the car (2)'], uav: ['Rear camera', 'View of the inspecting camera (3)'], car: ['Front camera', 'From the front bumper, or from the vehicle that you click (4)'] };
 export const TOWN_MODES = Object.keys(MODES);
 const LAYERS = { agents: 'traffic', parked: 'parked vehicles', uav: 'UAV', objects: 'trees and street furniture', defects: 'outlines of defects' };
 /** The car that somebody drives, among the agents. */
@@ -18,7 +18,7 @@ const KINDS = { van: 'van', truck: 'truck', bus: 'bus', motorcycle: 'motorcycle'
 /** Above this time of a frame the camera's view is not drawn in 3-D where another follows soon: it takes a second frame. */
 const QUICK_MS = 12;
 /** The models and streets of a town are made for its first visit, which takes longer than this. */
-const LONG_MS = 4000, LONG = 'The town is being drawn … The first time, its models and streets are made: a minute or so. Map and missions do not wait for it.';
+const LONG_MS = 4000, LONG = 'The town is being drawn … The first time takes about a minute, to make models and streets. Map and missions do not wait for it.';
 const AWAY_M = 90, BEHIND = { back_m: 9, up_m: 4 };
 
 export class TownPanel {

@@ -109,7 +109,7 @@ export class NewTown {
       await this.#onTown(world);
     } catch (error) {
       this.#asked = null;
-      this.#tell(error instanceof CancelledError ? failure || 'Cancelled; nothing is left of it.' : error.message);
+      this.#tell(error instanceof CancelledError ? failure || 'Cancelled; nothing was kept.' : error.message);
     } finally {
       sending.abort();
     }
