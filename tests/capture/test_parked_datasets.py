@@ -89,7 +89,7 @@ def test_a_smaller_dataset_is_the_beginning_of_a_larger_one(world: Path, dataset
 
 
 def test_parking_is_part_of_a_name_where_there_is_any(world: Path) -> None:
-    """Images without parked vehicles keep the names that they had before there were any."""
+    """Parking changes the names of images only where vehicles are parked."""
     loaded = load_world(world)
 
     def name(settings: ParkingSettings, of: World = loaded) -> str:
@@ -109,32 +109,21 @@ def test_parking_is_part_of_a_name_where_there_is_any(world: Path) -> None:
         (NONE, FULL, "begun with `parking` none, not with `parking` 1; give the same, or choose another folder"),
         (FULL, NONE, "begun with `parking` 1, not with `parking` none;"),
         (FULL, ParkingSettings(enabled=True), "begun with `parking` 1, not with `parking` by-time;"),
-        (None, HALF, "begun with `parking` none, not with `parking` 0.5;"),
     ],
 )
 def test_a_dataset_with_other_parking_is_refused(
-    world: Path, dataset: Path, tmp_path: Path, begun: ParkingSettings | None, now: ParkingSettings, words: str
+    world: Path, dataset: Path, tmp_path: Path, begun: ParkingSettings, now: ParkingSettings, words: str
 ) -> None:
-    """Also one from before there were parked vehicles: `None`."""
     folder = begun_with(begun, dataset, tmp_path)
     with pytest.raises(PaveTwinError, match=words) as refused:
         capture(world, PARKED.model_copy(update={"parking": now}), folder, frame_source_factory=Painter)
     assert "\n" not in str(refused.value)
 
 
-def test_a_dataset_from_before_is_continued_without_parked_vehicles(world: Path, dataset: Path, tmp_path: Path) -> None:
-    settings = PARKED.model_copy(update={"parking": NONE, "images": 2})
-    folder = begun_with(None, dataset, tmp_path, images=2)
-    assert capture(world, settings, folder, frame_source_factory=Painter).taken == 2
-    assert not any("parked" in obj.id for record in read_records(folder) for obj in record.objects)
-
-
-def begun_with(parking: ParkingSettings | None, dataset: Path, folder: Path, images: int = 10) -> Path:
+def begun_with(parking: ParkingSettings, dataset: Path, folder: Path) -> Path:
     """A folder with the settings of a dataset and one image."""
     content = yaml.safe_load((dataset / FILE).read_text())
-    content["settings"] |= {"parking": parking and parking.model_dump(mode="json"), "images": images}
-    if parking is None:
-        del content["settings"]["parking"]
+    content["settings"] |= {"parking": parking.model_dump(mode="json"), "images": 10}
     (folder / FILE).write_text(yaml.safe_dump(content))
     (folder / "images").mkdir()
     return folder
