@@ -345,7 +345,7 @@ def test_the_packages_of_the_ground_have_no_circle() -> None:
     uses = used_packages(PACKAGE / "scene" / "ground", "pavetwin.scene.ground")
     assert {"layout", "markings", "distractors"} <= uses["plan"]
     assert uses["materials"] == set()
-    assert uses["layout"] == {"looks", "materials"}
+    assert uses["layout"] == {"styles", "materials"}
     assert circle_in(uses) == []
 
 

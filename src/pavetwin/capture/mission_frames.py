@@ -27,8 +27,8 @@ from pavetwin.capture.store import link_image, write_image, write_over_all, writ
 from pavetwin.capture.truth import LabelledObject, SceneState, labelled_objects
 from pavetwin.files import writing_folder
 from pavetwin.labels.classes import category_of_defect
-from pavetwin.mission.fly import MissionResult
 from pavetwin.mission.inspected_defects import captured_frame
+from pavetwin.mission.result import MissionResult
 from pavetwin.mission.saving import write_captures
 from pavetwin.mission.versions import software_versions
 from pavetwin.sensing import Frame

@@ -24,7 +24,8 @@ from pavetwin.draw.mission_style import font
 from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.files import writing
 from pavetwin.labels import SPLITS
-from pavetwin.labels.classes import category_colours, colours, display_name
+from pavetwin.labels.class_names import display_name
+from pavetwin.labels.classes import category_colours, colours
 from pavetwin.labels.rle import decode
 from pavetwin.mission.inspected_defects import captured_frame
 from pavetwin.mission.result import MissionResult

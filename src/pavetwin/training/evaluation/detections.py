@@ -252,7 +252,7 @@ def _picture(split: LabelledSplit, image: LabelledImage) -> Image.Image:
 
 def _found_in(detector: Detects, split: LabelledSplit, image: LabelledImage) -> list[FoundBox]:
     (detected,) = detector.detect([_picture(split, image)])
-    detected = with_sizes(detected, image.facts.get("gsd_mm", image.example.gsd_mm) or nan)
+    detected = with_sizes(detected, image.facts.get("gsd_mm", image.example.gsd_mm or nan) or nan)
     numbers = detected.class_number
     coarse = coarse_of_classes(numbers)
     rows = []
