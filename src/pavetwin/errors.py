@@ -13,13 +13,13 @@ from sysconfig import get_paths
 class PaveTwinError(Exception):
     """Something the user can fix. The command line prints the message as one line and exits with code 2.
 
-    A message names a parameter of the library in backquotes (`altitude_m`), and a command with its parameters as words
-    (`pavetwin world build SOURCE output=town force`); `cli/flags.py` turns them into options. It is never empty: where
-    nothing is said, such as by a plugin that raises this error without words, the type of what failed is.
+    A message names a parameter of the library in backquotes (`altitude_m`), in whose place a command shows its option,
+    and a command as it is typed (`pavetwin world build SOURCE --force`). It is never empty: without a text, such as from
+    a plugin, it names the type of the failure.
     """
 
     def __str__(self) -> str:
-        return super().__str__().strip() or f"{type(self.__cause__ or self).__name__}, of which nothing more is known."
+        return super().__str__().strip() or f"{type(self.__cause__ or self).__name__} without a message."
 
 
 class CacheWarning(UserWarning):

@@ -15,15 +15,12 @@ from pavetwin.files import writing_folder
 from pavetwin.mission.environment import MissionEnvironment
 from pavetwin.mission.fly import fly
 from pavetwin.mission.folder import MissionFolder, check_replaceable
-from pavetwin.mission.inputs import MissionInputs, load_inputs
+from pavetwin.mission.inputs import MissionInputs, OnProgress, load_inputs
 from pavetwin.mission.planning import mission_folder, plan_missions
 from pavetwin.mission.result import MissionResult
 from pavetwin.mission.saving import MISSION, check_mission_folder, save_mission, save_missions
 from pavetwin.mission.spec import MissionSpec
 from pavetwin.world.model import World
-
-OnProgress = Callable[[float, str], None]
-"""Called with the share done and the present stage."""
 
 LISTED: Final = 40
 """Missions of a world that the page lists, the latest first."""
