@@ -116,7 +116,8 @@ def frame_of(result: MissionResult, capture: int) -> Frame:
     """
     if capture not in result.confirmed.capture:
         return captured_frame(result, capture)
-    return replace(result.log.frames[capture], sightings=(), sun_elevation_deg=None)
+    conditions = result.settings.conditions
+    return replace(result.log.frames[capture], conditions=conditions, sightings=(), sun_elevation_deg=None)
 
 
 def labelled_frame(
