@@ -26,7 +26,7 @@ def test_a_column_reads_as_missing_until_a_stage_adds_it() -> None:
 
 def test_rows_are_chosen_by_index_mask_and_slice() -> None:
     found = record()
-    assert found[found.confidence > 0.4] == found[[0, 1]] == found[:2]
+    assert found[found.confidence > 0.4] == found[[True, True, False]] == found[[0, 1]] == found[:2]
     assert found[found.is_defect].class_name.tolist() == ["pothole", "pothole"]
     assert found[[]] == Detections.concatenated([]) == NO_DETECTIONS
     assert found.class_number.tolist() == [2, 4, 2]

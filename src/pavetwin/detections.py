@@ -268,8 +268,10 @@ class Detections:
     def __len__(self) -> int:
         return len(self.columns["class_name"])
 
-    def __getitem__(self, rows: slice | Sequence[int] | IndexArray | BoolArray) -> Self:
-        chosen = rows if isinstance(rows, slice | np.ndarray) else np.asarray(rows, dtype=np.intp)
+    def __getitem__(self, rows: slice | Sequence[int] | Sequence[bool] | IndexArray | BoolArray) -> Self:
+        chosen = rows if isinstance(rows, slice) else np.asarray(rows)
+        if not isinstance(chosen, slice) and not chosen.size:
+            chosen = np.empty(0, dtype=np.intp)
         return self._of({name: values[chosen] for name, values in self.columns.items()}, self.size_px)
 
     def __eq__(self, other: object) -> bool:

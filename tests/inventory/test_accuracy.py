@@ -7,9 +7,8 @@ import pytest
 import shapely
 from shapely import Polygon
 
-from pavetwin.inventory.entry import entry_of
-from pavetwin.inventory.merging import merged
-from pavetwin.inventory.observation import Observation
+from pavetwin.detections import Detections
+from scenes.observed import entry_of, merged, observed
 
 
 @dataclass(frozen=True)
@@ -27,10 +26,10 @@ def street(noise_m: float, stated_m: float, defects: int = 200, apart_m: float =
     four in five defects are reported in each, their outlines wrong by 4 cm and a tenth of their size. `noise_m` is the
     error of each image's position, and `stated_m` what is stated of it."""
     rng = np.random.default_rng(0)
-    kinds = rng.choice(["Pothole", "Single Crack", "Crocodile Crack"], defects)
+    kinds = rng.choice(["pothole", "single_crack", "Crocodile Crack"], defects)
     places = np.column_stack([np.sort(rng.uniform(0, apart_m * defects, defects)), rng.uniform(-4, 4, defects)])
     sizes = rng.uniform(0.3, 1.2, (defects, 2))
-    looks: list[Observation] = []
+    looks: list[Detections] = []
     truth: list[int] = []
     for image, x_m in enumerate(np.arange(0, apart_m * defects, 3.5)):
         off = rng.normal(0, noise_m, 2)
@@ -41,7 +40,7 @@ def street(noise_m: float, stated_m: float, defects: int = 200, apart_m: float =
                 shape = shapely.box(*(middle - half), *(middle + half))
                 assert isinstance(shape, Polygon)
                 kind, sure = str(kinds[number]), float(rng.uniform(0.3, 0.95))
-                looks.append(Observation(kind, sure, f"{image}", None, shape, pixel_m=0.02, position_error_m=stated_m))
+                looks.append(observed(kind, sure, f"{image}", shape, pixel_m=0.02, position_error_m=stated_m))
                 truth.append(int(number))
     groups = merged(looks)
     of = [sorted({truth[index] for index in group}) for group in groups]

@@ -74,12 +74,15 @@ def test_it_is_what_the_missions_folder_tells(tmp_path: Path) -> None:
     save_mission(result, tmp_path / "m")
     world = result.environment.world
     survey = Survey(sample_units(world.segments[:1]), world.defects)
-    report = with_detected(ConditionReport(world, survey.conditions(), None, {}, world.defects), flown(tmp_path / "m"))
+    report = with_detected(
+        ConditionReport(world, survey.conditions(), None, {}, world.defects),
+        flown(tmp_path / "m", frame=world.georeference),
+    )
     assert report.pci == pytest.approx(result.rows[0].pci)
     assert [*detected_of_segments(result).values()] == pytest.approx([report.pci_detected])
     _, nothing = seen(count=0)
     save_mission(nothing, tmp_path / "n")
-    assert with_detected(report, flown(tmp_path / "n")).pci_detected == 100.0
+    assert with_detected(report, flown(tmp_path / "n", frame=world.georeference)).pci_detected == 100.0
 
 
 def test_a_detector_without_masks_measures_no_sizes_and_has_no_index() -> None:
@@ -104,7 +107,7 @@ def test_a_mission_that_reports_nothing_has_an_index_where_its_model_gives_masks
     report = ConditionReport(world, survey.conditions(), None, {}, world.defects)
     model = SpotDetector(masks=masks)
     monkeypatch.setattr(DetectorSensor, "_opened", lambda _: model)
-    assert with_detected(report, flown(tmp_path / "m")).pci_detected == index
+    assert with_detected(report, flown(tmp_path / "m", frame=world.georeference)).pci_detected == index
     eyes = DetectorSensor(nothing.settings.sensing, 0)
     assert eyes.measures_sizes == masks, "which studies ask"
     assert DetectorSensor.measures_sizes

@@ -6,26 +6,20 @@ import numpy as np
 import pytest
 from shapely import Point, Polygon
 
-from pavetwin.inventory.entry import Entry, entry_of
-from pavetwin.inventory.observation import Observation
+from pavetwin.detections import Detections
+from pavetwin.inventory.entry import Entry
+from scenes.observed import entry_of, observed
 
 
 def look(
     x: float = 0.0, *, confidence: float = 0.5, severity: str = "", is_cut: bool = False, **sizes: float
-) -> Observation:
+) -> Detections:
     pixel_m = sizes.pop("pixel_m", 0.01)
     shape = Point(x, 0).buffer(0.25)
     assert isinstance(shape, Polygon)
-    return Observation(
-        "Single Crack",
-        confidence,
-        f"{x}-{confidence}-{sizes}",
-        None,
-        shape,
-        sizes=sizes,
-        severity=severity,
-        pixel_m=pixel_m,
-        is_cut=is_cut,
+    image = f"{x}-{confidence}-{sizes}"
+    return observed(
+        "single_crack", confidence, image, shape, severity=severity, pixel_m=pixel_m, is_cut=is_cut, **sizes
     )
 
 
@@ -57,7 +51,7 @@ def test_what_the_border_cuts_counts_only_where_nothing_whole_is_seen() -> None:
     entry = entry_of(1, [whole, part])
     assert entry.sizes["length_m"].value == 2.0
     assert (entry.is_cut, entry.looks, entry.confidence) == (False, 2, 0.9)
-    assert entry.best is whole
+    assert entry.best == whole
     parts = entry_of(1, [part, look(1.0, length_m=1.1, is_cut=True)])
     assert parts.is_cut
     assert parts.sizes["length_m"].value == 1.1

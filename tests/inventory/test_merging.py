@@ -9,16 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import Polygon
 
-from pavetwin.inventory.merging import merged
-from pavetwin.inventory.observation import Observation
+from pavetwin.detections import Detections
+from scenes.observed import merged, observed
 
 
-def seen(image: str, x: float, y: float, *, kind: str = "Pothole", error_m: float = 0.0, **size: float) -> Observation:
+def seen(image: str, x: float, y: float, *, kind: str = "pothole", error_m: float = 0.0, **size: float) -> Detections:
     """A rectangle around a place, half a metre wide unless said otherwise."""
     width, height = size.get("width", 0.5), size.get("height", 0.5)
     shape = shapely.box(x - width / 2, y - height / 2, x + width / 2, y + height / 2)
     assert isinstance(shape, Polygon)
-    return Observation(kind, 0.8, image, None, shape, position_error_m=error_m)
+    return observed(kind, 0.8, image, shape, position_error_m=error_m)
 
 
 def test_overlapping_looks_of_three_images_are_one_defect() -> None:
@@ -26,7 +26,7 @@ def test_overlapping_looks_of_three_images_are_one_defect() -> None:
 
 
 def test_another_class_is_another_defect() -> None:
-    assert merged([seen("a", 0, 0), seen("b", 0, 0, kind="Single Crack")]) == [[0], [1]]
+    assert merged([seen("a", 0, 0), seen("b", 0, 0, kind="single_crack")]) == [[0], [1]]
 
 
 def test_neighbours_that_touch_stay_two() -> None:
@@ -63,7 +63,7 @@ def test_with_a_stated_error_the_nearest_are_joined() -> None:
 
 
 def test_without_places_nothing_is_joined() -> None:
-    assert merged([Observation("Pothole", 0.5, name, (0, 0, 9, 9), None) for name in "aab"]) == [[0], [1], [2]]
+    assert merged([observed("pothole", 0.5, name, None) for name in "aab"]) == [[0], [1], [2]]
 
 
 @given(st.lists(st.tuples(st.sampled_from("abc"), st.integers(0, 12), st.integers(0, 12)), max_size=12, unique=True))

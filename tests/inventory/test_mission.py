@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+import shapely
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256
@@ -55,9 +56,10 @@ def test_each_defect_and_each_false_alarm_is_one_entry_at_its_place(mission: tup
     expected = sorted([*DEFECTS, (52.0, 0.0)])
     assert np.array(sorted(map(tuple, np.round(places, 1)))) == pytest.approx(np.array(expected), abs=0.05)
     for entry in found:
-        assert entry.looks == len({each.image for each in reading.observations if overlaps(each, entry)})
+        shown = shapely.intersects(reading.detections.footprint, entry.place)
+        assert entry.looks == len(set(reading.detections.image[shown]))
         assert entry.sizes["area_m2"].value == pytest.approx(0.16, rel=0.25)
-        assert (entry.kind, entry.is_cut) == ("pothole", False)
+        assert (entry.class_name, entry.is_cut) == ("pothole", False)
 
 
 def xy(entry: Entry) -> tuple[float, float]:
@@ -65,15 +67,11 @@ def xy(entry: Entry) -> tuple[float, float]:
     return entry.place.x, entry.place.y
 
 
-def overlaps(observation: object, entry: Entry) -> bool:
-    return bool(observation.footprint.intersects(entry.place))  # type: ignore[attr-defined]
-
-
 def test_a_crop_shows_the_detection_in_its_frame(mission: tuple[Path, MissionResult]) -> None:
     """A pothole is painted in the grey 120; in the middle of the crop nothing else is."""
-    for entry in entries_of(flown(mission[0])):
-        assert entry.best.crop is not None
-        picture = entry.best.crop()
+    reading = flown(mission[0])
+    for entry in entries_of(reading):
+        picture = reading.crop(entry.best)
         assert picture is not None
         middle = picture.shape[0] // 2
         assert (abs(picture[middle - 3 : middle + 3, middle - 3 : middle + 3].astype(int) - 120) < 8).all()
@@ -85,13 +83,13 @@ def test_without_frames_there_are_no_crops_and_that_is_said(tmp_path: Path) -> N
     reading = flown(tmp_path / "m")
     assert reading.remarks == (NO_CROPS,)
     (entry,) = entries_of(reading)
-    assert entry.best.crop is None
+    assert reading.crop(entry.best) is None
     assert entry.sizes == {}
 
 
 def test_a_mission_that_found_nothing_has_an_empty_inventory(tmp_path: Path) -> None:
     save_mission(empty_street().fly("baseline"), tmp_path / "m")
-    assert flown(tmp_path / "m").observations == ()
+    assert len(flown(tmp_path / "m").detections) == 0
 
 
 def copied(folder: Path, target: Path) -> Path:
@@ -138,20 +136,19 @@ def test_columns_of_the_table_of_images_are_found_by_their_names(
     lines = [line.split(",") for line in (mission[0] / "frames" / "captures.csv").read_text().split()]
     rows = [f"{mission[0]}/frames/{image},2,{capture}" for capture, image in lines[1:]]
     (tmp_path / "frames" / "captures.csv").write_text("\n".join(["image,note,capture", *rows]))
-    for each in flown(tmp_path).observations:
-        assert each.crop is not None
-        assert each.crop() is not None
+    reading = flown(tmp_path)
+    assert all(reading.crop(reading.detections[[row]]) is not None for row in range(len(reading.detections)))
 
 
 def test_confidence_counts_from_the_least_on(mission: tuple[Path, MissionResult]) -> None:
     reading = flown(mission[0])
-    one, other = (replace(reading.observations[0], confidence=each) for each in (0.5, 0.499))
-    assert replace(reading, observations=(one, other)).confident(0.5) == [one]
+    both = reading.detections[[0, 0]].with_columns(confidence=[0.5, 0.499])
+    assert replace(reading, detections=both).confident(0.5) == both[[0]]
 
 
 def test_the_error_of_positions_is_that_of_places(mission: tuple[Path, MissionResult]) -> None:
-    first = flown(mission[0], position_error_m=3.0).observations[0]
-    assert entry_of(1, [first]).place_error_m == pytest.approx(3.0, abs=0.01)
+    first = flown(mission[0], position_error_m=3.0).detections[[0]]
+    assert entry_of(1, first).place_error_m == pytest.approx(3.0, abs=0.01)
     for value in (-1.0, float("nan"), float("inf")):
         with pytest.raises(PaveTwinError, match=r"`position_error_m` .*: it is "):
             flown(mission[0], position_error_m=value)
@@ -165,7 +162,7 @@ def test_the_condition_index_by_measured_sizes_stands_beside_the_true_one(
     world = result.environment.world
     survey = Survey(sample_units(world.segments), world.defects)
     report = ConditionReport(world, survey.conditions(), survey.conditions([]), {}, world.defects)
-    exact = with_detected(report, replace(flown(folder), entry_model=None))
+    exact = with_detected(report, replace(flown(folder, frame=world.georeference), entry_model=None))
     assert exact.detected is not None
     numbers = [sum(deduct.quantity for deduct in each.deducts) for each in exact.detected]
     assert sum(numbers) == pytest.approx(len(DEFECTS) + 1)

@@ -16,7 +16,7 @@ from pavetwin.inventory.entry import Entry
 from pavetwin.inventory.files import write_inventory
 from pavetwin.inventory.listing import entries_of
 from pavetwin.inventory.of_photographs import photographed
-from pavetwin.inventory.reading import Reading
+from pavetwin.inventory.reading import Reading, has_sizes
 from pavetwin.perception.detector import Detector
 from pavetwin.perception.model_file import DEFAULT
 from pavetwin.perception.photograph import PhotographPose, pose_of
@@ -25,7 +25,7 @@ from scenes.aerial import aerial_photograph
 from scenes.spots import SpotDetector
 from scenes.survey import ALTITUDE_M, PLACE, SPOTS, captures, photograph, photographs
 
-DEFECTS = [(name, shape) for name, shape in SPOTS if name != "Car"]
+DEFECTS = [(name, shape) for name, shape in SPOTS if name != "car"]
 
 
 def world_xy(entry: Entry, reading: Reading) -> np.ndarray:
@@ -39,18 +39,18 @@ def test_each_defect_is_listed_once_at_its_place_with_its_size(tmp_path: Path) -
     reading = photographed(SpotDetector(), photographs(tmp_path / "p"))
     assert reading.remarks == ()
     found = entries_of(reading)
-    assert sorted(entry.kind for entry in found) == sorted(name for name, _ in DEFECTS)
+    assert sorted(entry.class_name for entry in found) == sorted(name for name, _ in DEFECTS)
     for name, shape in DEFECTS:
         centre = np.array([shape.centroid.x, shape.centroid.y])
         away_m = [float(np.hypot(*(world_xy(entry, reading) - centre))) for entry in found]
         nearest = found[int(np.argmin(away_m))]
-        assert nearest.kind == name
+        assert nearest.class_name == name
         assert min(away_m) < 0.05
         assert nearest.sizes["area_m2"].value == pytest.approx(shape.area, rel=0.06)
         assert nearest.looks > 1
         assert nearest.place_error_m is not None
         assert nearest.place_error_m < 0.05
-    crack = next(entry for entry in found if entry.kind == "Single Crack")
+    crack = next(entry for entry in found if entry.class_name == "single_crack")
     assert crack.sizes["length_m"].value == pytest.approx(2.0, rel=0.1)
 
 
@@ -65,7 +65,7 @@ def test_one_without_exif_among_others_is_told_and_the_rest_goes_on(tmp_path: Pa
     assert broken.startswith("Left out: 1 that cannot be read, such as this: ")
     found = entries_of(reading)
     assert sum(entry.place is not None for entry in found) == len(DEFECTS)
-    assert all(entry.best.image == "bare.png" and not entry.sizes for entry in found if entry.place is None)
+    assert all(entry.best.image[0] == "bare.png" and not entry.sizes for entry in found if entry.place is None)
 
 
 def written(folder: Path, name: str = "one.jpg", **said: Any) -> Path:
@@ -97,22 +97,22 @@ def test_what_a_place_needs_and_a_photograph_does_not_say_is_told(
     (remark,) = reading.remarks
     assert remark.startswith(f"1 of 1 photographs, such as 'one.jpg': {words}")
     assert reading.frame is None
-    assert reading.observations
-    assert all(each.footprint is None for each in reading.observations)
+    assert len(reading.detections)
+    assert all(footprint is None for footprint in reading.detections.footprint)
 
 
 def test_a_height_that_is_given_counts_for_more_than_what_photographs_say(tmp_path: Path) -> None:
     reading = photographed(SpotDetector(), written(tmp_path / "p", RelativeAltitude=431.0), height_m=10.0)
     assert reading.remarks == ()
-    assert all(each.footprint is not None for each in reading.observations)
+    assert all(footprint is not None for footprint in reading.detections.footprint)
 
 
 def test_the_error_of_a_receiver_with_corrections_is_read(tmp_path: Path) -> None:
     folder = written(tmp_path / "p", RtkStdLon=0.02, RtkStdLat=0.03)
-    errors = {each.position_error_m for each in photographed(SpotDetector(), folder).observations}
+    errors = set(photographed(SpotDetector(), folder).detections.position_error_m)
     assert errors == {0.03}
     given_error = photographed(SpotDetector(), folder, position_error_m=1.5)
-    assert {each.position_error_m for each in given_error.observations} == {1.5}
+    assert set(given_error.detections.position_error_m) == {1.5}
 
 
 def test_without_position_sizes_come_with_a_resolution_that_is_given(tmp_path: Path) -> None:
@@ -124,11 +124,11 @@ def test_without_position_sizes_come_with_a_resolution_that_is_given(tmp_path: P
     assert [remark.partition(": ")[2] for remark in reading.remarks] == [
         "no position; its defects are given in pixels."
     ]
-    potholes = [each for each in reading.observations if each.kind == "Pothole" and not each.is_cut]
-    assert potholes
-    areas = [shape.area for name, shape in DEFECTS if name == "Pothole"]
-    for each in potholes:
-        assert min(abs(each.sizes["area_m2"] / area - 1) for area in areas) < 0.06
+    whole = reading.detections[(reading.detections.class_name == "pothole") & ~reading.detections.is_cut]
+    assert len(whole)
+    areas = [shape.area for name, shape in DEFECTS if name == "pothole"]
+    for area_m2 in whole.area_m2:
+        assert min(abs(area_m2 / area - 1) for area in areas) < 0.06
 
 
 def test_a_folder_without_a_picture_that_can_be_read_is_refused(tmp_path: Path) -> None:
@@ -181,11 +181,12 @@ def test_real_photographs_without_position_are_listed_in_pixels(shared_file: Cal
     assert remark.startswith(f"{count} of {count} photographs, such as '")
     assert remark.endswith("no position; its defects are given in pixels, sizes with `gsd_mm` only.")
     assert reading.images == count
-    assert reading.observations
-    assert all(each.box_px and each.footprint is None and not each.sizes for each in reading.observations)
+    assert len(reading.detections)
+    assert not np.isnan(reading.detections.box_px).any()
+    assert not has_sizes(reading.detections)
     sized = photographed(detector, folder, gsd_mm=2.5)
-    assert len(sized.observations) == len(reading.observations)
-    assert any(each.sizes for each in sized.observations)
+    assert len(sized.detections) == len(reading.detections)
+    assert has_sizes(sized.detections)
 
 
 @pytest.mark.parametrize("where", ["inventory", ".", "results/monday"])
@@ -194,7 +195,7 @@ def test_pictures_that_an_inventory_wrote_are_no_photographs(tmp_path: Path, whe
     output = folder / where
     first = photographed(SpotDetector(), folder, output=output)
     assert first.frame is not None
-    write_inventory(entries_of(first), first.frame, output)
+    write_inventory(entries_of(first), first, output)
     assert list(output.glob("crops/*.jpg"))
     assert list(output.glob("crops-*.jpg"))
     assert photographed(SpotDetector(), folder).images == first.images
@@ -211,12 +212,12 @@ def test_an_inventory_that_is_replaced_leaves_nothing_behind(tmp_path: Path) -> 
     folder = tmp_path / "inventory"
     folder.mkdir()
     (folder / "crops-plan.txt").write_text("mine")
-    write_inventory(entries, reading.frame, folder)
+    write_inventory(entries, reading, folder)
     assert len(list(folder.glob("crops-*.jpg"))) == 2
-    write_inventory(entries[:3], reading.frame, folder)
+    write_inventory(entries[:3], reading, folder)
     assert sorted(path.name for path in folder.glob("crops*/*")) == ["0001.jpg", "0002.jpg", "0003.jpg"]
     assert sorted(path.name for path in folder.glob("crops-*")) == ["crops-01.jpg", "crops-plan.txt"]
-    write_inventory([], None, folder)
+    write_inventory([], replace(reading, frame=None), folder)
     assert sorted(path.name for path in folder.iterdir()) == ["crops", "crops-plan.txt", "inventory.csv"]
 
 
@@ -226,7 +227,7 @@ def test_a_height_that_is_the_one_above_the_sea_is_told(tmp_path: Path, said: di
     reading = photographed(SpotDetector(), folder)
     (remark,) = reading.remarks
     assert "'one.jpg': the same height above the ground as above the sea" in remark
-    assert all(each.footprint is not None for each in reading.observations), "the ground may lie at sea level"
+    assert all(footprint is not None for footprint in reading.detections.footprint), "the ground may lie at sea level"
     assert photographed(SpotDetector(), folder, height_m=10.0).remarks == ()
     for other in ({"AbsoluteAltitude": 43.0}, {"above_sea_m": -12.0}):
         assert photographed(SpotDetector(), written(tmp_path / "p", RelativeAltitude=12.0, **other)).remarks == ()
@@ -236,7 +237,7 @@ def test_a_photograph_far_from_the_others_is_told_and_the_rest_goes_on(tmp_path:
     """Whether it comes first or last; the others are where they are without it."""
     folder = written(tmp_path / "p", "b.jpg")
     written(folder, "c.jpg", latitude=52.5003)
-    (alone, *_) = photographed(SpotDetector(), folder).observations
+    alone = photographed(SpotDetector(), folder).detections[[0]]
     for name, latitude in (("a.jpg", 17.0), ("d.jpg", 88.0)):
         written(folder, name, latitude=latitude)
     reading = photographed(SpotDetector(), folder)
@@ -244,7 +245,9 @@ def test_a_photograph_far_from_the_others_is_told_and_the_rest_goes_on(tmp_path:
         "1 of 4 photographs, such as 'a.jpg': taken more than 20 km from the middle of all positions",
         "1 of 4 photographs, such as 'd.jpg': a position beyond 84° north or 80° south, where no map in metres is",
     ]
-    placed = {each.image for each in reading.observations if each.footprint is not None}
+    placed = {
+        image for image, outline in zip(reading.detections.image, reading.detections.footprint, strict=True) if outline
+    }
     assert placed == {"b.jpg", "c.jpg"}
-    same = next(each for each in reading.observations if each.image == alone.image)
+    same = reading.detections[reading.detections.image == alone.image[0]][[0]]
     assert same.footprint == alone.footprint

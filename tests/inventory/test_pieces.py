@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString, Polygon
 
-from pavetwin.inventory.entry import entry_of
-from pavetwin.inventory.merging import MOST_APART, merged
-from pavetwin.inventory.observation import Observation
+from pavetwin.detections import Detections
+from pavetwin.inventory.merging import MOST_APART
 from pavetwin.inventory.pieces import alignment, are_beside, looks_of
+from scenes.observed import entry_of, merged, observed
 
 Line = tuple[tuple[float, float], tuple[float, float]]
 
@@ -23,10 +23,10 @@ def stroke(line: Line, width_m: float = 0.1) -> Polygon:
     return shape
 
 
-def piece(image: str, line: Line, *, kind: str = "Single Crack", confidence: float = 0.5) -> Observation:
+def piece(image: str, line: Line, *, kind: str = "single_crack", confidence: float = 0.5) -> Detections:
     shape = stroke(line)
     sizes = {"area_m2": 0.02 * LineString(line).length, "length_m": LineString(line).length, "mean_width_mm": 20.0}
-    return Observation(kind, confidence, image, None, shape, sizes=sizes, pixel_m=0.01)
+    return observed(kind, confidence, image, shape, pixel_m=0.01, **sizes)
 
 
 FIRST: Line = ((0, 0), (1, 0))
@@ -52,7 +52,7 @@ def test_pieces_along_one_line_are_one_crack_and_others_are_not(name: str, image
 
 
 def test_only_thin_classes_come_in_pieces() -> None:
-    assert merged([piece("a", FIRST, kind="Pothole"), piece("a", OTHERS["further along"][0], kind="Pothole")]) == [
+    assert merged([piece("a", FIRST, kind="pothole"), piece("a", OTHERS["further along"][0], kind="pothole")]) == [
         [0],
         [1],
     ]
@@ -84,12 +84,12 @@ def test_whether_a_crack_goes_on_does_not_depend_on_the_frame_nor_on_the_order(
 def test_what_one_image_shows_in_pieces_is_one_look_with_all_its_length() -> None:
     first, second = piece("a", FIRST), piece("a", ((1.5, 0), (3, 0)), confidence=0.8)
     again = piece("a", ((0.2, 0.01), (0.9, 0.01)))
-    (look,) = looks_of([first, second, again])
-    assert look.sizes["length_m"] == pytest.approx(3.0, abs=0.01)
-    assert look.sizes["area_m2"] == pytest.approx(0.02 * 2.5)
-    assert look.footprint is not None
-    assert look.footprint.centroid.x == pytest.approx(1.5, abs=0.01)
-    assert look.confidence == 0.8
+    look = looks_of(Detections.concatenated([first, second, again]))
+    assert len(look) == 1
+    assert look.length_m[0] == pytest.approx(3.0, abs=0.01)
+    assert look.area_m2[0] == pytest.approx(0.02 * 2.5)
+    assert look.footprint[0].centroid.x == pytest.approx(1.5, abs=0.01)
+    assert look.confidence[0] == 0.8
 
 
 def test_an_entry_of_pieces_lies_in_the_middle_of_the_whole() -> None:
@@ -107,9 +107,9 @@ BESIDE: Line = ((1, 0.25), (3.5, 0.3))
 """Parallel, a quarter of a metre away."""
 
 
-def wide(image: str, line: Line) -> Observation:
+def wide(image: str, line: Line) -> Detections:
     """The outline of a crooked crack, which its mask is the hull of: 0.2 m wide."""
-    return Observation("Single Crack", 0.5, image, None, stroke(line, 0.2), pixel_m=0.01)
+    return observed("single_crack", 0.5, image, stroke(line, 0.2), pixel_m=0.01)
 
 
 def test_cracks_that_one_image_shows_side_by_side_are_two() -> None:
@@ -130,8 +130,8 @@ def test_cracks_that_one_image_shows_side_by_side_are_two() -> None:
     ],
 )
 def test_what_has_half_its_length_in_common_lies_beside(line: Line, *, is_beside: bool) -> None:
-    assert are_beside(piece("a", LONG), piece("a", line)) == is_beside
-    assert are_beside(piece("a", line), piece("a", LONG)) == is_beside
+    assert are_beside(stroke(LONG), stroke(line)) == is_beside
+    assert are_beside(stroke(line), stroke(LONG)) == is_beside
 
 
 @pytest.mark.parametrize(("images", "groups"), [(MOST_APART, 1), (MOST_APART + 1, 2)])
@@ -148,8 +148,8 @@ def test_one_image_in_many_that_shows_two_neighbours_as_one_does_not_join_them()
     here, there = (shapely.box(x, 0.0, x + 1.0, 1.0) for x in (0.0, 1.3))
     whole = shapely.box(0.0, 0.0, 2.3, 1.0)
 
-    def seen(image: str, outline: Polygon) -> Observation:
-        return Observation("Pothole", 0.8, image, None, outline)
+    def seen(image: str, outline: Polygon) -> Detections:
+        return observed("pothole", 0.8, image, outline)
 
     looks = [seen(f"{number}", outline) for number in range(6) for outline in (here, there)]
     few, half = ([seen(f"w{number}", whole) for number in range(count)] for count in (2, 3))
@@ -165,7 +165,7 @@ def test_of_two_cracks_side_by_side_a_piece_goes_to_the_nearer_whatever_the_orde
         "piece": ((3.9, 0.15), (6, 0.15)),
     }
     looks = {
-        name: Observation("Single Crack", 0.5, "b" if name == "piece" else "a", None, stroke(line, 0.2), pixel_m=0.01)
+        name: observed("single_crack", 0.5, "b" if name == "piece" else "a", stroke(line, 0.2), pixel_m=0.01)
         for name, line in lines.items()
     }
     for names in permutations(looks):
@@ -187,11 +187,10 @@ def test_the_order_of_observations_decides_nothing(
 ) -> None:
     """Strokes in three rows, none over another."""
     looks = [
-        Observation(
-            "Single Crack",
+        observed(
+            "single_crack",
             0.5,
             image,
-            None,
             stroke(((2 * place + cut, 0.25 * row), (2 * place + 1.95, 0.25 * row + turn)), 0.2),
         )
         for (place, row), (image, cut, turn) in cells.items()

@@ -8,19 +8,21 @@ import polars as pl
 import pytest
 from shapely import Point, box
 
+from pavetwin.detections import NO_DETECTIONS
 from pavetwin.errors import PaveTwinError
 from pavetwin.inventory.condition import measured_defects
-from pavetwin.inventory.entry import Entry, entry_of
+from pavetwin.inventory.entry import Entry
 from pavetwin.inventory.entry_fit import JudgedEntry, JudgedInventory, fit_entries, judged_inventory
 from pavetwin.inventory.files import write_inventory
 from pavetwin.inventory.listing import entries_of
-from pavetwin.inventory.observation import Observation
 from pavetwin.inventory.of_mission import flown
 from pavetwin.inventory.probability import entry_model, with_probabilities
+from pavetwin.inventory.reading import Reading
 from pavetwin.mission.saving import save_mission
 from pavetwin.sensing.fitted_sensor import OF_ENTRY, EntryModel, FittedNumber, SensorModel, entry_values
 from pavetwin.world.georeference import anchored
 from scenes import fitted
+from scenes.observed import entry_of, observed
 from scenes.spots import Spot, fly_over_spots
 from scenes.tiny import Scene, straight
 
@@ -34,11 +36,9 @@ def model(share: float = 0.5) -> EntryModel:
     return EntryModel(terms=terms, entries=100, defect_share=share, severities=SEVERITIES)
 
 
-def entry(confidence: float = 0.6, looks: int = 2, side_px: float = 32.0, kind: str = "Pothole") -> Entry:
+def entry(confidence: float = 0.6, looks: int = 2, side_px: float = 32.0, kind: str = "pothole") -> Entry:
     shape = box(0, 0, 0.01 * side_px, 0.01 * side_px)
-    return entry_of(
-        1, [Observation(kind, confidence, str(number), None, shape, pixel_m=0.01) for number in range(looks)]
-    )
+    return entry_of(1, [observed(kind, confidence, str(number), shape, pixel_m=0.01) for number in range(looks)])
 
 
 def drawn(count: int, levels: dict[str, float], seed: int = 0) -> list[JudgedEntry]:
@@ -93,7 +93,7 @@ def test_the_share_of_defects_follows_from_the_entries_themselves(share: float) 
     base = float(np.mean([each.is_defect for each in pool]))
     right, wrong = ([each for each in pool if each.is_defect == is_defect] for is_defect in (True, False))
     rows = [*right[: round(600 * share)], *wrong[: round(600 * (1 - share))]]
-    listed = [entry(each.confidence, each.looks, each.size_px, each.kind.replace("_", " ").title()) for each in rows]
+    listed = [entry(each.confidence, each.looks, each.size_px, each.kind) for each in rows]
     judged = [each.probability or 0.0 for each in with_probabilities(listed, model(base))]
     assert np.mean(judged) == pytest.approx(share, abs=0.04)
     fitted_to = [model().chance(each.kind, each.confidence, each.looks, each.size_px) or 0.0 for each in rows]
@@ -111,20 +111,20 @@ def test_what_has_no_place_or_another_class_has_no_probability() -> None:
 def test_entries_that_are_less_likely_defects_are_listed_and_do_not_count_in_the_index(tmp_path: Path) -> None:
     placed = [replace(each, place=Point(0.2, 0.2)) for each in (entry(), entry(), entry())]
     judged = [replace(each, probability=chance) for each, chance in zip(placed, (0.49, 0.5, None), strict=True)]
-    counted = list(measured_defects(judged, HERE, HERE, model()))
+    counted = list(measured_defects(judged, model()))
     assert len(counted) == 2
     assert list(counted[0].severities.values()) == pytest.approx([0.5, 0.3, 0.2])
-    assert list(next(measured_defects(judged[1:], HERE, HERE)).severities.values()) == pytest.approx([1 / 3] * 3)
-    (some,) = measured_defects([replace(judged[1], severity="medium to high")], HERE, HERE, model())
+    assert list(next(measured_defects(judged[1:])).severities.values()) == pytest.approx([1 / 3] * 3)
+    (some,) = measured_defects([replace(judged[1], severity="medium to high")], model())
     assert list(some.severities.values()) == pytest.approx([0.6, 0.4])
-    write_inventory(judged, HERE, tmp_path)
+    write_inventory(judged, Reading(NO_DETECTIONS, HERE, 1), tmp_path)
     assert pl.read_csv(tmp_path / "inventory.csv")["probability"].to_list() == [0.49, 0.5, None]
 
 
 def test_entries_of_a_mission_are_judged_by_its_matching_and_by_the_sensor_of_its_detector(tmp_path: Path) -> None:
     scene = Scene(straight((12.0, 1.0), (30.0, 0.0)), altitude_m=10.0)
-    spots: list[Spot] = [("Pothole", each.polygon) for each in scene.world.defects]
-    ghost = ("Pothole", straight((45, 0)).defects[0].polygon)
+    spots: list[Spot] = [("pothole", each.polygon) for each in scene.world.defects]
+    ghost = ("pothole", straight((45, 0)).defects[0].polygon)
     result, _ = fly_over_spots(scene, [*spots, ghost], aboard=False)
     save_mission(result, tmp_path / "m")
     judged = judged_inventory(tmp_path / "m")

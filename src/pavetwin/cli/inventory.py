@@ -105,7 +105,7 @@ def inventory(
             reading = _search_photographs(source, target, detector, photographs, position_error_m, fitted, show)
         show(1.0, "Writing")
         entries = entries_of(reading, detector.confidence)
-        files = write_inventory(entries, reading.frame, target)
+        files = write_inventory(entries, reading, target)
     _print_inventory(context, reading, len(reading.confident(detector.confidence)), entries)
     has_crops = any((target / "crops").glob("*.jpg"))
     names = ", ".join([*(file.name for file in files), *(("crops/", "crops-01.jpg, …") if has_crops else ())])
@@ -181,8 +181,9 @@ def _print_inventory(context: typer.Context, reading: "Reading", observations: i
     from collections import Counter
 
     from pavetwin.inventory.condition import LIKELY
+    from pavetwin.labels.class_names import display_name
 
-    kinds = [entry.kind for entry in listed]
+    kinds = [display_name(entry.class_name) for entry in listed]
     found = Counter(kinds)
     parts = ", ".join(f"{kind} {number}" for kind, number in found.most_common())
     seen = f"{counted(observations, 'detection')} in {counted(reading.images, 'image')}"
@@ -294,7 +295,11 @@ def _surveyed(folder: Path) -> "ConditionReport":
     if folder.is_dir() and mission_file(folder).is_file():
         mission = MissionFolder(folder)
         report = condition_of_mission(mission)
-        return with_detected(report, flown(mission)) if (mission.folder / DETECTIONS).is_file() else report
+        return (
+            with_detected(report, flown(mission, frame=report.world.georeference))
+            if (mission.folder / DETECTIONS).is_file()
+            else report
+        )
     raise PaveTwinError(f"'{folder}' is neither the folder of a world nor of a mission (it has no {MISSION}).")
 
 

@@ -14,7 +14,7 @@ from pavetwin.flightplan import FlightPlan, Trigger, plan_of
 from pavetwin.handover.of_study import StreetAdvice
 from pavetwin.inventory.condition import with_detected
 from pavetwin.inventory.of_mission import flown
-from pavetwin.inventory.reading import Reading
+from pavetwin.inventory.reading import Reading, has_sizes
 from pavetwin.mission.condition import ConditionReport, condition_of_mission, street_condition, unit_table
 from pavetwin.mission.folder import MissionFolder
 from pavetwin.mission.inspected_defects import MissReason
@@ -66,7 +66,7 @@ class Handover:
     @property
     def measured(self) -> bool:
         """True if the sensor measured sizes, as on a real flight."""
-        return any(each.sizes for each in self.reading.observations)
+        return has_sizes(self.reading.detections)
 
     @property
     def policy(self) -> str:
@@ -131,8 +131,9 @@ def handover_of(
         PaveTwinError: the world or a file of the mission is gone, damaged or not what it was, its files contradict each
             other, or the world has no place on the earth.
     """
-    folder, reading = mission.folder, flown(mission)
-    condition = with_detected(condition_of_mission(mission), reading)
+    folder, condition = mission.folder, condition_of_mission(mission)
+    reading = flown(mission, frame=condition.world.georeference)
+    condition = with_detected(condition, reading)
     world = condition.world
     if advice is not None:
         _check_world(advice, world)

@@ -134,7 +134,7 @@ def write_handover(
         if with_mission:
             shutil.copytree(handover.mission.folder, temporary / MISSION)
         if handover.measured:
-            write_inventory(entries_of(handover.reading), handover.reading.frame, temporary / INVENTORY)
+            write_inventory(entries_of(handover.reading), handover.reading, temporary / INVENTORY)
         handover.defects.write_csv(temporary / "defects.csv")
         handover.units.write_csv(temporary / "units.csv")
         handover.streets.write_csv(temporary / "streets.csv")

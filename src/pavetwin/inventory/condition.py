@@ -5,21 +5,20 @@ from dataclasses import replace
 from math import pi, sqrt
 from typing import Final
 
-import numpy as np
-import shapely
 from shapely import Polygon
 
-from pavetwin.inventory.entry import SEVERITIES, Entry
+from pavetwin.detections import possible_severities
+from pavetwin.inventory.entry import Entry
 from pavetwin.inventory.listing import entries_of
 from pavetwin.inventory.of_mission import reported
-from pavetwin.inventory.probability import class_of
 from pavetwin.inventory.reading import Reading
 from pavetwin.mission.condition import ConditionReport
 from pavetwin.mission.result import MissionResult
 from pavetwin.pci import MeasuredDefect, SampleUnit, UnitCondition, mean_pci, measured_conditions, sample_units
 from pavetwin.sensing.fitted_sensor import EntryModel
-from pavetwin.world.georeference import GeoReference, from_wgs84
+from pavetwin.world.georeference import GeoReference
 from pavetwin.world.model import Severity
+from pavetwin.world.rectangles import smallest_rectangle
 
 LIKELY: Final = 0.5
 """Probability from which an entry counts as a defect."""
@@ -47,12 +46,12 @@ def detected_conditions(
     """
     if not reading.is_measured:
         return None
-    defects: Iterator[MeasuredDefect] = iter(())
-    if reading.observations:
+    if len(reading.detections):
         if reading.frame is None:
             return None
-        defects = measured_defects(entries_of(reading), reading.frame, place, reading.entry_model)
-    return measured_conditions(units, defects)[0]
+        if reading.frame != place:
+            raise ValueError("the detections are not in the frame of the world")
+    return measured_conditions(units, measured_defects(entries_of(reading), reading.entry_model))[0]
 
 
 def detected_of_segments(result: MissionResult) -> Mapping[str, float]:
@@ -71,9 +70,7 @@ def detected_of_segments(result: MissionResult) -> Mapping[str, float]:
     return {segment: mean_pci(mine) for segment, mine in of_segment.items()}
 
 
-def measured_defects(
-    entries: Sequence[Entry], frame: GeoReference, place: GeoReference, model: EntryModel | None = None
-) -> Iterator[MeasuredDefect]:
+def measured_defects(entries: Sequence[Entry], model: EntryModel | None = None) -> Iterator[MeasuredDefect]:
     """Entries with an outline, as the condition index counts them: those that are more likely a defect than not, where
     their probability is known.
 
@@ -81,14 +78,11 @@ def measured_defects(
     that the sensor was fitted to, or else equally. A size that they do not show is that of the outline.
 
     Args:
-        frame: of the entries.
-        place: of the world.
         model: that gave them their probabilities.
     """
     for entry in entries:
         if entry.outline is not None and (entry.probability is None or entry.probability >= LIKELY):
-            outline = shapely.transform(entry.outline, lambda xy: from_wgs84(place, frame.to_wgs84(xy)))
-            yield _measured(entry, outline, model)
+            yield _measured(entry, entry.outline, model)
 
 
 def _measured(entry: Entry, outline: Polygon, model: EntryModel | None) -> MeasuredDefect:
@@ -96,7 +90,7 @@ def _measured(entry: Entry, outline: Polygon, model: EntryModel | None) -> Measu
     area_m2 = sizes.get("area_m2", outline.area)
     diameter_mm = sizes.get("diameter_mm")
     return MeasuredDefect(
-        kind=class_of(entry),
+        kind=entry.class_name,
         outline=outline,
         severities=_severities(entry, model),
         length_m=sizes.get("length_m", _longer_side_m(outline)),
@@ -107,9 +101,9 @@ def _measured(entry: Entry, outline: Polygon, model: EntryModel | None) -> Measu
 
 def _severities(entry: Entry, model: EntryModel | None) -> dict[Severity, float]:
     """The part that counts of each severity: of `low to medium` both; of all where nothing is said."""
-    ends = [SEVERITIES.index(word) for word in entry.severity.split(" to ") if word in SEVERITIES]
-    first, last = (min(ends), max(ends)) if ends else (0, len(_EVERY) - 1)
-    shares = (1.0,) * len(_EVERY) if model is None else model.severities.get(class_of(entry), (1.0,) * len(_EVERY))
+    ranks = possible_severities(entry.severity) or range(len(_EVERY))
+    first, last = ranks[0], ranks[-1]
+    shares = (1.0,) * len(_EVERY) if model is None else model.severities.get(entry.class_name, (1.0,) * len(_EVERY))
     allowed = shares[first : last + 1]
     if not sum(allowed):
         allowed = (1.0,) * len(allowed)
@@ -117,5 +111,5 @@ def _severities(entry: Entry, model: EntryModel | None) -> dict[Severity, float]
 
 
 def _longer_side_m(outline: Polygon) -> float:
-    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(outline))
-    return float(np.hypot(*np.diff(corners, axis=0).T).max(initial=0.0))
+    around = smallest_rectangle(outline)
+    return 0.0 if around is None else around.length

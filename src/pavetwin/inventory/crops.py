@@ -1,6 +1,6 @@
 """Pictures of the entries: the part of an image around the best detection, and pages of them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -8,11 +8,13 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from pavetwin.arrays import UInt8Array
+from pavetwin.detections import Detections
 from pavetwin.draw.contact_sheet import CELL_PX, assembled, captioned, cut_around, draw_box
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.inventory.entry import Entry
 from pavetwin.labels.boxes import FloatBox
+from pavetwin.labels.class_names import display_name
 from pavetwin.labels.classes import category_colours
 
 A_PAGE: Final = 24
@@ -34,8 +36,13 @@ def around(pixels: UInt8Array, box: FloatBox) -> UInt8Array:
     return np.asarray(part)
 
 
-def write_crops(entries: Sequence[Entry], folder: Path) -> dict[int, str]:
-    """Write the crop of each entry whose image is there, and pages of them; returns the names by the entry's number.
+def write_crops(
+    entries: Sequence[Entry], folder: Path, crop: Callable[[Detections], UInt8Array | None]
+) -> dict[int, str]:
+    """Write the crop of each entry whose image is available, and pages of them; returns the names by entry number.
+
+    Args:
+        crop: the part of an image around a detection (`Reading.crop`).
 
     Raises:
         PaveTwinError: a file cannot be written.
@@ -43,14 +50,14 @@ def write_crops(entries: Sequence[Entry], folder: Path) -> dict[int, str]:
     names: dict[int, str] = {}
     cells: list[Image.Image] = []
     for entry in entries:
-        picture = _crop(entry)
+        picture = _crop(entry, crop)
         if picture is None:
             continue
         names[entry.number] = f"crops/{entry.number:04}.jpg"
         with writing(folder / names[entry.number]) as temporary:
             picture.save(temporary, "JPEG", quality=_QUALITY)
         cells.append(_cell(entry, picture))
-    named = sorted({entry.kind for entry in entries if entry.number in names})
+    named = sorted({display_name(entry.class_name) for entry in entries if entry.number in names})
     colour_of = {name: colour for name, colour in category_colours().items() if name in named}
     for start, page in zip(range(0, len(cells), A_PAGE), page_names(len(cells)), strict=True):
         shown = cells[start : start + A_PAGE]
@@ -65,12 +72,10 @@ def page_names(crops: int) -> list[str]:
     return [f"crops-{page + 1:02}.jpg" for page in range(-(-crops // A_PAGE))]
 
 
-def _crop(entry: Entry) -> Image.Image | None:
-    if entry.best.crop is None:
-        return None
+def _crop(entry: Entry, crop: Callable[[Detections], UInt8Array | None]) -> Image.Image | None:
     try:
-        pixels = entry.best.crop()
-    except PaveTwinError:  # the image is gone or damaged since it was looked at
+        pixels = crop(entry.best)
+    except PaveTwinError:  # the image is gone or damaged since it was searched
         return None
     return None if pixels is None else Image.fromarray(pixels)
 
@@ -85,4 +90,6 @@ def _cell(entry: Entry, picture: Image.Image) -> Image.Image:
     sure = f"confidence {entry.confidence:.2f}"
     if entry.probability is not None:
         sure += f", a defect: {100 * entry.probability:.0f} %"
-    return captioned(picture.resize((CELL_PX, CELL_PX)), f"{entry.number}: {entry.kind}", text, sure)
+    return captioned(
+        picture.resize((CELL_PX, CELL_PX)), f"{entry.number}: {display_name(entry.class_name)}", text, sure
+    )

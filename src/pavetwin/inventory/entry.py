@@ -1,4 +1,4 @@
-"""One defect of the inventory, from all its observations: place, class, severity and sizes, with their errors.
+"""One defect of the inventory, from all its detections: place, class, severity and sizes, with their errors.
 
 Errors are standard deviations. A single look has the error of the pixels: half a pixel at each of the edges that a size
 runs between, and for areas half a pixel along the edge. Looks are weighted by their errors; what they scatter more than
@@ -7,7 +7,7 @@ which all looks share, is not in it.
 """
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import hypot, sqrt
 from typing import Final
@@ -16,8 +16,7 @@ import numpy as np
 import shapely
 from shapely import Point, Polygon
 
-from pavetwin.detections import SIZES
-from pavetwin.inventory.observation import Observation
+from pavetwin.detections import SEVERITY_RANGE, SIZES, Detections, possible_severities
 from pavetwin.inventory.pieces import looks_of
 
 SEVERITIES: Final = ("low", "medium", "high")
@@ -37,7 +36,7 @@ class Entry:
 
     number: int
     """From 1."""
-    kind: str
+    class_name: str
     place: Point | None
     """East and north; None where no image says where it was taken."""
     place_error_m: float | None
@@ -45,7 +44,7 @@ class Entry:
     outline: Polygon | None
     """That of the best look."""
     severity: str
-    """As `Observation.severity`: what most looks allow."""
+    """Severity or range that most looks allow; empty where the images show none."""
     sizes: Mapping[str, SizeEstimate]
     """By names of `SIZES`."""
     is_cut: bool
@@ -54,40 +53,43 @@ class Entry:
     """Of the best look. Looks are no independent chances, so that many do not raise it."""
     looks: int
     """How many images show it."""
-    best: Observation
-    """The most confident observation, one that shows it whole where there is any."""
+    best: Detections
+    """Its most confident detection, a whole one where there is any: a record of one row."""
     probability: float | None = None
     """That it shows a defect (`pavetwin.inventory.probability`); None where no fitted sensor tells."""
 
 
-def entry_of(number: int, observations: Sequence[Observation]) -> Entry:
-    """The entry of the observations of one defect, at least one; what an image shows in pieces counts as one look."""
-    looks = looks_of(observations)
-    whole = [each for each in looks if not each.is_cut]
-    used = whole or looks
-    best = max(used, key=lambda each: each.confidence)
+def entry_of(number: int, detections: Detections) -> Entry:
+    """The entry of the detections of one defect, at least one; pieces in one image count as one look."""
+    looks = looks_of(detections)
+    whole = looks[~looks.is_cut]
+    used = whole if len(whole) else looks
+    best = used[[int(np.argmax(used.confidence))]]
     place, place_error_m = _place(used)
     return Entry(
         number=number,
-        kind=best.kind,
+        class_name=best.class_name[0],
         place=place,
         place_error_m=place_error_m,
-        outline=best.footprint,
+        outline=best.footprint[0],
         severity=_severity(used),
-        sizes=_sizes(used, is_cut=not whole),
-        is_cut=not whole,
-        confidence=max(each.confidence for each in observations),
+        sizes=_sizes(used, is_cut=not len(whole)),
+        is_cut=not len(whole),
+        confidence=float(detections.confidence.max()),
         looks=len(looks),
         best=best,
     )
 
 
-def _place(observations: Sequence[Observation]) -> tuple[Point | None, float | None]:
-    placed = [each for each in observations if each.footprint is not None]
-    if not placed:
+def _place(looks: Detections) -> tuple[Point | None, float | None]:
+    placed = looks[[outline is not None for outline in looks.footprint]]
+    if not len(placed):
         return None, None
-    centres = np.array([shapely.get_coordinates(each.footprint.centroid)[0] for each in placed if each.footprint])
-    errors = np.array([hypot(each.position_error_m, each.pixel_m or 0.0) or _LEAST_M for each in placed])
+    centres = shapely.get_coordinates(shapely.centroid(placed.footprint))
+    pixels_m = np.nan_to_num(placed.pixel_mm / 1000)
+    errors = np.array(
+        [hypot(error, pixel) or _LEAST_M for error, pixel in zip(placed.position_error_m, pixels_m, strict=True)]
+    )
     sides = [_combined(centres[:, axis], errors) for axis in (0, 1)]
     return Point(sides[0].value, sides[1].value), max(side.error for side in sides)
 
@@ -96,26 +98,28 @@ _LEAST_M: Final = 0.01
 """Error of a place whose pixel is not known."""
 
 
-def _sizes(observations: Sequence[Observation], *, is_cut: bool) -> Mapping[str, SizeEstimate]:
+def _sizes(looks: Detections, *, is_cut: bool) -> Mapping[str, SizeEstimate]:
     found = {}
     for name in SIZES:
-        looks = [(each.sizes[name], _size_error(each, name)) for each in observations if name in each.sizes]
-        if not looks:
+        rows = np.flatnonzero(~np.isnan(getattr(looks, name)))
+        if not len(rows):
             continue
-        values, errors = np.array(looks).T
+        values = getattr(looks, name)[rows]
+        errors = np.array([_size_error(looks, row, name) for row in rows.tolist()])
         largest = int(values.argmax())
         cut = SizeEstimate(float(values[largest]), float(errors[largest]))
         found[name] = cut if is_cut else _combined(values, errors)
     return found
 
 
-def _size_error(observation: Observation, name: str) -> float:
-    """In the unit of the size."""
-    pixel_m = observation.pixel_m or _LEAST_M
+def _size_error(looks: Detections, row: int, name: str) -> float:
+    """Standard deviation in the unit of the size."""
+    pixel_mm = float(looks.pixel_mm[row])
+    pixel_m = _LEAST_M if np.isnan(pixel_mm) else pixel_mm / 1000
     if name != "area_m2":
         return pixel_m / sqrt(2) * (1000.0 if name.endswith("_mm") else 1.0)
-    length = observation.sizes.get("length_m")
-    edge_m = 2 * length if length else 4 * sqrt(observation.sizes[name])
+    length = float(looks.length_m[row])
+    edge_m = 4 * sqrt(looks.area_m2[row]) if np.isnan(length) or not length else 2 * length
     return 0.5 * pixel_m * edge_m
 
 
@@ -130,20 +134,20 @@ def _combined(values: np.ndarray, errors: np.ndarray) -> SizeEstimate:
     return SizeEstimate(mean, error)
 
 
-def _severity(observations: Sequence[Observation]) -> str:
-    """The range of severities that most looks allow; empty where that says nothing."""
+def _severity(looks: Detections) -> str:
+    """The range of severities that most looks allow; empty where all are possible."""
     votes: Counter[str] = Counter()
-    for each in observations:
-        votes.update(_range(each.severity))
+    for each in looks.severity:
+        votes.update(_range(each))
     if not votes:
         return ""
     most = max(votes.values())
     allowed = [severity for severity in SEVERITIES if votes[severity] == most]
     if allowed[0] == SEVERITIES[0] and allowed[-1] == SEVERITIES[-1]:
         return ""
-    return allowed[0] if len(allowed) == 1 else f"{allowed[0]} to {allowed[-1]}"
+    return allowed[0] if len(allowed) == 1 else f"{allowed[0]}{SEVERITY_RANGE}{allowed[-1]}"
 
 
 def _range(severity: str) -> tuple[str, ...]:
-    ends = [SEVERITIES.index(word) for word in severity.split(" to ") if word in SEVERITIES]
-    return SEVERITIES[min(ends) : max(ends) + 1] if ends else ()
+    ranks = possible_severities(severity) or ()
+    return tuple(SEVERITIES[rank] for rank in ranks)

@@ -17,7 +17,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.inventory.entry import SEVERITIES, entry_of
 from pavetwin.inventory.merging import merged
 from pavetwin.inventory.of_mission import flown
-from pavetwin.inventory.probability import class_of, size_px_of
+from pavetwin.inventory.probability import size_px_of
 from pavetwin.labels.class_names import TRAFFIC
 from pavetwin.mission.folder import MissionFolder
 from pavetwin.mission.saving import DEFECTS
@@ -65,11 +65,11 @@ def judged_inventory(folder: Path) -> JudgedInventory:
             f"The defects of the mission '{folder}' cannot be read ({type(error).__name__}); fly it again."
         ) from error
     rows = []
-    for group in merged(reading.observations):
-        entry = entry_of(1, [reading.observations[at] for at in group])
+    for group in merged(reading.detections):
+        entry = entry_of(1, reading.detections[group])
         if (size_px := size_px_of(entry)) is not None:
             is_defect = bool(is_matched[group].mean() >= 0.5)
-            rows.append(JudgedEntry(class_of(entry), entry.confidence, entry.looks, size_px, is_defect))
+            rows.append(JudgedEntry(entry.class_name, entry.confidence, entry.looks, size_px, is_defect))
     return JudgedInventory(tuple(rows), tuple(there.iter_rows()))
 
 

@@ -13,7 +13,9 @@ from pavetwin.detections import SIZES
 from pavetwin.files import writing
 from pavetwin.inventory.crops import page_names, write_crops
 from pavetwin.inventory.entry import Entry
+from pavetwin.inventory.reading import Reading
 from pavetwin.inventory.style import STYLES
+from pavetwin.labels.class_names import display_name
 from pavetwin.world.georeference import GeoReference
 from pavetwin.world.layers import write_layer, write_styles
 
@@ -48,18 +50,18 @@ _WHOLE: Final = ("id", "looks")
 _FLAGS: Final = ("is_cut",)
 
 
-def write_inventory(entries: Sequence[Entry], frame: GeoReference | None, folder: Path) -> tuple[Path, ...]:
+def write_inventory(entries: Sequence[Entry], reading: Reading, folder: Path) -> tuple[Path, ...]:
     """Write all files of an inventory; returns those that are not crops. Of a former inventory in the folder nothing is
     left.
 
     Args:
-        frame: of the entries' places; None where none is known.
+        reading: source of the entries.
 
     Raises:
         PaveTwinError: a file cannot be written.
     """
     former = _files_of(folder) if (folder / TABLE).is_file() else set()
-    crops = write_crops(entries, folder)
+    frame, crops = reading.frame, write_crops(entries, folder, reading.crop)
     rows = [_row(entry, frame, crops.get(entry.number, "")) for entry in entries]
     with writing(folder / TABLE) as temporary:
         temporary.write_text(_csv(rows), encoding="utf-8")
@@ -96,10 +98,10 @@ def _row(entry: Entry, frame: GeoReference | None, crop: str) -> dict[str, Any]:
         if entry.place is None or frame is None
         else tuple(round(float(angle), 8) for angle in frame.to_wgs84((entry.place.x, entry.place.y)))
     )
-    box = entry.best.box_px or (None,) * 4
+    box = [None if np.isnan(edge) else edge for edge in entry.best.box_px[0].tolist()]
     return {
         "id": entry.number,
-        "class": entry.kind,
+        "class": display_name(entry.class_name),
         "severity": entry.severity,
         **sizes,
         "is_cut": entry.is_cut,
@@ -109,7 +111,7 @@ def _row(entry: Entry, frame: GeoReference | None, crop: str) -> dict[str, Any]:
         "longitude": lonlat[0],
         "latitude": lonlat[1],
         "position_error_m": None if entry.place_error_m is None else round(entry.place_error_m, 3),
-        "image": entry.best.image,
+        "image": entry.best.image[0],
         **{side: None if at is None else round(at, 1) for side, at in zip(_SIDES, box, strict=True)},
         "crop": crop,
     }

@@ -18,5 +18,5 @@ def entries_of(reading: Reading, confidence: float = CONFIDENCE) -> list[Entry]:
         PaveTwinError: the confidence is not from 0 to 1.
     """
     kept = reading.confident(confidence)
-    entries = [entry_of(number, [kept[at] for at in group]) for number, group in enumerate(merged(kept), 1)]
+    entries = [entry_of(number, kept[group]) for number, group in enumerate(merged(kept), 1)]
     return entries if reading.entry_model is None else with_probabilities(entries, reading.entry_model)

@@ -1,9 +1,9 @@
-"""Which observations are of one defect.
+"""Which detections are of one defect.
 
-Two observations of one class are of one defect where their footprints overlap, in one image by more than half of the
+Two detections of one class are of one defect where their footprints overlap, in one image by more than half of the
 smaller one, or where in different images their places differ by no more than three standard deviations of the errors
 that are stated. In the order of how sure that is, pairs are joined into groups, unless a group would then hold two
-observations of one image that lie apart: what one image shows twice is two defects. Parts of a defect that one image
+detections of one image that lie apart: what one image shows twice is two defects. Parts of a defect that one image
 shows in pieces are joined where another image shows it whole, and images that show it so are at least half as many as
 those that show the parts.
 
@@ -20,8 +20,9 @@ from typing import Final, NamedTuple
 import numpy as np
 import shapely
 
-from pavetwin.inventory.observation import Observation
-from pavetwin.inventory.pieces import GAP_M, MOSTLY, Alignment, alignment, are_beside, may_be_piece
+from pavetwin.detections import Detections
+from pavetwin.inventory.pieces import GAP_M, MOSTLY, Alignment, alignment, are_beside
+from pavetwin.sensing.resolution import is_thin
 
 SIGMAS: Final = 3.0
 
@@ -37,22 +38,22 @@ MOST_APART: Final = 7
 _Content = tuple[bytes, str, float]
 
 
-def merged(observations: Sequence[Observation]) -> list[list[int]]:
-    """Groups of observations (indices, in order), one for each defect; of one alone where it has no place."""
-    group_of = list(range(len(observations)))
+def merged(detections: Detections) -> list[list[int]]:
+    """Groups of detections (row numbers, in order), one for each defect; a detection without a place is alone."""
+    group_of = list(range(len(detections)))
     members = {index: [index] for index in group_of}
-    images = _Images(observations)
+    images = _Images(detections)
 
     def join(first: int, second: int) -> None:
         for index in members[second]:
             group_of[index] = first
         members[first] += members.pop(second)
 
-    for _, one, other in sorted(_pairs(observations, images)):
+    for _, one, other in sorted(_pairs(detections, images)):
         first, second = group_of[one], group_of[other]
         if first != second and not images.are_separate(members[first], members[second]):
             join(first, second)
-    for _, one, other in sorted(_pieces(observations)):
+    for _, one, other in sorted(_pieces(detections)):
         first, second = group_of[one], group_of[other]
         if first != second and not images.are_separate_cracks(members[first], members[second]):
             join(first, second)
@@ -67,7 +68,7 @@ class _Evidence(NamedTuple):
     apart: int
     """Images that show them so."""
     whole: int
-    """Images in which one observation covers most of both of a pair of another image."""
+    """Images in which one detection covers most of both of a pair of another image."""
 
     @property
     def shows_separate(self) -> bool:
@@ -76,11 +77,11 @@ class _Evidence(NamedTuple):
 
 
 class _Images:
-    """What the images show of observations: which of them are separate defects."""
+    """What the images show of detections: which of them are separate defects."""
 
-    def __init__(self, observations: Sequence[Observation]) -> None:
-        self._observations = observations
-        self._shares = _shares(observations)
+    def __init__(self, detections: Detections) -> None:
+        self._detections = detections
+        self._shares = _shares(detections)
 
     def shared(self, one: int, other: int) -> float:
         """The ground that two of one class have in common, as a share of the smaller one."""
@@ -97,7 +98,7 @@ class _Images:
         evidence = self._evidence(one, other)
         if evidence.apart > MOST_APART and evidence.shows_separate:
             return True
-        return any(are_beside(self._observations[a], self._observations[b]) for a, b in evidence.pairs)
+        return any(are_beside(self._detections.footprint[a], self._detections.footprint[b]) for a, b in evidence.pairs)
 
     def _evidence(self, one: Sequence[int], other: Sequence[int]) -> _Evidence:
         of_image: dict[str, list[int]] = defaultdict(list)
@@ -119,16 +120,16 @@ class _Images:
         return self._image(whole) != self._image(pair[0]) and all(self.shared(whole, part) >= MOSTLY for part in pair)
 
     def _image(self, index: int) -> str:
-        return self._observations[index].image
+        return str(self._detections.image[index])
 
 
-def _shares(observations: Sequence[Observation]) -> dict[tuple[int, int], float]:
+def _shares(detections: Detections) -> dict[tuple[int, int], float]:
     """Of each two of one class that overlap, both ways round: the area in common as a share of the smaller one."""
-    placed = [index for index, each in enumerate(observations) if each.footprint is not None]
+    placed = np.flatnonzero([outline is not None for outline in detections.footprint]).tolist()
     if not placed:
         return {}
-    shapes = np.array([observations[index].footprint for index in placed])
-    kinds = np.array([observations[index].kind for index in placed])
+    shapes = detections.footprint[placed]
+    kinds = detections.class_name[placed]
     one, other = shapely.STRtree(shapes).query(shapes, "intersects")
     wanted = (one != other) & (kinds[one] == kinds[other])
     one, other = one[wanted], other[wanted]
@@ -140,53 +141,55 @@ def _shares(observations: Sequence[Observation]) -> dict[tuple[int, int], float]
     return dict(zip(zip(at[one].tolist(), at[other].tolist(), strict=True), shares.tolist(), strict=True))
 
 
-def _pieces(observations: Sequence[Observation]) -> Iterator[tuple[tuple[Alignment, _Content, _Content], int, int]]:
+def _pieces(detections: Detections) -> Iterator[tuple[tuple[Alignment, _Content, _Content], int, int]]:
     """Pairs that go on in one another, each with what it is sorted by: how well, then what the two are, so that the
-    order of the observations decides nothing."""
-    thin = [index for index, each in enumerate(observations) if may_be_piece(each)]
+    order of the detections decides nothing."""
+    thin = [
+        index
+        for index in range(len(detections))
+        if detections.footprint[index] is not None and is_thin(detections.class_name[index])
+    ]
     if not thin:
         return
-    shapes = np.array([observations[index].footprint for index in thin])
+    shapes = detections.footprint[thin]
+    names = detections.class_name
     near = shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=GAP_M)
     for one, other in near.T.tolist():
-        first, second = observations[thin[one]], observations[thin[other]]
-        mine, others = _content(first), _content(second)
-        if first.kind == second.kind and (mine, one) < (others, other):
+        first, second = thin[one], thin[other]
+        mine, others = _content(detections, first), _content(detections, second)
+        if names[first] == names[second] and (mine, one) < (others, other):
             lie = alignment(shapes[one], shapes[other])
             if lie is not None:
-                yield (lie, mine, others), thin[one], thin[other]
+                yield (lie, mine, others), first, second
 
 
-def _content(observation: Observation) -> _Content:
-    """Tells observations of one class apart wherever they stand."""
-    assert observation.footprint is not None
-    return observation.footprint.wkb, observation.image, observation.confidence
+def _content(detections: Detections, row: int) -> _Content:
+    """Key that distinguishes detections of one class, whatever their order."""
+    return detections.footprint[row].wkb, detections.image[row], float(detections.confidence[row])
 
 
-def _pairs(observations: Sequence[Observation], images: _Images) -> Iterator[tuple[float, int, int]]:
+def _pairs(detections: Detections, images: _Images) -> Iterator[tuple[float, int, int]]:
     """Pairs that may be one defect, each with how unlikely that is: below 0 by the overlap, above by the distance."""
-    placed = [index for index, each in enumerate(observations) if each.footprint is not None]
+    placed = np.flatnonzero([outline is not None for outline in detections.footprint]).tolist()
     if not placed:
         return
-    shapes = np.array([observations[index].footprint for index in placed])
-    reach = SIGMAS * 2**0.5 * max(observations[index].position_error_m for index in placed)
+    shapes = detections.footprint[placed]
+    reach = SIGMAS * 2**0.5 * float(detections.position_error_m[placed].max())
     tree = shapely.STRtree(shapes)
     found = tree.query(shapes, predicate="dwithin", distance=reach) if reach else tree.query(shapes, "intersects")
     for one, other in found.T.tolist():
-        first, second = observations[placed[one]], observations[placed[other]]
-        if one < other and first.kind == second.kind:
-            unlikely = _unlikeliness(first, second, images.shared(placed[one], placed[other]))
-            if unlikely < (-MOSTLY if first.image == second.image else inf):
-                yield unlikely, placed[one], placed[other]
+        first, second = placed[one], placed[other]
+        if one < other and detections.class_name[first] == detections.class_name[second]:
+            unlikely = _unlikeliness(detections, first, second, images.shared(first, second))
+            if unlikely < (-MOSTLY if detections.image[first] == detections.image[second] else inf):
+                yield unlikely, first, second
 
 
-def _unlikeliness(first: Observation, second: Observation, overlap: float) -> float:
+def _unlikeliness(detections: Detections, first: int, second: int, overlap: float) -> float:
     """−1 (one within the other) … 0 by the share that overlaps; above 0 the distance in standard deviations; infinite
     for two defects."""
     if overlap >= LEAST_SHARED:
         return -overlap
-    error_m = hypot(first.position_error_m, second.position_error_m)
-    assert first.footprint is not None
-    assert second.footprint is not None
-    away = first.footprint.centroid.distance(second.footprint.centroid)
+    error_m = hypot(detections.position_error_m[first], detections.position_error_m[second])
+    away = detections.footprint[first].centroid.distance(detections.footprint[second].centroid)
     return away / error_m if error_m and away <= SIGMAS * error_m else inf

@@ -1,4 +1,4 @@
-"""Observations from a folder of photographs, each placed by what it says of itself: EXIF, and the XMP tags of DJI."""
+"""Detections in a folder of photographs, each placed by its EXIF and the XMP tags of DJI."""
 
 from collections import defaultdict
 from collections.abc import Callable
@@ -9,17 +9,13 @@ from typing import Final, NamedTuple
 import numpy as np
 from shapely import Polygon
 
-from pavetwin.arrays import Float64Array
 from pavetwin.detections import Detections
 from pavetwin.errors import PaveTwinError
-from pavetwin.inventory.crops import around
-from pavetwin.inventory.observation import Crop, Observation, numbers_in, severity_in
 from pavetwin.inventory.reading import Reading, counted_remarks
-from pavetwin.labels.boxes import FloatBox, ends_at_border
-from pavetwin.labels.class_names import display_name
+from pavetwin.labels.boxes import corners, ends_at_border
 from pavetwin.labels.outlines import hull
 from pavetwin.perception.images import SourceImage, source_images
-from pavetwin.perception.measuring import check_size, stated_sizes, with_sizes
+from pavetwin.perception.measuring import check_size, with_sizes
 from pavetwin.perception.photograph import PhotographPose
 from pavetwin.sensing.detector import ImageDetector
 from pavetwin.world.georeference import (
@@ -94,7 +90,7 @@ def photographed(
     taken = _without_far(taken)
     places = [each.pose.lonlat for each in taken if each.has_place and each.pose.lonlat is not None]
     frame = anchored(places[0][1], places[0][0]) if places else None
-    found: list[Observation] = []
+    found: list[Detections] = []
     missing: dict[str, list[str]] = defaultdict(list)
     for image, known, seen, reason in taken:
         if reason:
@@ -103,13 +99,12 @@ def photographed(
             missing[_AS_ABOVE_SEA].append(image.name)
         error_m = position_error_m if position_error_m is not None else known.position_error_m or 0.0
         where = None if reason else frame
-        found += [
-            _observed(seen, int(at), image, known, where, gsd_mm, error_m) for at in np.flatnonzero(seen.is_defect)
-        ]
+        found.append(_on_ground(seen[seen.is_defect], image.name, known, where, gsd_mm, error_m))
     remarks = counted_remarks(missing, images)
     if unreadable:
         remarks += (f"Left out: {len(unreadable)} that cannot be read, such as this: {unreadable[0]}",)
-    return Reading(tuple(found), frame, images, remarks)
+    readers = {image.name: image.read for image, _, _, _ in taken}
+    return Reading(Detections.concatenated(found), frame, images, remarks, readers=readers)
 
 
 class _Taken(NamedTuple):
@@ -167,48 +162,39 @@ def _why_without_place(pose: PhotographPose, *, has_scale: bool) -> str:
     return ""
 
 
-def _observed(
-    seen: Detections,
-    at: int,
-    image: SourceImage,
+def _on_ground(
+    found: Detections,
+    image: str,
     pose: PhotographPose,
     frame: GeoReference | None,
     gsd_mm: float | None,
     error_m: float,
-) -> Observation:
-    box, mask = seen.box(at), seen.mask_pixels(at)
-    scale = gsd_mm or (pose.gsd_mm((box[0] + box[2]) / 2, (box[1] + box[3]) / 2) if _has_height(pose) else None)
-    outline = _corners(box) if mask is None or not mask[1].any() else hull(mask[1]) + mask[0][:2]
-    sizes = {} if scale is None else stated_sizes(with_sizes(seen[[at]], scale), 0)
-    return Observation(
-        kind=display_name(seen.class_name[at]),
-        confidence=float(seen.confidence[at]),
-        image=image.name,
-        box_px=box,
-        footprint=None if frame is None else _on_ground(outline, pose, frame),
-        sizes=numbers_in(sizes),
-        severity=severity_in(sizes),
-        pixel_m=None if scale is None else scale / 1000,
-        position_error_m=error_m,
-        is_cut=ends_at_border(box, seen.size_px or (0, 0)),
-        crop=_crop_of(image, box),
+) -> Detections:
+    """Detections of a photograph with sizes, and with footprints in a frame."""
+    has_height, boxes = _has_height(pose), [found.box(row) for row in range(len(found))]
+    scales = [
+        gsd_mm or (pose.gsd_mm((left + right) / 2, (top + bottom) / 2) if has_height else None) or np.nan
+        for left, top, right, bottom in boxes
+    ]
+    return (
+        with_sizes(found, scales)
+        .with_columns(
+            image=[image] * len(found),
+            footprint=[None if frame is None else _footprint(found, row, pose, frame) for row in range(len(found))],
+            position_error_m=[error_m] * len(found),
+            is_cut=[ends_at_border(box, pose.size_px) for box in boxes],
+        )
+        .without("mask")
     )
 
 
-def _has_height(pose: PhotographPose) -> bool:
-    return pose.height_m is not None and 0 < pose.height_m <= HIGHEST_M
-
-
-def _corners(box: FloatBox) -> Float64Array:
-    left, top, right, bottom = box
-    return np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
-
-
-def _on_ground(outline: Float64Array, pose: PhotographPose, frame: GeoReference) -> Polygon | None:
-    """An outline in pixels (n, 2) as a polygon of the frame."""
+def _footprint(found: Detections, row: int, pose: PhotographPose, frame: GeoReference) -> Polygon | None:
+    """The hull of a mask, or else the box, as a polygon of the frame."""
+    mask = found.mask_pixels(row)
+    outline = corners(found.box(row)) if mask is None or not mask[1].any() else hull(mask[1]) + mask[0][:2]
     lonlats = pose.lonlats(outline)
     return None if lonlats is None else Polygon(from_wgs84(frame, lonlats))
 
 
-def _crop_of(image: SourceImage, box: FloatBox) -> Crop:
-    return lambda: around(image.read()[0], box)
+def _has_height(pose: PhotographPose) -> bool:
+    return pose.height_m is not None and 0 < pose.height_m <= HIGHEST_M

@@ -1,7 +1,5 @@
 """Cracks in pieces: which detections go on in one another, and what an image shows in pieces as one look."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from math import cos, radians
 from typing import Final, NamedTuple
 
@@ -10,8 +8,8 @@ import shapely
 from shapely import Polygon
 
 from pavetwin.arrays import Float64Array
-from pavetwin.inventory.observation import Observation, shared
-from pavetwin.sensing.resolution import is_thin
+from pavetwin.detections import SIZES, Detections
+from pavetwin.world.rectangles import smallest_rectangle
 
 ANGLE_DEG: Final = 15.0
 """Largest angle between two pieces of one crack."""
@@ -47,11 +45,6 @@ class _Stroke(NamedTuple):
         return self.middle - half, self.middle + half
 
 
-def may_be_piece(observation: Observation) -> bool:
-    """Whether it is of a class that is detected in pieces: one that is registered as thin."""
-    return observation.footprint is not None and is_thin(observation.kind.lower().replace(" ", "_"))
-
-
 class Alignment(NamedTuple):
     """How two outlines lie that may be pieces of one crack, first what tells most; less is likelier one crack."""
 
@@ -76,35 +69,27 @@ def alignment(one: Polygon, other: Polygon) -> Alignment | None:
     return Alignment(max(aside_m, 0.0), gap_m, -cosine)
 
 
-def are_beside(one: Observation, other: Observation) -> bool:
-    """Whether two detections of one image that lie apart are side by side: of two cracks. Pieces of one follow one
-    another."""
-    if one.footprint is None or other.footprint is None:
+def are_beside(one: Polygon | None, other: Polygon | None) -> bool:
+    """Whether two outlines of one image that lie apart are side by side, as two cracks are. Pieces of one crack follow
+    one another."""
+    if one is None or other is None:
         return False
-    larger, smaller = sorted((one.footprint, other.footprint), key=lambda outline: (-outline.area, outline.wkb))
-    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(larger))
-    if len(corners) < 5:
+    larger, smaller = sorted((one, other), key=lambda outline: (-outline.area, outline.wkb))
+    around = smallest_rectangle(larger)
+    if around is None:
         return False
-    sides = np.diff(corners[:3], axis=0)
-    along = sides[int(np.argmax(np.hypot(*sides.T)))]
     (first, last), (begin, end) = (
-        np.sort(shapely.get_coordinates(each) @ along)[[0, -1]] for each in (larger, smaller)
+        np.sort(shapely.get_coordinates(each) @ around.along)[[0, -1]] for each in (larger, smaller)
     )
     return bool(min(last, end) - max(first, begin) >= BESIDE * min(last - first, end - begin))
 
 
 def _stroke(outline: Polygon) -> _Stroke | None:
     """The longer axis of the smallest rectangle around an outline; None for one that is not slender."""
-    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(outline))
-    if len(corners) < 5:
+    around = smallest_rectangle(outline)
+    if around is None or around.length < SLENDER * around.width:
         return None
-    sides = np.diff(corners[:3], axis=0)
-    lengths = np.hypot(*sides.T)
-    longer = int(np.argmax(lengths))
-    length_m, width_m = float(lengths[longer]), float(lengths[1 - longer])
-    if length_m < SLENDER * width_m:
-        return None
-    return _Stroke(corners[:4].mean(axis=0), sides[longer] / length_m, length_m, width_m)
+    return _Stroke(around.middle, around.along, around.length, around.width)
 
 
 def _aside_m(piece: _Stroke, line: _Stroke) -> float:
@@ -114,37 +99,48 @@ def _aside_m(piece: _Stroke, line: _Stroke) -> float:
     return float(abs(east * line.along[1] - north * line.along[0])) - (piece.width_m + line.width_m) / 2
 
 
-def looks_of(observations: Iterable[Observation]) -> list[Observation]:
-    """One observation for each image: what it shows of one defect in pieces is put together."""
-    images: dict[str, list[Observation]] = {}
-    for each in observations:
-        images.setdefault(each.image, []).append(each)
-    return [_together(mine) for mine in images.values()]
+def looks_of(detections: Detections) -> Detections:
+    """One row for each image: the pieces of a defect in an image are joined."""
+    rows: dict[str, list[int]] = {}
+    for row, image in enumerate(detections.image):
+        rows.setdefault(image, []).append(row)
+    return Detections.concatenated([_joined(detections[mine]) for mine in rows.values()])
 
 
-def _together(pieces: Sequence[Observation]) -> Observation:
-    """Detections of one defect in one image as one: those that mostly lie in larger ones say the same again."""
-    ordered = sorted(pieces, key=lambda each: 0.0 if each.footprint is None else -each.footprint.area)
-    kept: list[Observation] = []
-    for each in ordered:
-        if all(shared(each, other) < MOSTLY for other in kept):
-            kept.append(each)
-    best = max(kept, key=lambda each: each.confidence)
-    outlines = [each.footprint for each in kept if each.footprint is not None]
-    if len(kept) == 1 or not outlines:
-        return best
-    outline = shapely.union_all(outlines).convex_hull
+def _joined(pieces: Detections) -> Detections:
+    """Detections of one defect in one image as one; those that mostly lie in larger ones are left out."""
+    outlines = pieces.footprint
+    areas = np.array([0.0 if outline is None else -outline.area for outline in outlines])
+    kept: list[int] = []
+    for row in np.argsort(areas, kind="stable").tolist():
+        if all(_shared(outlines[row], outlines[other]) < MOSTLY for other in kept):
+            kept.append(row)
+    best = max(kept, key=lambda row: float(pieces.confidence[row]))
+    placed = [outlines[row] for row in kept if outlines[row] is not None]
+    if len(kept) == 1 or not placed:
+        return pieces[[best]]
+    outline = shapely.union_all(placed).convex_hull
     assert isinstance(outline, Polygon)
-    return replace(best, footprint=outline, sizes=_sizes(kept, outline), is_cut=any(each.is_cut for each in kept))
+    return pieces[[best]].with_columns(
+        footprint=[outline], is_cut=[bool(pieces.is_cut[kept].any())], **_joined_sizes(pieces[kept], outline)
+    )
 
 
-def _sizes(pieces: Sequence[Observation], outline: Polygon) -> dict[str, float]:
-    """Areas and lengths of all pieces, the parts between them included in the length; other sizes of the largest."""
-    sizes = dict(pieces[0].sizes)
+def _joined_sizes(pieces: Detections, outline: Polygon) -> dict[str, list[float]]:
+    """Areas and lengths of all pieces, the length including the gaps between them; other sizes of the largest."""
+    sizes = {name: float(getattr(pieces, name)[0]) for name in SIZES}
     for name in ("area_m2", "length_m"):
-        if name in sizes:
-            sizes[name] = sum(each.sizes.get(name, 0.0) for each in pieces)
-    if "length_m" in sizes:
-        sides = np.hypot(*np.diff(shapely.get_coordinates(shapely.minimum_rotated_rectangle(outline)), axis=0).T)
-        sizes["length_m"] = max(sizes["length_m"], float(sides.max(initial=0.0)))
-    return sizes
+        if not np.isnan(sizes[name]):
+            sizes[name] = float(np.nansum(getattr(pieces, name)))
+    if not np.isnan(sizes["length_m"]):
+        around = smallest_rectangle(outline)
+        sizes["length_m"] = max(sizes["length_m"], 0.0 if around is None else around.length)
+    return {name: [value] for name, value in sizes.items()}
+
+
+def _shared(first: Polygon | None, second: Polygon | None) -> float:
+    """The area that two outlines share, as a share of the smaller one; 0 where a place is not known."""
+    if first is None or second is None:
+        return 0.0
+    smaller = min(first.area, second.area)
+    return float(first.intersection(second).area / smaller) if smaller else 0.0

@@ -55,23 +55,19 @@ def entry_model(detector: str | None, fitted: str | None = None) -> EntryModel |
     return model.entries
 
 
-def class_of(entry: Entry) -> str:
-    """The class of defects, as `pothole`."""
-    return entry.kind.lower().replace(" ", "_")
-
-
 def size_px_of(entry: Entry) -> float | None:
     """Root of the area of the outline in pixels; None where its place or its pixels are not known."""
-    if entry.outline is None or not entry.best.pixel_m:
+    pixel_mm = float(entry.best.pixel_mm[0])
+    if entry.outline is None or np.isnan(pixel_mm):
         return None
-    return sqrt(entry.outline.area) / entry.best.pixel_m
+    return sqrt(entry.outline.area) / (pixel_mm / 1000)
 
 
 def with_probabilities(entries: Sequence[Entry], model: EntryModel) -> list[Entry]:
     """Entries with their `probability`; those of which the model cannot tell stay without."""
     sizes = [size_px_of(entry) for entry in entries]
     chances = [
-        None if size is None else model.chance(class_of(entry), entry.confidence, entry.looks, size)
+        None if size is None else model.chance(entry.class_name, entry.confidence, entry.looks, size)
         for entry, size in zip(entries, sizes, strict=True)
     ]
     known = np.array([chance for chance in chances if chance is not None])

@@ -1,47 +1,84 @@
-"""What a source of observations gave: a mission, or a folder of photographs."""
+"""Detections of a source, a mission or a folder of photographs, before they are merged into entries."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
+import numpy as np
+import shapely
+
+from pavetwin.arrays import UInt8Array
+from pavetwin.detections import SIZES, Detections
 from pavetwin.errors import PaveTwinError
-from pavetwin.inventory.observation import Observation
+from pavetwin.inventory.crops import around
+from pavetwin.perception.photograph import PhotographPose
 from pavetwin.sensing.fitted_sensor import EntryModel
 from pavetwin.world.georeference import GeoReference
+
+ReadImage = Callable[[], tuple[UInt8Array, PhotographPose | None]]
+"""Reads the pixels of an image and its pose."""
 
 
 @dataclass(frozen=True)
 class Reading:
-    """Observations in one metric frame."""
+    """Detections of defects in one metric frame."""
 
-    observations: tuple[Observation, ...]
+    detections: Detections
+    """With `image`, and with footprints in `frame` where the place is known."""
     frame: GeoReference | None
-    """Of the places; None where no image says where it was taken."""
+    """Frame of the footprints; None where no image states its place."""
     images: int
-    """How many were looked at."""
+    """Number of images that were searched."""
     remarks: tuple[str, ...] = ()
-    """What is missing, a sentence each."""
+    """Missing inputs, a sentence each."""
     detector: str | None = None
-    """SHA-256 of the model file that looked at the images; None where that is not known."""
+    """SHA-256 of the model file that searched the images; None where it is not known."""
     entry_model: EntryModel | None = None
-    """Tells how likely entries show a defect; None where no sensor was fitted to the detector."""
+    """Model of the probability that an entry shows a defect; None where no sensor was fitted to the detector."""
     is_of_measuring: bool = False
-    """Whether its sensor is known to measure sizes (`pavetwin.sensing.Sensor.measures_sizes`); asked where it reported
-    nothing."""
+    """Whether its sensor measures sizes (`pavetwin.sensing.Sensor.measures_sizes`); used where there are no
+    detections."""
+    readers: Mapping[str, ReadImage] = field(default_factory=dict, repr=False, compare=False)
+    """Readers of the images that are available, by name."""
 
     @property
     def is_measured(self) -> bool:
-        """Whether sizes were measured of what was reported, or would have been had there been something."""
-        return any(each.sizes for each in self.observations) if self.observations else self.is_of_measuring
+        """Whether sizes were measured, or would have been had there been detections."""
+        return has_sizes(self.detections) if len(self.detections) else self.is_of_measuring
 
-    def confident(self, least: float) -> list[Observation]:
-        """The observations of at least this confidence.
+    def confident(self, least: float) -> Detections:
+        """The detections of at least this confidence.
 
         Raises:
             PaveTwinError: it is not from 0 to 1.
         """
         if not 0 <= least <= 1:
             raise PaveTwinError(f"`confidence` {least:g}: it is from 0 to 1.")
-        return [each for each in self.observations if each.confidence >= least]
+        return self.detections[self.detections.confidence >= least]
+
+    def crop(self, detection: Detections) -> UInt8Array | None:
+        """The part of an image around a detection, a record of one row; None where the image or its pose is missing.
+
+        Raises:
+            PaveTwinError: the image can no longer be read.
+        """
+        read = self.readers.get(detection.image[0])
+        if read is None:
+            return None
+        pixels, pose = read()
+        if not np.isnan(detection.box_px[0, 0]):
+            return around(pixels, detection.box(0))
+        if pose is None or self.frame is None:
+            return None
+        corners = pose.pixels(self.frame.to_wgs84(shapely.get_coordinates(detection.footprint[0])))
+        if corners is None:
+            return None
+        (left, top), (right, bottom) = np.min(corners, axis=0).tolist(), np.max(corners, axis=0).tolist()
+        return around(pixels, (left, top, right, bottom))
+
+
+def has_sizes(detections: Detections) -> bool:
+    """Whether any size of a detection is measured."""
+    return any(bool(np.isfinite(getattr(detections, name)).any()) for name in SIZES)
 
 
 def counted_remarks(found: Mapping[str, list[str]], wholes: int) -> tuple[str, ...]:

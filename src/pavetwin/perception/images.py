@@ -120,7 +120,7 @@ def source_images(source: Path, every_s: float = 1.0, output: Path | None = None
         raise PaveTwinError(f"There is no picture, video or folder '{source}'.")
     if source.suffix.lower() in VIDEOS:
         return _of_video(source, every_s)
-    return iter((SourceImage(source.name, lambda: _read(source), 0.0, 1.0),))
+    return iter((SourceImage(source.name, lambda: read_photograph(source), 0.0, 1.0),))
 
 
 def _of_folder(folder: Path, output: Path | None) -> Iterator[SourceImage]:
@@ -138,7 +138,7 @@ def _of_folder(folder: Path, output: Path | None) -> Iterator[SourceImage]:
     return (
         SourceImage(
             file.relative_to(folder).as_posix(),
-            lambda file=file: _read(file),  # type: ignore[misc]
+            lambda file=file: read_photograph(file),  # type: ignore[misc]
             at / len(files),
             1 / len(files),
         )
@@ -158,7 +158,12 @@ def _written(folder: Path) -> set[Path]:
     }
 
 
-def _read(file: Path) -> tuple[UInt8Array, PhotographPose]:
+def read_photograph(file: Path) -> tuple[UInt8Array, PhotographPose]:
+    """Pixels and pose of an image file.
+
+    Raises:
+        PaveTwinError: it cannot be read as an image.
+    """
     pixels = pixels_of(file)
     with opened(file) as held:
         return pixels, pose_of(held)
