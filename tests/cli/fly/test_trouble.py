@@ -206,4 +206,4 @@ def test_an_error_without_words_tells_its_type(world: Path, tmp_path: Path) -> N
     plugin = tmp_path / "silent.py"
     plugin.write_text("from pavetwin.errors import PaveTwinError\nraise PaveTwinError from TimeoutError()\n")
     line = plain_refusal(pavetwin("fly", world, *SHORT, "--plugin", plugin, "-o", tmp_path / "m"))
-    assert line == "Error: TimeoutError, of which nothing more is known."
+    assert line == "Error: TimeoutError without a message."
