@@ -12,8 +12,8 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256
 from pavetwin.inventory.condition import with_detected
 from pavetwin.inventory.entry import Entry, entry_of
-from pavetwin.inventory.listing import entries_of
 from pavetwin.inventory.of_mission import NO_CROPS, flown
+from pavetwin.inventory.reading import entries_of
 from pavetwin.mission.condition import ConditionReport, street_condition, unit_table
 from pavetwin.mission.result import MissionResult
 from pavetwin.mission.saving import DETECTIONS, MISSION, save_mission

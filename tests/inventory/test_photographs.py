@@ -14,9 +14,8 @@ from PIL import Image
 from pavetwin.errors import PaveTwinError
 from pavetwin.inventory.entry import Entry
 from pavetwin.inventory.files import write_inventory
-from pavetwin.inventory.listing import entries_of
 from pavetwin.inventory.of_photographs import photographed
-from pavetwin.inventory.reading import Reading, has_sizes
+from pavetwin.inventory.reading import Reading, entries_of, has_sizes
 from pavetwin.perception.detector import Detector
 from pavetwin.perception.model_file import DEFAULT
 from pavetwin.perception.photograph import PhotographPose, pose_of

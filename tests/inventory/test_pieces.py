@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from shapely import LineString, Polygon
 
 from pavetwin.detections import Detections
-from pavetwin.inventory.merging import MOST_APART
-from pavetwin.inventory.pieces import alignment, are_beside, looks_of
+from pavetwin.inventory.merging import MOST_APART, alignment, are_beside, looks_of
 from scenes.observed import entry_of, merged, observed
 
 Line = tuple[tuple[float, float], tuple[float, float]]

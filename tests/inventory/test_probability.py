@@ -14,10 +14,9 @@ from pavetwin.inventory.condition import measured_defects
 from pavetwin.inventory.entry import Entry
 from pavetwin.inventory.entry_fit import JudgedEntry, JudgedInventory, fit_entries, judged_inventory
 from pavetwin.inventory.files import write_inventory
-from pavetwin.inventory.listing import entries_of
 from pavetwin.inventory.of_mission import flown
 from pavetwin.inventory.probability import entry_model, with_probabilities
-from pavetwin.inventory.reading import Reading
+from pavetwin.inventory.reading import Reading, entries_of
 from pavetwin.mission.saving import save_mission
 from pavetwin.sensing.fitted_sensor import OF_ENTRY, EntryModel, FittedNumber, SensorModel, entry_values
 from pavetwin.world.georeference import anchored

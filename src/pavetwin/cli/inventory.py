@@ -84,7 +84,7 @@ def inventory(
     Writes inventory.gpkg (for QGIS, with its style), inventory.geojson, inventory.csv, and crops with contact sheets.
     """
     from pavetwin.inventory.files import write_inventory
-    from pavetwin.inventory.listing import entries_of
+    from pavetwin.inventory.reading import entries_of
 
     is_mission = _check_sources(sources, output)
     source = sources[0]

@@ -23,7 +23,7 @@ from pavetwin.handover.map import map_figure
 from pavetwin.handover.page import Page, page_of
 from pavetwin.handover.sheet import sheet_figure
 from pavetwin.inventory.files import write_inventory
-from pavetwin.inventory.listing import entries_of
+from pavetwin.inventory.reading import entries_of
 from pavetwin.mission.condition import write_units
 from pavetwin.reports.page import render
 from pavetwin.world.layers import LayerStyle, Symbol, columns_of, write_layer, write_styles

@@ -9,9 +9,8 @@ from shapely import Polygon
 
 from pavetwin.detections import possible_severities
 from pavetwin.inventory.entry import Entry
-from pavetwin.inventory.listing import entries_of
 from pavetwin.inventory.of_mission import reported
-from pavetwin.inventory.reading import Reading
+from pavetwin.inventory.reading import Reading, entries_of
 from pavetwin.mission.condition import ConditionReport
 from pavetwin.mission.result import MissionResult
 from pavetwin.pci import MeasuredDefect, SampleUnit, UnitCondition, mean_pci, measured_conditions, sample_units

@@ -17,7 +17,7 @@ import shapely
 from shapely import Point, Polygon
 
 from pavetwin.detections import SEVERITY_RANGE, SIZES, Detections, possible_severities
-from pavetwin.inventory.pieces import looks_of
+from pavetwin.inventory.merging import looks_of
 
 SEVERITIES: Final = ("low", "medium", "high")
 

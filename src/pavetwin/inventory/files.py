@@ -14,10 +14,21 @@ from pavetwin.files import writing
 from pavetwin.inventory.crops import page_names, write_crops
 from pavetwin.inventory.entry import Entry
 from pavetwin.inventory.reading import Reading
-from pavetwin.inventory.style import STYLES
 from pavetwin.labels.class_names import display_name
+from pavetwin.labels.classes import categories, category_colours
 from pavetwin.world.georeference import GeoReference
-from pavetwin.world.layers import write_layer, write_styles
+from pavetwin.world.layers import LayerStyle, Symbol, write_layer, write_styles
+
+_COLOURS: Final = {
+    category.name: category_colours()[category.name] for category in categories() if category.supercategory == "defect"
+}
+
+STYLES: Final[Mapping[str, LayerStyle]] = {
+    "defects": LayerStyle("class", _COLOURS, Symbol.DOT),
+    "outlines": LayerStyle("class", _COLOURS, Symbol.OUTLINE),
+}
+"""By layer."""
+
 
 TABLE: Final = "inventory.csv"
 GEOPACKAGE: Final = "inventory.gpkg"

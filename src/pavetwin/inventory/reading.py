@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 import shapely
@@ -10,6 +11,9 @@ from pavetwin.arrays import UInt8Array
 from pavetwin.detections import SIZES, Detections
 from pavetwin.errors import PaveTwinError
 from pavetwin.inventory.crops import around
+from pavetwin.inventory.entry import Entry, entry_of
+from pavetwin.inventory.merging import merged
+from pavetwin.inventory.probability import with_probabilities
 from pavetwin.perception.photograph import PhotographPose
 from pavetwin.sensing.fitted_sensor import EntryModel
 from pavetwin.world.georeference import GeoReference
@@ -91,3 +95,18 @@ def counted_remarks(found: Mapping[str, list[str]], wholes: int) -> tuple[str, .
     return tuple(
         f"{len(names)} of {wholes} photographs, such as '{names[0]}': {reason}." for reason, names in found.items()
     )
+
+
+CONFIDENCE: Final = 0.25
+"""The least of what counts, unless given."""
+
+
+def entries_of(reading: Reading, confidence: float = CONFIDENCE) -> list[Entry]:
+    """One entry for each defect that a reading shows with at least this confidence.
+
+    Raises:
+        PaveTwinError: the confidence is not from 0 to 1.
+    """
+    kept = reading.confident(confidence)
+    entries = [entry_of(number, kept[group]) for number, group in enumerate(merged(kept), 1)]
+    return entries if reading.entry_model is None else with_probabilities(entries, reading.entry_model)
