@@ -1,23 +1,17 @@
-"""Where and how a picture was taken, inside the picture: EXIF, and for a UAV the XMP tags of DJI's cameras, which
-photogrammetry programs read for the direction of view."""
+"""Camera, pose, time and exposure of a rendered image, for its file and its record."""
 
-import io
 from dataclasses import dataclass
-from datetime import datetime, timedelta
-from math import cos, degrees, hypot, radians, sin
-from typing import Any, Final, Literal
+from datetime import datetime
+from math import cos, degrees, radians, sin
+from typing import Any
 
 import numpy as np
-from PIL import ExifTags, Image, PngImagePlugin
 
-from pavetwin.arrays import UInt8Array
 from pavetwin.capture.image_spec import image_gsd_mm
 from pavetwin.capture.platforms import Pose
+from pavetwin.perception.drone_tags import ExposureTags, PhotographTags
 from pavetwin.render.frame import Exposure
 from pavetwin.world.georeference import GeoReference
-
-_FULL_FRAME_MM: Final = (36.0, 24.0)
-"""Frame of the film that 35 mm equivalent focal lengths refer to."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +44,24 @@ class ImageMetadata:
         """Width and height of the part of the sensor that the image shows: its whole height, or a crop."""
         view, focal_mm = self.pose.view, self.pose.camera.focal_mm
         return focal_mm * view.size_px[0] / view.focal_px, focal_mm * view.size_px[1] / view.focal_px
+
+    @property
+    def tags(self) -> PhotographTags:
+        """Values for the tags of the image's file."""
+        view, exposure = self.pose.view, self.exposure
+        return PhotographTags(
+            camera=self.pose.camera.title,
+            focal_mm=self.pose.camera.focal_mm,
+            sensor_mm=self.sensor_mm,
+            size_px=view.size_px,
+            lonlat=self.lonlat,
+            altitude_m=float(view.position[2]),
+            heading_deg=self.heading_deg,
+            pitch_deg=degrees(self.pose.pitch_rad),
+            when=self.when,
+            exposure=None if exposure is None else ExposureTags(exposure.shutter_s, exposure.f_number, exposure.iso),
+            is_airborne=self.is_airborne,
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """For the image's file: pose in the world frame and on the earth."""
@@ -92,105 +104,3 @@ class ImageMetadata:
             "f_number": round(self.exposure.f_number, 2),
             "iso": round(self.exposure.iso),
         }
-
-
-def encoded(rgb: UInt8Array, taken: ImageMetadata, *, picture: Literal["jpg", "png"], quality: int) -> bytes:
-    """A picture (height, width, 3) as a file with its EXIF."""
-    stream, image = io.BytesIO(), Image.fromarray(rgb)
-    exif, xmp = _exif(taken), _xmp(taken) if taken.is_airborne else b""
-    if picture == "jpg":
-        # Colour at full resolution: the edge of a crack is a few pixels wide.
-        image.save(stream, "JPEG", quality=quality, subsampling=0, exif=exif, xmp=xmp)
-    else:
-        info = PngImagePlugin.PngInfo()
-        if xmp:
-            info.add_itxt("XML:com.adobe.xmp", xmp.decode())
-        image.save(stream, "PNG", exif=exif, pnginfo=info)
-    return stream.getvalue()
-
-
-def _exif(taken: ImageMetadata) -> Image.Exif:
-    exif, longitude, local = Image.Exif(), taken.lonlat[0], _local(taken)
-    maker, model = _maker_and_model(taken.pose.camera.title)
-    tag, when = ExifTags.Base, local.strftime("%Y:%m:%d %H:%M:%S")
-    exif.update({tag.Make: maker, tag.Model: model, tag.Software: "PaveTwin", tag.Orientation: 1})
-    exif.update({tag.ImageDescription: "Synthetic image", tag.DateTime: when})
-    width, height = taken.sensor_mm
-    in_35mm = taken.pose.camera.focal_mm * hypot(*_FULL_FRAME_MM) / hypot(width, height)
-    photo = exif.get_ifd(ExifTags.IFD.Exif)
-    photo[tag.DateTimeOriginal] = when
-    photo[tag.OffsetTimeOriginal] = f"{round(longitude / 15):+03d}:00"
-    photo[tag.FocalLength] = round(taken.pose.camera.focal_mm, 3)
-    photo[tag.FocalLengthIn35mmFilm] = round(in_35mm)
-    photo[tag.FocalPlaneXResolution] = round(taken.pose.view.size_px[0] / width, 4)
-    photo[tag.FocalPlaneYResolution] = round(taken.pose.view.size_px[1] / height, 4)
-    photo[tag.FocalPlaneResolutionUnit] = 4  # a millimetre
-    if taken.exposure is not None:
-        photo[tag.ExposureTime] = taken.exposure.shutter_s
-        photo[tag.FNumber] = round(taken.exposure.f_number, 2)
-        photo[tag.ISOSpeedRatings] = round(taken.exposure.iso)
-    exif.get_ifd(ExifTags.IFD.GPSInfo).update(_gps(taken))
-    return exif
-
-
-def _maker_and_model(title: str) -> tuple[str, str]:
-    """A camera's title begins with its maker's name; that of a fictitious camera does not."""
-    maker, _, model = title.partition(" ")
-    return ("PaveTwin", title) if maker == "Virtual" else (maker, model)
-
-
-def _gps(taken: ImageMetadata) -> dict[int, Any]:
-    tag, (longitude, latitude), when = ExifTags.GPS, taken.lonlat, taken.when
-    return {
-        tag.GPSVersionID: b"\x02\x03\x00\x00",
-        tag.GPSLatitudeRef: "N" if latitude >= 0 else "S",
-        tag.GPSLatitude: _sexagesimal(latitude),
-        tag.GPSLongitudeRef: "E" if longitude >= 0 else "W",
-        tag.GPSLongitude: _sexagesimal(longitude),
-        tag.GPSAltitudeRef: b"\x00",
-        tag.GPSAltitude: round(float(taken.pose.view.position[2]), 3),
-        tag.GPSTimeStamp: (float(when.hour), float(when.minute), float(when.second)),
-        tag.GPSImgDirectionRef: "T",
-        tag.GPSImgDirection: round(taken.heading_deg, 3),
-        tag.GPSMapDatum: "WGS-84",
-        tag.GPSDateStamp: when.strftime("%Y:%m:%d"),
-    }
-
-
-def _sexagesimal(angle_deg: float) -> tuple[float, float, float]:
-    """Degrees, minutes and seconds to a ten-thousandth, 3 mm on the ground."""
-    seconds = round(abs(angle_deg) * 36_000_000) / 10_000
-    return float(seconds // 3600), float(seconds // 60 % 60), round(seconds % 60, 4)
-
-
-def _local(taken: ImageMetadata) -> datetime:
-    """Local mean time by longitude, as no time zone is known."""
-    return taken.when + timedelta(hours=round(taken.lonlat[0] / 15))
-
-
-def _xmp(taken: ImageMetadata) -> bytes:
-    """DJI's: angles in degrees, yaw clockwise from north, pitch −90 straight down."""
-    longitude, latitude = taken.lonlat
-    yaw = (taken.heading_deg + 180.0) % 360.0 - 180.0
-    altitude = float(taken.pose.view.position[2])
-    tags = {
-        "AbsoluteAltitude": f"{altitude:+.2f}",
-        "RelativeAltitude": f"{altitude:+.2f}",
-        "GpsLatitude": f"{latitude:.8f}",
-        "GpsLongitude": f"{longitude:.8f}",
-        "GimbalRollDegree": "+0.00",
-        "GimbalYawDegree": f"{yaw:+.2f}",
-        "GimbalPitchDegree": f"{degrees(taken.pose.pitch_rad):+.2f}",
-        "FlightRollDegree": "+0.00",
-        "FlightYawDegree": f"{yaw:+.2f}",
-        "FlightPitchDegree": "+0.00",
-    }
-    attributes = "\n".join(f'   drone-dji:{name}="{value}"' for name, value in tags.items())
-    return (
-        '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?>\n'
-        '<x:xmpmeta xmlns:x="adobe:ns:meta/">\n'
-        ' <rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">\n'
-        '  <rdf:Description rdf:about="" xmlns:drone-dji="http://www.dji.com/drone-dji/1.0/"\n'
-        f"{attributes}/>\n </rdf:RDF>\n</x:xmpmeta>\n"
-        '<?xpacket end="w"?>'
-    ).encode()

@@ -3,13 +3,14 @@
 from typing import Any, Protocol
 
 from pavetwin.capture.daylight import Daylight
-from pavetwin.capture.exif import ImageMetadata, encoded
+from pavetwin.capture.exif import ImageMetadata
 from pavetwin.capture.image_spec import ImageSpec
 from pavetwin.capture.platforms import PLATFORMS, CaptureContext, Platform, Pose
 from pavetwin.capture.record import Record
 from pavetwin.capture.samples import CameraSample, draw_sample, next_attempt, relaxed
 from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.truth import LabelledObject, SceneState, labelled_objects
+from pavetwin.perception.drone_tags import encoded
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.world.model import World
 
@@ -90,7 +91,7 @@ def record_of(
         light=daylight.as_dict(),
         **content,
     )
-    return record, encoded(frame.rgb, taken, picture=settings.picture, quality=settings.quality)
+    return record, encoded(frame.rgb, taken.tags, picture=settings.picture, quality=settings.quality)
 
 
 def _traffic(sample: CameraSample, context: CaptureContext) -> dict[str, Any]:

@@ -4,20 +4,25 @@ ground: how large a pixel is, and where on the earth it lies.
 The ground is taken as a plane at the height of the take-off, and the camera as held level (no roll).
 """
 
-import re
-from collections.abc import Mapping
 from dataclasses import dataclass
-from math import cos, hypot, isfinite, radians, sin
-from typing import Any, Final
+from math import cos, radians, sin
+from typing import Final
 
 import numpy as np
 from PIL import ExifTags, Image
 
 from pavetwin.arrays import Float64Array
+from pavetwin.perception.drone_tags import (
+    SOFTWARE,
+    LonLat,
+    above_sea_m_in,
+    dji_tags,
+    focal_px_in,
+    lonlat_in,
+    number_in,
+    position_error_m_in,
+)
 from pavetwin.world.georeference import ELLIPSOID
-
-LonLat = tuple[float, float]
-"""Longitude and latitude in degrees, WGS 84."""
 
 MOST_TILT_DEG: Final = 30.0
 """From straight down, up to which sizes are given; our assumption."""
@@ -27,15 +32,6 @@ FARTHEST: Final = 10.0
 
 SAME_HEIGHT_M: Final = 0.5
 """Heights above the ground and above the sea that differ by no more are the same; our assumption."""
-
-_OF_WORLDS: Final = "PaveTwin"
-"""The software of rendered photographs, whose worlds lie at sea level."""
-
-_FULL_FRAME_MM: Final = (36.0, 24.0)
-"""Frame that 35 mm equivalent focal lengths refer to."""
-
-_MM_OF_UNIT: Final = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
-"""EXIF's units of `FocalPlaneResolutionUnit`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,84 +139,20 @@ def pose_of(image: Image.Image) -> PhotographPose:
 
 
 def _pose(image: Image.Image) -> PhotographPose:
-    exif, dji = image.getexif(), _dji(image)
+    exif, dji = image.getexif(), dji_tags(image)
     turned = exif.get(ExifTags.Base.Orientation, 1) in (5, 6, 7, 8)
     size = (image.height, image.width) if turned else image.size
     gps = exif.get_ifd(ExifTags.IFD.GPSInfo)
     if exif.get(ExifTags.Base.Orientation, 1) != 1:
-        return PhotographPose(size, _lonlat(gps, dji), is_turned=True)
+        return PhotographPose(size, lonlat_in(gps, dji), is_turned=True)
     heading, pitch = dji.get("GimbalYawDegree"), dji.get("GimbalPitchDegree")
     return PhotographPose(
         size,
-        _lonlat(gps, dji),
+        lonlat_in(gps, dji),
         dji.get("RelativeAltitude"),
-        heading if heading is not None else _number(gps.get(ExifTags.GPS.GPSImgDirection)),
+        heading if heading is not None else number_in(gps.get(ExifTags.GPS.GPSImgDirection)),
         pitch,
-        _focal_px(exif.get_ifd(ExifTags.IFD.Exif), size),
-        _position_error_m(gps, dji),
-        None if exif.get(ExifTags.Base.Software) == _OF_WORLDS else _above_sea_m(gps, dji),
+        focal_px_in(exif.get_ifd(ExifTags.IFD.Exif), size),
+        position_error_m_in(gps, dji),
+        None if exif.get(ExifTags.Base.Software) == SOFTWARE else above_sea_m_in(gps, dji),
     )
-
-
-def _above_sea_m(gps: Mapping[int, Any], dji: Mapping[str, float]) -> float | None:
-    if (stated := dji.get("AbsoluteAltitude")) is not None:
-        return stated
-    altitude = _number(gps.get(ExifTags.GPS.GPSAltitude))
-    below = gps.get(ExifTags.GPS.GPSAltitudeRef) in (1, b"\x01")
-    return -altitude if altitude is not None and below else altitude
-
-
-def _position_error_m(gps: Mapping[int, Any], dji: Mapping[str, float]) -> float | None:
-    """Of a receiver with corrections (DJI's RTK), or as EXIF's `GPSHPositioningError` states it."""
-    stated = [dji[name] for name in ("RtkStdLon", "RtkStdLat") if name in dji]
-    error = max(stated, default=_number(gps.get(ExifTags.GPS.GPSHPositioningError)))
-    return error if error is not None and error >= 0 else None
-
-
-def _dji(image: Image.Image) -> dict[str, float]:
-    """Numbers of the XMP tags of DJI, which are attributes or elements."""
-    told = image.info.get("xmp") or image.info.get("XML:com.adobe.xmp") or b""
-    text = told.decode("utf-8", "replace") if isinstance(told, bytes) else str(told)
-    found = re.findall(r"drone-dji:(\w+)(?:=\"|>)\s*([-+]?[0-9.]+)", text)
-    numbers = ((name, _number(value)) for name, value in found)
-    return {name: value for name, value in numbers if value is not None}
-
-
-def _lonlat(gps: Mapping[int, Any], dji: Mapping[str, float]) -> LonLat | None:
-    tag = ExifTags.GPS
-    longitude = _degrees(gps.get(tag.GPSLongitude), gps.get(tag.GPSLongitudeRef), "W")
-    latitude = _degrees(gps.get(tag.GPSLatitude), gps.get(tag.GPSLatitudeRef), "S")
-    if longitude is None or latitude is None:
-        longitude, latitude = dji.get("GpsLongitude"), dji.get("GpsLatitude")
-    if longitude is None or latitude is None or abs(longitude) > 180 or abs(latitude) > 90:
-        return None
-    # Cameras without a fix write zeros.
-    return None if longitude == latitude == 0.0 else (longitude, latitude)
-
-
-def _degrees(angle: Any, reference: Any, negative: str) -> float | None:
-    try:
-        parts = [float(part) for part in angle]
-    except (TypeError, ValueError, ZeroDivisionError):
-        return None
-    value = sum(part / 60**at for at, part in enumerate(parts))
-    return (-value if reference == negative else value) if isfinite(value) else None
-
-
-def _focal_px(photo: Mapping[int, Any], size: tuple[int, int]) -> float | None:
-    """From the sensor's resolution, which a smaller copy keeps with its first width, or from the 35 mm equivalent."""
-    tag = ExifTags.Base
-    focal_mm, density = _number(photo.get(tag.FocalLength)), _number(photo.get(tag.FocalPlaneXResolution))
-    unit = _MM_OF_UNIT.get(photo.get(tag.FocalPlaneResolutionUnit, 2))
-    if focal_mm and density and unit:
-        return focal_mm * density / unit * size[0] / (_number(photo.get(tag.ExifImageWidth)) or size[0])
-    in_35mm = _number(photo.get(tag.FocalLengthIn35mmFilm))
-    return in_35mm * hypot(*size) / hypot(*_FULL_FRAME_MM) if in_35mm else None
-
-
-def _number(value: Any) -> float | None:
-    try:
-        number = float(value)
-    except (TypeError, ValueError, ZeroDivisionError):
-        return None
-    return number if isfinite(number) else None
