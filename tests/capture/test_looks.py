@@ -87,7 +87,7 @@ def test_what_is_drawn_is_found_and_what_is_not_is_missed(tmp_path: Path) -> Non
         thing(8, "pothole", (80, 40, 96, 50), at=(99.0, 45.0)),
         thing(9, "pothole", (0, 60, 20, 80), inside=0.9),
     ]
-    folder = dataset(tmp_path / "set", [("Pothole", HOLE), ("Single Crack", GHOST)], objects)
+    folder = dataset(tmp_path / "set", [("pothole", HOLE), ("single_crack", GHOST)], objects)
     told: list[float] = []
     source = looks_of(folder, drawn_detector.FILE, 0.25, told.append)
     rows = source.looks.rows(named=True)

@@ -45,7 +45,7 @@ class Painted:
         image = np.full((height, width, 3), drawn_detector.ROAD, dtype=np.uint8)
         for defect in self._defects:
             left, top, right, bottom = np.round(frame.box_of(defect.polygon)).astype(int)
-            image[max(0, top) : max(0, bottom), max(0, left) : max(0, right)] = drawn_detector.COLOURS["Pothole"]
+            image[max(0, top) : max(0, bottom), max(0, left) : max(0, right)] = drawn_detector.COLOURS["pothole"]
         return image
 
 

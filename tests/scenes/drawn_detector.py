@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw
 
 from pavetwin.labels.boxes import PixelBox
 
-FILE = Path(__file__).parents[1] / "perception" / "inference" / "rectangles.onnx"
+FILE = Path(__file__).parents[1] / "perception" / "rectangles.onnx"
 """Written where `onnx` is installed: `PYTHONPATH=src:tests python -m scenes.drawn_detector`."""
 
 SIDE_PX = 96

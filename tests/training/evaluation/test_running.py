@@ -29,9 +29,9 @@ def dataset(tmp_path: Path) -> Path:
     facts = [{"gsd_mm": 10.0, "width": SIDE_PX, "height": 64}, {"width": SIDE_PX, "height": 64}]
     folder = write_labels(tmp_path / "town", objects, facts=facts)
     (folder / "images" / "test").mkdir(parents=True)
-    street = drawn((SIDE_PX, 64), ("Pothole", (10, 8, 40, 48)), ("Car", (60, 12, 90, 56)))
+    street = drawn((SIDE_PX, 64), ("pothole", (10, 8, 40, 48)), ("car", (60, 12, 90, 56)))
     street.save(folder / "images" / "test" / "001.png")
-    drawn((SIDE_PX, 64), ("Single Crack", (6, 4, 26, 60))).save(folder / "images" / "test" / "002.png")
+    drawn((SIDE_PX, 64), ("single_crack", (6, 4, 26, 60))).save(folder / "images" / "test" / "002.png")
     return folder
 
 
@@ -69,7 +69,7 @@ def test_a_model_may_be_measured_in_tiles_and_as_a_whole_and_the_report_says_so(
     facts = [{"width": size[0], "height": size[1]}]
     folder = write_labels(tmp_path / "town", [[true(POTHOLE, (10, 8, 30, 40))]], facts=facts)
     (folder / "images" / "test").mkdir(parents=True)
-    drawn(size, ("Pothole", (10, 8, 40, 48))).save(folder / "images" / "test" / "001.png")
+    drawn(size, ("pothole", (10, 8, 40, 48))).save(folder / "images" / "test" / "001.png")
     told = []
     for name, words in (("usual", ()), ("both", ("--overview",))):
         done = pavetwin("evaluate", str(FILE), "town", "-o", name, "--resamples", "0", *words, cwd=tmp_path)
@@ -90,7 +90,7 @@ def test_splits_that_number_their_images_alike_are_kept_apart(dataset: Path) -> 
     val.write_text(test.read_text(encoding="utf-8"), encoding="utf-8")
     shutil.copytree(dataset / "images" / "test", dataset / "images" / "val")
     test.write_text(json.dumps(content), encoding="utf-8")
-    drawn((SIDE_PX, 64), ("Pothole", (10, 8, 40, 48))).save(dataset / "images" / "test" / "001.png")
+    drawn((SIDE_PX, 64), ("pothole", (10, 8, 40, 48))).save(dataset / "images" / "test" / "001.png")
     done = pavetwin("evaluate", str(FILE), "town", "-o", "report", "--resamples", "0", cwd=dataset.parent)
     assert done.returncode == 0, done.stderr
     told = json.loads((dataset.parent / "report" / "metrics.json").read_text(encoding="utf-8"))
