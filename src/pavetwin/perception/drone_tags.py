@@ -146,7 +146,7 @@ def _xmp(tags: PhotographTags) -> bytes:
     longitude, latitude = tags.lonlat
     yaw = (tags.heading_deg + 180.0) % 360.0 - 180.0
     altitude = tags.altitude_m
-    tags = {
+    values = {
         "AbsoluteAltitude": f"{altitude:+.2f}",
         "RelativeAltitude": f"{altitude:+.2f}",
         "GpsLatitude": f"{latitude:.8f}",
@@ -158,7 +158,7 @@ def _xmp(tags: PhotographTags) -> bytes:
         "FlightYawDegree": f"{yaw:+.2f}",
         "FlightPitchDegree": "+0.00",
     }
-    attributes = "\n".join(f'   {DJI}:{name}="{value}"' for name, value in tags.items())
+    attributes = "\n".join(f'   {DJI}:{name}="{value}"' for name, value in values.items())
     return (
         '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?>\n'
         '<x:xmpmeta xmlns:x="adobe:ns:meta/">\n'

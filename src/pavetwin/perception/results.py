@@ -17,8 +17,9 @@ from pavetwin.labels.boxes import FloatBox, corners
 from pavetwin.labels.class_names import CLASSES, display_name
 from pavetwin.labels.coco import annotation_row, coco_file, image_row, rings
 from pavetwin.labels.outlines import outline
+from pavetwin.perception.drone_tags import LonLat
 from pavetwin.perception.measuring import stated_sizes, with_sizes
-from pavetwin.perception.photograph import LonLat, PhotographPose
+from pavetwin.perception.photograph import PhotographPose
 
 MEASURED: Final = (*SIZES, "severity")
 """Columns of measured values, in the order of the table."""
