@@ -31,7 +31,7 @@ def build(
 
     \b
     pavetwin data build recipe.yaml -o datasets/everything
-    pavetwin data build recipes/synthetic.yaml -o datasets/synthetic
+    pavetwin data build recipes/rendered.yaml -o datasets/rendered
 
     Photographs are imported, merged, composed, balanced, split and exported:
 
