@@ -18,8 +18,8 @@ from pavetwin.render.adapter import find_adapter
 from pavetwin.render.nearby import FAR_M
 from pavetwin.render.renderer import Renderer
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import TILE_M, Instance
 from pavetwin.scene.scene import Scene
+from pavetwin.scene.values import TILE_M, Instance
 from pavetwin.scene.view import View, look, nadir
 from pavetwin.traffic.parked import parked_vehicles
 from pavetwin.uav import find_camera

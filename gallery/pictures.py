@@ -14,8 +14,8 @@ from gallery.renderer import LOW_SUN, MORNING, OVERCAST, GalleryRenderer, Pictur
 from gallery.sheet import captioned, grid
 from gallery.streets import streets
 from pavetwin.capture.platforms.car import FRONT, REAR, Mount
-from pavetwin.draw.frame import DefectMark, MissionState
-from pavetwin.draw.frame import MapView as MapView
+from pavetwin.draw.animation_frame import DefectMark, MissionState
+from pavetwin.draw.animation_frame import MapView as MapView
 from pavetwin.draw.ground_raster import GroundRaster
 from pavetwin.draw.mission_style import agent_group
 from pavetwin.scene.agents import quadrotor

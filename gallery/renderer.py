@@ -19,8 +19,8 @@ from pavetwin.render.renderer import Renderer
 from pavetwin.scene.ground import GroundPlan, plan_ground
 from pavetwin.scene.ground.styles import DEFAULT_STYLE, street_style
 from pavetwin.scene.light import LUMINANCE, Light, harmonics
-from pavetwin.scene.model import Instance, labelled_agent
 from pavetwin.scene.scene import Scene
+from pavetwin.scene.values import Instance, labelled_agent
 from pavetwin.scene.view import View
 from pavetwin.traffic.record import record
 from pavetwin.traffic.recording import Recording

@@ -23,7 +23,7 @@ from pavetwin.capture.truth import (
 from pavetwin.labels.classes import CAR, PERSON, categories, category_of_agent, category_of_defect
 from pavetwin.labels.rle import decode, encode
 from pavetwin.render.frame import RenderedFrame
-from pavetwin.scene.model import agent_label, defect_label
+from pavetwin.scene.values import agent_label, defect_label
 from pavetwin.scene.view import View, look
 from scenes.tiny import Size, defect, passing, straight, trace_of
 

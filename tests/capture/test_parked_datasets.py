@@ -21,7 +21,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.labels.classes import category_of_defect
 from pavetwin.plugins import plugin_hashes
 from pavetwin.render.frame import RenderedFrame
-from pavetwin.scene.model import parked_label
+from pavetwin.scene.values import parked_label
 from pavetwin.scene.view import View, look
 from pavetwin.traffic.parked import ParkedVehicles, parked_vehicles
 from pavetwin.uav.cameras import find_camera

@@ -23,8 +23,8 @@ from pavetwin.render.frame import RenderedFrame
 from pavetwin.render.nearby import make_missing, wanted_keys
 from pavetwin.scene import scene as scenes
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import GroundMaps, TileKey
 from pavetwin.scene.scene import SCENE_SEED, Scene
+from pavetwin.scene.values import GroundMaps, TileKey
 from pavetwin.scene.view import View, nadir
 from pavetwin.uav.cameras import find_camera
 from pavetwin.world.cache import tile_folder

@@ -28,7 +28,7 @@ from pavetwin.mission.saving import detections_geojson, save_mission
 from pavetwin.mission.versions import software_versions
 from pavetwin.render.adapter import find_adapter
 from pavetwin.render.frame import Exposure, RenderedFrame
-from pavetwin.scene.model import defect_label
+from pavetwin.scene.values import defect_label
 from pavetwin.scene.view import View
 from pavetwin.world.model import Defect
 from pavetwin.world.store import load_world, save_world

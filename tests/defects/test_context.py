@@ -11,11 +11,11 @@ from shapely import LineString, Point
 from pavetwin.defects import DefectOptions, place
 from pavetwin.defects.context import COVER_ROOM_M, Feature, room_for, start_of
 from pavetwin.errors import PaveTwinError
-from pavetwin.scene.ground.distractors.beside_cracks import SlabCracks
+from pavetwin.scene.ground.distractors.crack_features import SlabCracks
 from pavetwin.scene.ground.distractors.fixtures import REACH_M
 from pavetwin.scene.ground.distractors.plants import EDGE_WIDTH_M, GROWS_FROM_AGE, edge_plants, plants
+from pavetwin.scene.ground.ground_plan import plan_ground
 from pavetwin.scene.ground.markings.painter import Painter, paint
-from pavetwin.scene.ground.plan import plan_ground
 from pavetwin.scene.ground.styles import street_style
 from pavetwin.scene.patches import holes_of
 from pavetwin.world.model import Defect, World

@@ -10,9 +10,9 @@ from PIL import Image
 
 from pavetwin.draw import animation, mission_style, style
 from pavetwin.draw.animation import SIZE_PX, Film, save_animation
-from pavetwin.draw.frame import SeenSurface, shadows
+from pavetwin.draw.animation_frame import SeenSurface, shadows
 from pavetwin.draw.ground_raster import ASPHALT, GroundRaster
-from pavetwin.draw.marks import DefectOutcome, start_of_interest_s
+from pavetwin.draw.mission_marks import DefectOutcome, start_of_interest_s
 from pavetwin.draw.mission_style import UAV, agent_group, rgb, visibility_rgb
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.timeline import Timeline

@@ -14,7 +14,6 @@ from PIL import Image
 
 from pavetwin.draw import lettering, style
 from pavetwin.draw.lettering import OccupiedSpace
-from pavetwin.draw.marks import DefectOutcome, notable_segments, outcomes, rectangles, windows
 from pavetwin.draw.mission_layers import CLOSE, MapTransform, draw_reactions, legend_of, main_numbers
 from pavetwin.draw.mission_map import (
     _comparison_figure,
@@ -24,6 +23,7 @@ from pavetwin.draw.mission_map import (
     save_comparison_map,
     save_mission_map,
 )
+from pavetwin.draw.mission_marks import DefectOutcome, notable_segments, outcomes, rectangles, windows
 from pavetwin.draw.strip import caption
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.detections import DetectionLog

@@ -13,7 +13,7 @@ from shapely import Point
 from pavetwin._core import Occluded, Viewpoint
 from pavetwin.arrays import BoolArray, Float64Array
 from pavetwin.config import load_settings
-from pavetwin.draw.marks import rectangles
+from pavetwin.draw.mission_marks import rectangles
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission import Mission, MissionInputs, Timeline, fly, plan_mission, prepare, totals
 from pavetwin.mission.environment import (

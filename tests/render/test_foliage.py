@@ -10,7 +10,7 @@ from pavetwin.render.frame import RenderedFrame
 from pavetwin.render.renderer import Renderer
 from pavetwin.scene.foliage import CUT, cells, leaf_atlas
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import TINTS, Instance, Mesh, Model
+from pavetwin.scene.values import TINTS, Instance, Mesh, Model
 from pavetwin.scene.view import look
 from pavetwin.uav.cameras import find_camera
 from scenes.stage import Box, Plane

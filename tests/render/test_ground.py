@@ -10,8 +10,8 @@ from pavetwin.defects import heightfield_of
 from pavetwin.render.renderer import Renderer, SceneRadiance
 from pavetwin.scene.ground.materials.compose import surface
 from pavetwin.scene.light import LUMINANCE, Light, harmonics
-from pavetwin.scene.model import TILE_M, GroundKind, defect_label
 from pavetwin.scene.patches import patch_of
+from pavetwin.scene.values import TILE_M, GroundKind, defect_label
 from pavetwin.scene.view import View, look
 from scenes.strips import ORIGIN, STRIP_M, Strips, axes, finish, grain_xy, pothole, pyramids, rotation
 

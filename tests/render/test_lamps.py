@@ -10,10 +10,10 @@ import shapely
 from pavetwin.render.renderer import Renderer
 from pavetwin.scene.agents import Actors, upright
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import Instance
 from pavetwin.scene.models import library
 from pavetwin.scene.signals import VEHICLES as FOR_VEHICLES
 from pavetwin.scene.signals import WALKERS, Head, instances
+from pavetwin.scene.values import Instance
 from pavetwin.scene.view import View, look
 from pavetwin.traffic.kinds import VEHICLES
 from scenes.recordings import recording

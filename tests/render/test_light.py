@@ -13,9 +13,9 @@ from pavetwin.render.nearby import looks_down
 from pavetwin.render.renderer import Renderer
 from pavetwin.render.sensor import ImageProcessing
 from pavetwin.scene.light import LUMINANCE, Light, harmonics
-from pavetwin.scene.model import TINTS, Instance
 from pavetwin.scene.models import library
 from pavetwin.scene.scene import Scene
+from pavetwin.scene.values import TINTS, Instance
 from pavetwin.scene.view import View, look, nadir
 from pavetwin.uav import find_camera
 from scenes import built

@@ -18,8 +18,8 @@ from pavetwin.render.renderer import Renderer
 from pavetwin.scene.ground.styles import DEFAULT_STYLE, style_names
 from pavetwin.scene.ground.styles.pavement import pavement_names
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import defect_label
 from pavetwin.scene.scene import Scene
+from pavetwin.scene.values import defect_label
 from pavetwin.scene.view import View, nadir
 from pavetwin.uav.cameras import Camera, find_camera
 from pavetwin.world.model import Defect, World

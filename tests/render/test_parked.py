@@ -10,8 +10,8 @@ from pavetwin.defects import DefectOptions, place
 from pavetwin.mission.environment import FIRST_ID, parked_columns
 from pavetwin.render.renderer import Renderer, SceneRadiance
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import defect_label, labelled_place, parked_label
 from pavetwin.scene.scene import Scene
+from pavetwin.scene.values import defect_label, labelled_place, parked_label
 from pavetwin.scene.view import View, look, nadir
 from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.uav.cameras import find_camera

@@ -10,7 +10,7 @@ import wgpu
 
 from pavetwin.render.frame import Exposure, meter, programme
 from pavetwin.render.sensor import ImageProcessing, picture
-from pavetwin.render.tiles import TileCache
+from pavetwin.render.tile_cache import TileCache
 from pavetwin.scene.light import Light, harmonics
 from pavetwin.scene.view import View, look
 from pavetwin.uav.cameras import Development, find_camera
@@ -218,8 +218,8 @@ def test_visible_and_amodal_pixels_agree_under_a_rolling_shutter() -> None:
 
 def test_memory_stays_what_it_is_over_a_hundred_places(monkeypatch: pytest.MonkeyPatch) -> None:
     renderer = plane_renderer()
-    monkeypatch.setattr("pavetwin.render.tiles.PAVEMENTS_HELD", 12)
-    monkeypatch.setattr("pavetwin.render.tiles.TILES_HELD", 30)
+    monkeypatch.setattr("pavetwin.render.tile_cache.PAVEMENTS_HELD", 12)
+    monkeypatch.setattr("pavetwin.render.tile_cache.TILES_HELD", 30)
     taken = []
     for step in range(100):
         at = (7.0 * step - 350.0, 90.0 * (step % 7) - 300, 10.0)

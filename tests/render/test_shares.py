@@ -11,8 +11,8 @@ import shapely
 from pavetwin.defects import DefectOptions, place
 from pavetwin.render.renderer import Renderer
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import defect_label
 from pavetwin.scene.scene import Scene
+from pavetwin.scene.values import defect_label
 from pavetwin.scene.view import nadir
 from pavetwin.uav.cameras import find_camera
 from pavetwin.world.model import World

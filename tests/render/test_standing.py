@@ -18,8 +18,8 @@ from pavetwin.render.renderer import Renderer, SceneRadiance
 from pavetwin.scene.appearance import tints
 from pavetwin.scene.furniture import stand
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import Instance, Mesh, Model, defect_label
 from pavetwin.scene.scene import Scene
+from pavetwin.scene.values import Instance, Mesh, Model, defect_label
 from pavetwin.scene.view import nadir
 from pavetwin.uav.cameras import find_camera
 from pavetwin.world.model import Defect, Furniture, FurnitureKind, World

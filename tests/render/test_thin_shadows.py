@@ -8,8 +8,8 @@ import pytest
 
 from pavetwin.render.renderer import Renderer
 from pavetwin.scene.light import SUN_RADIUS_RAD, Light, harmonics
-from pavetwin.scene.model import Instance
 from pavetwin.scene.shafts import WIRE, shafts
+from pavetwin.scene.values import Instance
 from pavetwin.scene.view import look
 from pavetwin.scene.wires import between
 from scenes.stage import Box, Plane, plane_renderer

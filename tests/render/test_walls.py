@@ -8,7 +8,7 @@ import pytest
 
 from pavetwin.render.renderer import Renderer
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import DefectPatch, GroundMaps, Mesh, Tile, defect_label
+from pavetwin.scene.values import DefectPatch, GroundMaps, Mesh, Tile, defect_label
 from pavetwin.scene.view import look
 from scenes.strips import ORIGIN, Strips, rotation
 

@@ -9,8 +9,8 @@ import pytest
 
 from pavetwin.scene.agents import BRAKE_GLOW, Actors, quadrotor
 from pavetwin.scene.appearance import appearance_of, people, vehicle_model
-from pavetwin.scene.model import Instance, agent_label, labelled_agent
 from pavetwin.scene.models import bounds, library
+from pavetwin.scene.values import Instance, agent_label, labelled_agent
 from pavetwin.traffic.kinds import VEHICLES
 from pavetwin.traffic.recording import Recording
 from pavetwin.traffic.trace import trace_of

@@ -8,8 +8,8 @@ import pytest
 from pavetwin.scene.export.baking import BakedTexture, bake_patch, bake_tile
 from pavetwin.scene.ground.materials.compose import MapPyramids, surface
 from pavetwin.scene.ground.materials.sampling import srgb_of_linear
-from pavetwin.scene.model import TILE_M, GroundKind, GroundMaps
 from pavetwin.scene.patches import patch_of
+from pavetwin.scene.values import TILE_M, GroundKind, GroundMaps
 from scenes.strips import KEY, ORIGIN, STRIP_M, Strips, axes, finish, grain_xy, pothole, pyramids, weathered
 
 TEXEL_M = 0.032

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from shapely import Polygon, affinity
 
 from pavetwin.scene.buildings import FACADE_PX, Buildings, FacadeTexture, facade_textures
-from pavetwin.scene.model import FacadePiece
+from pavetwin.scene.values import FacadePiece
 from pavetwin.world.model import Building, World
 from scenes import tiny
 

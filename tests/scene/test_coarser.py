@@ -6,10 +6,10 @@ import numpy as np
 import shapely
 
 from pavetwin.scene.coarser import closed
-from pavetwin.scene.model import Mesh
 from pavetwin.scene.models import BODY, library
+from pavetwin.scene.values import Mesh
 from pavetwin.scene.web.packing import MODEL_TRIANGLES
-from pavetwin.scene.web.shared import _within
+from pavetwin.scene.web.shared_files import _within
 
 SIDES = ((0, 0, 1), (0, 1, 0))
 """From above, and from the left."""

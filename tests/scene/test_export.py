@@ -23,8 +23,8 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.scene.export import LEVELS, ExportSummary, TrafficSnapshot, estimate, export_scene, tiles_of
 from pavetwin.scene.foliage import leaf_atlas
 from pavetwin.scene.glb import Glb, read_glb
-from pavetwin.scene.model import TILE_M, Instance, defect_label, parked_label
 from pavetwin.scene.scene import Scene
+from pavetwin.scene.values import TILE_M, Instance, defect_label, parked_label
 from pavetwin.traffic.parked import parked_vehicles
 from pavetwin.traffic.recording import Recording
 from pavetwin.world.model import Furniture, FurnitureKind, World
@@ -276,7 +276,7 @@ def test_the_same_scene_gives_the_same_bytes(written: Written, tmp_path: Path) -
 
 @pytest.mark.slow
 def test_more_processes_write_the_same_file(written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pavetwin.scene.export.write.LEAST_TILES", 1)
+    monkeypatch.setattr("pavetwin.scene.export.glb_file.LEAST_TILES", 1)
     monkeypatch.setattr("pavetwin.scene.export.glb_parts.RUN", 1)
     again, shares = tmp_path / "again.glb", []
     moment = TrafficSnapshot(traffic(), 0.5)
@@ -353,7 +353,7 @@ def test_what_can_not_be_written_is_refused(tmp_path: Path, options: dict[str, A
 
 
 def test_a_file_that_would_be_too_large_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pavetwin.scene.export.write.LARGEST", 1_000_000)
+    monkeypatch.setattr("pavetwin.scene.export.glb_file.LARGEST", 1_000_000)
     with pytest.raises(PaveTwinError, match="coarser `texel_m`"):
         export_scene(scene(), tmp_path / "street.glb", texel_m=TEXEL_M)
     assert list(tmp_path.iterdir()) == []

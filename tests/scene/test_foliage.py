@@ -6,8 +6,8 @@ import pytest
 from pavetwin.render.gpu_scene import casting
 from pavetwin.scene.coarser import coarser
 from pavetwin.scene.foliage import CUT, SIDE_PX, SPRAY, cells, leaf_atlas, leaf_levels
-from pavetwin.scene.model import Mesh
 from pavetwin.scene.models import library
+from pavetwin.scene.values import Mesh
 
 TREES = sorted(name for name in library() if name.startswith("tree_"))
 

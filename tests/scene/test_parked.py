@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pavetwin.scene.agents import ParkedInstances, Wheels
-from pavetwin.scene.model import Instance, labelled_agent, labelled_defect, labelled_place, parked_label
 from pavetwin.scene.models import bounds, library
 from pavetwin.scene.scene import Scene
+from pavetwin.scene.values import Instance, labelled_agent, labelled_defect, labelled_place, parked_label
 from pavetwin.traffic.kinds import KINDS
 from pavetwin.traffic.parked import PARKING_CLASSES, RIDERLESS_HEIGHT_M, ParkedVehicles
 from scenes.parking import full_street

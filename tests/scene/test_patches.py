@@ -8,8 +8,8 @@ import pytest
 import shapely
 
 from pavetwin.defects import DefectOptions, heightfield_of, place
-from pavetwin.scene.model import DefectPatch, labelled_defect
 from pavetwin.scene.patches import BAY_M, BESIDE_M, COARSE_M, TOLERANCE_M, holes_of, part_on, patch_of
+from pavetwin.scene.values import DefectPatch, labelled_defect
 from pavetwin.world.model import Defect
 from scenes import tiny
 

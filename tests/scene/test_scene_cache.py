@@ -21,9 +21,9 @@ from pavetwin.errors import CacheWarning
 from pavetwin.files import file_lock
 from pavetwin.scene import scene as scene_cache
 from pavetwin.scene import scene as scenes_module
-from pavetwin.scene.ground import plan as plans
-from pavetwin.scene.model import GroundMaps, Mesh, Model
+from pavetwin.scene.ground import ground_plan as plans
 from pavetwin.scene.scene import Scene, SceneCache, kept_of_all
+from pavetwin.scene.values import GroundMaps, Mesh, Model
 from pavetwin.world import cache as kept
 from pavetwin.world.cache import tile_folder
 from pavetwin.world.folder import CACHE_VARIABLE

@@ -8,9 +8,9 @@ import pytest
 import shapely
 from shapely import Point
 
-from pavetwin.scene.model import Instance
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.signals import DARK, GLOW, VEHICLES, WALKERS, Head, heads_of, instances, lamps, letter, walker_poles
+from pavetwin.scene.values import Instance
 from pavetwin.traffic.record import record
 from pavetwin.traffic.recording import Recording
 from pavetwin.world.furniture import signals_of

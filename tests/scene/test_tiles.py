@@ -9,10 +9,10 @@ from shapely import Point
 
 from pavetwin.defects import DefectOptions, place
 from pavetwin.scene.furniture import APART_M, FROM_ROAD_M, HIGHEST_M, StreetObjects
-from pavetwin.scene.model import TILE_M, Instance, Mesh, Tile
 from pavetwin.scene.models import bounds
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.shafts import SHAFT
+from pavetwin.scene.values import TILE_M, Instance, Mesh, Tile
 from pavetwin.world.model import Building, Furniture, FurnitureKind, LaneKind, World
 from pavetwin.world.solids import SolidKind, furniture_prisms
 from scenes import built, tiny

@@ -23,12 +23,12 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.scene.export import tiles_of
 from pavetwin.scene.glb import Glb, from_file_axes
 from pavetwin.scene.light import Light, harmonics
-from pavetwin.scene.model import TILE_M, Mesh
 from pavetwin.scene.models import merged
 from pavetwin.scene.scene import Scene
+from pavetwin.scene.values import TILE_M, Mesh
 from pavetwin.scene.web import WEB_LEVELS, WebLevel, WebTown
 from pavetwin.scene.web.packing import FINEST_STEP_M, step_of, steps_of
-from pavetwin.scene.web.shared import light_values
+from pavetwin.scene.web.shared_files import light_values
 from pavetwin.scene.web.tiles import TileFiles
 from pavetwin.scene.web.town import tile_name
 from pavetwin.world.model import Furniture, FurnitureKind, World

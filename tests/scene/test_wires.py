@@ -9,8 +9,8 @@ from shapely import Point
 
 from pavetwin.scene.branches import FORMS, bare_tree_of, bare_trees, skeleton
 from pavetwin.scene.ground.styles.street_style import Overhead
-from pavetwin.scene.model import TILE_M
 from pavetwin.scene.scene import Scene, keys_of
+from pavetwin.scene.values import TILE_M
 from pavetwin.scene.wires import EAVES_M, Wires, shaded_strips, wires_of
 from pavetwin.world.model import Furniture, FurnitureKind, World
 from scenes import tiny

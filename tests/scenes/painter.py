@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw
 from pavetwin.capture.platforms import CaptureContext
 from pavetwin.capture.samples import CameraSample
 from pavetwin.render.frame import Exposure, RenderedFrame
-from pavetwin.scene.model import agent_label, defect_label, labelled_defect, parked_label
+from pavetwin.scene.values import agent_label, defect_label, labelled_defect, parked_label
 from pavetwin.scene.view import View
 
 GREY = (120, 118, 112)

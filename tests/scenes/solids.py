@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from pavetwin.arrays import Float64Array
-from pavetwin.scene.model import TINTS, Instance, Mesh, Model, agent_label
+from pavetwin.scene.values import TINTS, Instance, Mesh, Model, agent_label
 
 if TYPE_CHECKING:
     from pavetwin._core import PoseColumns

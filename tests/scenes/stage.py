@@ -10,7 +10,7 @@ import numpy as np
 
 from pavetwin.render.renderer import Renderer
 from pavetwin.scene.ground.materials.sampling import srgb_of_linear
-from pavetwin.scene.model import (
+from pavetwin.scene.values import (
     TILE_M,
     TINTS,
     Detail,

@@ -11,7 +11,8 @@ from scipy.ndimage import gaussian_filter
 from pavetwin.defects import DefectOptions, place
 from pavetwin.scene.ground import details
 from pavetwin.scene.ground.materials.compose import MapPyramids
-from pavetwin.scene.model import (
+from pavetwin.scene.patches import patch_of
+from pavetwin.scene.values import (
     MAP_PX,
     TILE_M,
     DefectPatch,
@@ -24,7 +25,6 @@ from pavetwin.scene.model import (
     Model,
     Tile,
 )
-from pavetwin.scene.patches import patch_of
 from pavetwin.world.model import Defect
 from scenes import tiny
 

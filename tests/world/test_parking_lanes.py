@@ -10,7 +10,7 @@ import pytest
 import shapely
 from shapely import box
 
-from pavetwin.draw.marks import rectangles
+from pavetwin.draw.mission_marks import rectangles
 from pavetwin.traffic.record import record
 from pavetwin.world.build import BuildOptions, Built, build_world
 from pavetwin.world.model import LaneKind, World

@@ -17,7 +17,7 @@ from pavetwin.app.session_cache import kept_world
 from pavetwin.app.street_map import packed_map
 from pavetwin.app.task_report import TaskReport
 from pavetwin.arrays import Float64Array
-from pavetwin.draw.marks import outcomes
+from pavetwin.draw.mission_marks import outcomes
 from pavetwin.draw.mission_style import AGENT_COLOURS, agent_group
 from pavetwin.draw.style import OUTCOME_COLOURS
 from pavetwin.errors import PaveTwinError, no_such

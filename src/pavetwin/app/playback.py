@@ -13,7 +13,7 @@ import numpy as np
 from pavetwin._core import Trace
 from pavetwin.arrays import BoolArray, Float64Array, Int64Array
 from pavetwin.config import MissionSettings
-from pavetwin.draw.marks import DefectOutcome, outcomes
+from pavetwin.draw.mission_marks import DefectOutcome, outcomes
 from pavetwin.draw.mission_style import AGENT_COLOURS, agent_group
 from pavetwin.draw.readings import DOING
 from pavetwin.mission.environment import MissionEnvironment, parked_columns, window_m

@@ -35,7 +35,7 @@ from pavetwin.app.playback import (
 from pavetwin.app.requests import StickRequest
 from pavetwin.app.session_cache import made_once
 from pavetwin.capture.platforms.car import FRONT, REAR
-from pavetwin.draw.marks import DefectOutcome
+from pavetwin.draw.mission_marks import DefectOutcome
 from pavetwin.driving.car import BODY, Pedals
 from pavetwin.driving.drive import DefectLooks, Drive, DrivenSegment, pedals_as_values
 from pavetwin.errors import PaveTwinError

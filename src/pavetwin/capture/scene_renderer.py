@@ -14,11 +14,11 @@ from pavetwin.capture.settings import CaptureSettings
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.render.nearby import FAR_M
 from pavetwin.render.renderer import Renderer
-from pavetwin.scene.ground.plan import LAST_PART
+from pavetwin.scene.ground.ground_plan import LAST_PART
 from pavetwin.scene.ground.styles import DEFAULT_STYLE
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import agent_label
 from pavetwin.scene.scene import SCENE_SEED, Scene, SceneCache
+from pavetwin.scene.values import agent_label
 from pavetwin.scene.view import View
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic.parked import ParkedVehicles

@@ -26,7 +26,7 @@ from pavetwin.labels.classes import Category, category_of_agent, category_of_def
 from pavetwin.labels.rle import encode
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.scene.light import LUMINANCE
-from pavetwin.scene.model import labelled_agent, labelled_defect, labelled_place
+from pavetwin.scene.values import labelled_agent, labelled_defect, labelled_place
 from pavetwin.scene.view import View
 from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.world.model import Defect, World

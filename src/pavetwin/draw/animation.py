@@ -11,10 +11,10 @@ from PIL import Image, ImageDraw
 
 from pavetwin.arrays import Float64Array
 from pavetwin.draw import style
+from pavetwin.draw.animation_frame import DefectMark, MapView, MissionState, SeenSurface, columns_near, shadows
 from pavetwin.draw.fonts import shown_label
-from pavetwin.draw.frame import DefectMark, MapView, MissionState, SeenSurface, columns_near, shadows
 from pavetwin.draw.ground_raster import GroundRaster
-from pavetwin.draw.marks import DefectOutcome, footprint_m, rectangles, start_of_interest_s
+from pavetwin.draw.mission_marks import DefectOutcome, footprint_m, rectangles, start_of_interest_s
 from pavetwin.draw.mission_style import AGENT_COLOURS, OPEN_DEFECT, UAV, agent_group, font, rgb, visibility_rgb, write
 from pavetwin.draw.readings import HEIGHT_PX, Readings
 from pavetwin.errors import PaveTwinError

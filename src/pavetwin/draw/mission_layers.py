@@ -18,7 +18,7 @@ from shapely import Point
 from pavetwin.arrays import Float64Array
 from pavetwin.draw import shapes, style
 from pavetwin.draw.lettering import OccupiedSpace
-from pavetwin.draw.marks import DefectOutcome, outcomes, rectangles, windows
+from pavetwin.draw.mission_marks import DefectOutcome, outcomes, rectangles, windows
 from pavetwin.draw.world_map import ABOVE_WORLD, base_symbol
 from pavetwin.mission.result import MissionResult
 from pavetwin.mission.track import HoverStop, avoiding, displacements, inspecting, revisits, runs, waits

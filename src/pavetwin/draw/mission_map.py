@@ -12,8 +12,8 @@ from matplotlib.legend_handler import HandlerTuple
 from pavetwin.draw import lettering, mission_layers, shapes, style
 from pavetwin.draw.extent import credit
 from pavetwin.draw.fonts import families, shown_label, shown_names
-from pavetwin.draw.marks import notable_segments, why_notable
 from pavetwin.draw.mission_layers import MapTransform, legend_of, main_numbers, visibility_ramp
+from pavetwin.draw.mission_marks import notable_segments, why_notable
 from pavetwin.draw.strip import CAPTION_IN, GAP_IN, TALLEST_IN, SegmentLayout, caption, draw_strip
 from pavetwin.draw.world_map import ABOVE_WORLD, MapLayer, draw_world
 from pavetwin.errors import PaveTwinError

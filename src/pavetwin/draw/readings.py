@@ -7,9 +7,9 @@ from matplotlib.colors import to_hex
 from PIL import Image, ImageDraw
 
 from pavetwin.draw import style
-from pavetwin.draw.frame import HIDDEN_OPACITY, SEEN_OPACITY, MissionState
+from pavetwin.draw.animation_frame import HIDDEN_OPACITY, SEEN_OPACITY, MissionState
 from pavetwin.draw.ground_raster import ASPHALT
-from pavetwin.draw.marks import DefectOutcome
+from pavetwin.draw.mission_marks import DefectOutcome
 from pavetwin.draw.mission_style import AGENT_COLOURS, HIDDEN, OPEN_DEFECT, SEEN, font, rgb, visibility_rgb
 from pavetwin.draw.shapes import mix
 from pavetwin.twin import Mode

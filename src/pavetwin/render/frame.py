@@ -91,7 +91,7 @@ class RenderedFrame:
     depth_m: Float32Array | None
     """(height, width) along the camera's axis; inf where nothing is. None if not requested."""
     labels: UInt32Array | None
-    """(height, width): the label of the visible object (`scene.model.agent_label`, `defect_label`), 0 for
+    """(height, width): the label of the visible object (`scene.values.agent_label`, `defect_label`), 0 for
     background."""
     amodal_px: dict[int, int]
     """Label → pixels of this image that the object would cover without occluders; empty without labels."""

@@ -13,11 +13,11 @@ from pavetwin.render.meshes import FaceCulling, GpuMesh, split_by_area, upload_m
 from pavetwin.render.nearby import FAR_M, ground_seen, looks_beyond, looks_down, pavement_seen, tile_seen, wanted_keys
 from pavetwin.render.passes import DrawList, MeshDraw, PatchDraw
 from pavetwin.render.projection import ShadowFit, planes
-from pavetwin.render.tiles import Drawable, GpuPavement, GpuTile, TileCache, TileLayouts
+from pavetwin.render.tile_cache import Drawable, GpuPavement, GpuTile, TileCache, TileLayouts
 from pavetwin.scene.coarser import FINEST_M, coarser, thinned
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import Mesh, TileKey
 from pavetwin.scene.patches import COARSE_PIXEL_M
+from pavetwin.scene.values import Mesh, TileKey
 from pavetwin.scene.view import View
 
 LEVELS: Final = 5

@@ -18,9 +18,9 @@ from pavetwin.arrays import (
     UInt32Array,
 )
 from pavetwin.scene.coarser import foliage_px2, mean_area_m2
-from pavetwin.scene.model import Instance, Mesh, Model
 from pavetwin.scene.models import BODY, FAR, SHADOW
 from pavetwin.scene.shafts import THIN
+from pavetwin.scene.values import Instance, Mesh, Model
 
 _LOWEST_SHADE_M: Final = 0.35
 """Lower objects have no contact shadow worth drawing; objects whose underside is higher do not touch the ground [m]."""

@@ -19,8 +19,8 @@ from pavetwin.arrays import (
 )
 from pavetwin.render.gpu import Gpu
 from pavetwin.scene.coarser import triangle_areas_m2
-from pavetwin.scene.model import DefectPatch, FacadePiece, Finish, GroundKind, GroundPiece, Mesh
 from pavetwin.scene.models import merged
+from pavetwin.scene.values import DefectPatch, FacadePiece, Finish, GroundKind, GroundPiece, Mesh
 
 _VERTEX: Final = wgpu.BufferUsage.VERTEX
 _INDEX: Final = wgpu.BufferUsage.INDEX

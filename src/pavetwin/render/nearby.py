@@ -8,11 +8,11 @@ import numpy as np
 from pavetwin.arrays import Float64Array
 from pavetwin.render.projection import planes, seen_points
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import TILE_M, TileKey
+from pavetwin.scene.values import TILE_M, TileKey
 from pavetwin.scene.view import View
 
 if TYPE_CHECKING:
-    from pavetwin.render.tiles import Drawable  # which draws, and so loads the device's library
+    from pavetwin.render.tile_cache import Drawable  # which draws, and so loads the device's library
     from pavetwin.scene.scene import Scene
 
 FAR_M: Final = 150.0

@@ -10,7 +10,7 @@ from pavetwin.arrays import AnyArray, Float16Array, Float32Array, Int64Array, UI
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.meshes import GpuMesh
 from pavetwin.render.pipelines import DEPTH_FORMAT, DISTANCE_FORMAT, LABEL_FORMAT, LIGHT_FORMAT, Pipelines
-from pavetwin.render.tiles import GpuPatch, GpuPavement, GpuTile
+from pavetwin.render.tile_cache import GpuPatch, GpuPavement, GpuTile
 
 _READ: Final = wgpu.TextureUsage.COPY_SRC
 _SAMPLED: Final = wgpu.TextureUsage.TEXTURE_BINDING
@@ -27,7 +27,7 @@ class PatchDraw:
 
     patch: GpuPatch
     mesh: GpuMesh
-    """Number of the patch's mesh."""
+    """The fine or the coarse mesh of the patch."""
     around: GpuPavement
     origin: tuple[float, float]
     """The tile's, metres."""
@@ -87,7 +87,7 @@ class RenderTargets:
 
     @property
     def resources(self) -> tuple[Any, ...]:
-        """Bytes on the device."""
+        """All textures and buffers, to be freed."""
         return self.light, self.labels, self.distances, self.depth, self._staging
 
     def copy(self, encoder: Any, *, truth: bool) -> None:

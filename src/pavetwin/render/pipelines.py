@@ -12,13 +12,13 @@ from pavetwin.render.gpu import Gpu, mean_linear
 from pavetwin.render.instances import LAYOUT
 from pavetwin.render.meshes import LAYOUTS, POSITIONS
 from pavetwin.render.nearby import CLEAR_SHARE
-from pavetwin.render.tiles import TileLayouts, texture_layout
+from pavetwin.render.tile_cache import TileLayouts, texture_layout
 from pavetwin.scene.buildings import FACADE_REPEAT_M
 from pavetwin.scene.foliage import CUT
 from pavetwin.scene.ground.materials import compose
 from pavetwin.scene.ground.materials.sampling import LEVEL_SLOPE
 from pavetwin.scene.light import SUN_RADIUS_RAD
-from pavetwin.scene.model import MAP_MARGIN_M, SIGNED_DISTANCE_M, TILE_M, Detail, GroundKind
+from pavetwin.scene.values import MAP_MARGIN_M, SIGNED_DISTANCE_M, TILE_M, Detail, GroundKind
 
 LIGHT_FORMAT: Final = "rgba16float"
 DEPTH_FORMAT: Final = "depth32float"

@@ -20,10 +20,10 @@ from pavetwin.render.passes import DrawList, FramePasses, Materials, RenderTarge
 from pavetwin.render.pipelines import compile_pipelines
 from pavetwin.render.projection import FRAME_INFO, NEAR_M, corners, fit_shadow, frame_info
 from pavetwin.render.sensor import SHARP_PX, ImageProcessing, farthest_motion_px, picture, white_balance
-from pavetwin.render.tiles import Drawable, group
+from pavetwin.render.tile_cache import Drawable, group
 from pavetwin.scene.foliage import leaf_levels
 from pavetwin.scene.light import Light
-from pavetwin.scene.model import GroundKind, Instance
+from pavetwin.scene.values import GroundKind, Instance
 from pavetwin.scene.view import View
 from pavetwin.uav.cameras import Camera
 

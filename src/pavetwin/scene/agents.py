@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from pavetwin.arrays import BoolArray, Float64Array, Int64Array
 from pavetwin.scene.appearance import STAND, AgentAppearance, appearance_of, parked_appearance, tints
-from pavetwin.scene.model import Instance, Model, agent_label, parked_label
 from pavetwin.scene.models import BODY
+from pavetwin.scene.values import Instance, Model, agent_label, parked_label
 from pavetwin.traffic.agent_states import AgentStateReader
 from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.traffic.recording import Recording

@@ -13,9 +13,9 @@ from typing import Final
 import numpy as np
 
 from pavetwin.arrays import Float64Array
-from pavetwin.scene.model import Mesh, Model
 from pavetwin.scene.models import BODY, merged
 from pavetwin.scene.shafts import THIN, rod
+from pavetwin.scene.values import Mesh, Model
 from pavetwin.scene.wires import between
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Furniture

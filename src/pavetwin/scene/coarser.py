@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pavetwin.arrays import Float32Array, Float64Array, UInt32Array
-from pavetwin.scene.model import Mesh
+from pavetwin.scene.values import Mesh
 
 FINEST_M: Final = 0.015
 """Cell of the first coarser level of solid meshes [m]; it doubles from level to level."""

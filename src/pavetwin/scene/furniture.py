@@ -13,10 +13,10 @@ from shapely import Point, STRtree
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.agents import upright
 from pavetwin.scene.appearance import tints
-from pavetwin.scene.model import Instance, Model
 from pavetwin.scene.models import BODY, bounds
 from pavetwin.scene.palettes import PAINTS, drawn
 from pavetwin.scene.shafts import SHAFT
+from pavetwin.scene.values import Instance, Model
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Furniture, FurnitureKind, Lane, LaneKind, World
 from pavetwin.world.parking import ParkingPosition

@@ -16,7 +16,7 @@ import numpy as np
 
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.glb import Glb, from_file_axes, read_glb
-from pavetwin.scene.model import Mesh, Model
+from pavetwin.scene.values import Mesh, Model
 
 SLOTS: Final[Mapping[str, int]] = MappingProxyType(
     {

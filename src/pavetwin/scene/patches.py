@@ -20,7 +20,7 @@ from pavetwin.defects import Heightfield, albedo_factor, heightfield_of, lost_su
 from pavetwin.defects.maps import distances_px
 from pavetwin.defects.registry import failures_named
 from pavetwin.scene.agents import upright
-from pavetwin.scene.model import PLAIN_FINISH, TILE_M, DefectPatch, Finish, GroundKind, Mesh, defect_label
+from pavetwin.scene.values import PLAIN_FINISH, TILE_M, DefectPatch, Finish, GroundKind, Mesh, defect_label
 from pavetwin.world.model import Defect
 
 BESIDE_M: Final = 0.04

@@ -16,7 +16,7 @@ from shapely import Polygon
 from pavetwin.arrays import Float64Array, UInt8Array
 from pavetwin.defects.registry import DEFECT_CLASSES
 from pavetwin.memory import keep_freed
-from pavetwin.scene import furniture, model, signals
+from pavetwin.scene import furniture, signals, values
 from pavetwin.scene.agents import Actors, ParkedInstances, upright
 from pavetwin.scene.appearance import tints
 from pavetwin.scene.branches import FORMS as BARE_FORMS
@@ -35,11 +35,14 @@ from pavetwin.scene.ground import (
 )
 from pavetwin.scene.ground.distractors.fixtures import Fixture
 from pavetwin.scene.ground.distractors.segment_marks import Repairs
+from pavetwin.scene.ground.ground_plan import LAST_PART, made
 from pavetwin.scene.ground.layout.paved import PavedSurface
 from pavetwin.scene.ground.markings.painter import Paint
-from pavetwin.scene.ground.plan import LAST_PART, made
 from pavetwin.scene.ground.styles import DEFAULT_STYLE, street_style, style_sha256
-from pavetwin.scene.model import (
+from pavetwin.scene.models import BODY, library
+from pavetwin.scene.patches import holes_of, part_on, patch_of
+from pavetwin.scene.shafts import shafts
+from pavetwin.scene.values import (
     TILE_M,
     DefectPatch,
     Detail,
@@ -52,9 +55,6 @@ from pavetwin.scene.model import (
     Tile,
     TileKey,
 )
-from pavetwin.scene.models import BODY, library
-from pavetwin.scene.patches import holes_of, part_on, patch_of
-from pavetwin.scene.shafts import shafts
 from pavetwin.scene.wires import Wires, shaded_strips, wire_instances, wires_of
 from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.traffic.recording import Recording
@@ -70,8 +70,8 @@ Value = TypeVar("Value")
 _STORE: Final = ValueStore(
     "tiles of the ground",
     (
-        *(model.Tile, model.GroundPiece, model.FacadePiece, model.Instance, model.Mesh, model.Finish),
-        *(model.GroundKind, model.GroundMaps, model.DefectPatch, model.Model),
+        *(values.Tile, values.GroundPiece, values.FacadePiece, values.Instance, values.Mesh, values.Finish),
+        *(values.GroundKind, values.GroundMaps, values.DefectPatch, values.Model),
         *(Fixture, Paint, PavedSurface, Repairs, StreetObject),
     ),
 )

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from pavetwin.arrays import Float32Array
-from pavetwin.scene.model import Mesh, Model
+from pavetwin.scene.values import Mesh, Model
 
 SIDES: Final = 12
 TAPER: Final = 0.62

@@ -18,8 +18,8 @@ from shapely.geometry.base import BaseGeometry
 from pavetwin.arrays import Float32Array, Float64Array
 from pavetwin.scene.agents import upright
 from pavetwin.scene.ground.layout.streets import PAINTED
-from pavetwin.scene.model import TINTS, Instance
 from pavetwin.scene.models import BODY
+from pavetwin.scene.values import TINTS, Instance
 from pavetwin.traffic.recording import Recording
 from pavetwin.world.model import (
     CARRIAGEWAY_LANES,

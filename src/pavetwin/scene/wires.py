@@ -15,8 +15,8 @@ from shapely.ops import nearest_points
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.appearance import tints
 from pavetwin.scene.ground.styles.street_style import Overhead
-from pavetwin.scene.model import Instance
 from pavetwin.scene.shafts import WIRE
+from pavetwin.scene.values import Instance
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Furniture, FurnitureKind, World
 

@@ -10,7 +10,7 @@ from pavetwin.scene.ground import GroundPlan, ground_pieces, plan_ground
 from pavetwin.scene.ground.materials.detail_textures import details
 from pavetwin.scene.ground.styles import StreetStyle, street_style
 from pavetwin.scene.ground.styles.street_style import SidewalkPaving, SidewalkStyle
-from pavetwin.scene.model import TILE_M, Finish, GroundKind
+from pavetwin.scene.values import TILE_M, Finish, GroundKind
 from pavetwin.world.model import LaneKind
 from scenes import built
 

@@ -9,9 +9,9 @@ import shapely
 
 from pavetwin.arrays import Float64Array, GeometryArray
 from pavetwin.scene.buildings.layers import FacadeTexture
-from pavetwin.scene.model import Mesh
 from pavetwin.scene.models import merged
 from pavetwin.scene.palettes import Colour
+from pavetwin.scene.values import Mesh
 from pavetwin.world.model import Surface
 
 ROUGH = 0.85

@@ -84,7 +84,7 @@ class Situation:
     joined: bool
     """Whether another building touches it."""
     long_m: float
-    """Direction of its longest side."""
+    """Length of its longest side."""
 
 
 TOWER = 2.2

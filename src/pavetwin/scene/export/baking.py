@@ -12,8 +12,8 @@ from PIL import Image, ImageDraw
 from pavetwin.arrays import Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
 from pavetwin.scene.ground.materials.compose import MapPyramids, surface
 from pavetwin.scene.ground.materials.sampling import srgb_of_linear
-from pavetwin.scene.model import PLAIN_FINISH, TILE_M, DefectPatch, GroundKind, GroundPiece, Tile
 from pavetwin.scene.patches import averaged
+from pavetwin.scene.values import PLAIN_FINISH, TILE_M, DefectPatch, GroundKind, GroundPiece, Tile
 
 MOST_POINTS = 1 << 19
 """Texels baked at once: some 200 MB."""

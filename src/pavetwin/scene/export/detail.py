@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from pavetwin.errors import PaveTwinError, nearest_name
-from pavetwin.scene.model import TILE_M
+from pavetwin.scene.values import TILE_M
 
 FINEST_TEXEL_M, COARSEST_TEXEL_M = 0.005, 0.5
 

@@ -15,12 +15,12 @@ from pavetwin.plugins import load_plugins
 from pavetwin.scene.buildings import FACADE_REPEAT_M, FacadeTexture
 from pavetwin.scene.export.baking import BakedTexture, bake_patch, bake_tile, jpeg
 from pavetwin.scene.export.detail import PATCH_FINER, LevelOfDetail
-from pavetwin.scene.export.shared import SharedModels, attributes_of, indices_of
+from pavetwin.scene.export.glb_models import SharedModels, attributes_of, indices_of
 from pavetwin.scene.glb import TO_FILE, GlbWriter
 from pavetwin.scene.ground.materials.compose import MapPyramids
-from pavetwin.scene.model import TILE_M, Instance, Mesh, Model, Tile, TileKey, labelled_defect
 from pavetwin.scene.models import merged
 from pavetwin.scene.scene import Scene
+from pavetwin.scene.values import TILE_M, Instance, Mesh, Model, Tile, TileKey, labelled_defect
 from pavetwin.workers import OnTick, WorkerPool
 from pavetwin.world.model import Defect, World
 

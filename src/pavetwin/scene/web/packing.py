@@ -12,9 +12,9 @@ import numpy as np
 from pavetwin._core import __version__
 from pavetwin.arrays import Float64Array, FloatArray, Int16Array, UInt8Array
 from pavetwin.scene.buildings import FACADE_REPEAT_M, HouseDetail
-from pavetwin.scene.export.shared import indices_of
+from pavetwin.scene.export.glb_models import indices_of
 from pavetwin.scene.glb import GlbWriter
-from pavetwin.scene.model import TILE_M, Mesh
+from pavetwin.scene.values import TILE_M, Mesh
 
 FORMAT: Final = 1
 """Version of the manifest and the files; it changes with what a client needs to read them."""

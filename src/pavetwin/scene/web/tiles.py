@@ -13,7 +13,9 @@ from pavetwin.arrays import Float32Array, FloatArray, UInt8Array
 from pavetwin.scene.export.baking import bake_patch, bake_tile, jpeg
 from pavetwin.scene.glb import TO_FILE
 from pavetwin.scene.ground.materials.compose import MapPyramids, mean_reflectance
-from pavetwin.scene.model import (
+from pavetwin.scene.models import bounds, merged
+from pavetwin.scene.scene import Scene, tile_bounds
+from pavetwin.scene.values import (
     TILE_M,
     DefectPatch,
     FacadePiece,
@@ -25,8 +27,6 @@ from pavetwin.scene.model import (
     TileKey,
     labelled_defect,
 )
-from pavetwin.scene.models import bounds, merged
-from pavetwin.scene.scene import Scene, tile_bounds
 from pavetwin.scene.web.packing import DEFECT_TEXEL_M, DEFECTS_A_PART, PackedFile, WebLevel
 from pavetwin.world.model import Defect
 

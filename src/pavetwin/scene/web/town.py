@@ -20,11 +20,11 @@ from pavetwin.scene.buildings import FACADE_REPEAT_M
 from pavetwin.scene.export import tiles_of
 from pavetwin.scene.ground.styles import street_style
 from pavetwin.scene.light import Light, centre_lonlat
-from pavetwin.scene.model import TILE_M, TileKey
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.texture_cache import code_hash
+from pavetwin.scene.values import TILE_M, TileKey
 from pavetwin.scene.web.packing import DEFECTS_TO_M, FACADE_STEPS, FORMAT, WEB_LEVELS, WebLevel
-from pavetwin.scene.web.shared import LEAVES_CUT, facades_file, leaves_file, light_values, models_file
+from pavetwin.scene.web.shared_files import LEAVES_CUT, facades_file, leaves_file, light_values, models_file
 from pavetwin.scene.web.tiles import TileFiles
 from pavetwin.workers import OnTick, WorkerPool
 from pavetwin.world.cache import cached

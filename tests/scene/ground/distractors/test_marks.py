@@ -17,7 +17,7 @@ from pavetwin.scene.ground.markings.painter import Paint, paint
 from pavetwin.scene.ground.markings.placement import markings
 from pavetwin.scene.ground.styles import mark, street_style
 from pavetwin.scene.ground.styles.marking_standard import mark_names
-from pavetwin.scene.model import TILE_M
+from pavetwin.scene.values import TILE_M
 from scenes import built, tiny
 
 TOWN = "seattle_roosevelt"

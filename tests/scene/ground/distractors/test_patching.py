@@ -12,8 +12,8 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.scene.ground import GroundPlan, ground_pieces, plan_ground
 from pavetwin.scene.ground.styles import pavement, street_style, style_sha256
 from pavetwin.scene.ground.styles.street_style import RepairMaterials
-from pavetwin.scene.model import GroundKind
 from pavetwin.scene.patches import holes_of
+from pavetwin.scene.values import GroundKind
 from pavetwin.world.pavement_joints import joints_along
 from scenes import tiny
 

@@ -14,7 +14,7 @@ from pavetwin.scene.ground.layout.relief import KERB_M, Relief, heights
 from pavetwin.scene.ground.layout.surfaces import tile_box
 from pavetwin.scene.ground.markings.placement import parking_lines
 from pavetwin.scene.ground.mesh.ground_mesh import BAY_RIM_M, faces_of
-from pavetwin.scene.model import TILE_M, GroundKind
+from pavetwin.scene.values import TILE_M, GroundKind
 from pavetwin.world.model import LaneKind
 from pavetwin.world.parking import ParkingPlace, ParkingPosition
 from scenes import built

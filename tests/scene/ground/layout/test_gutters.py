@@ -9,8 +9,8 @@ import shapely
 from pavetwin.defects import DefectOptions, place
 from pavetwin.scene.ground import GroundPlan, ground_pieces, plan_ground
 from pavetwin.scene.ground.layout.kerbside import TAPER_M
-from pavetwin.scene.model import TILE_M, GroundKind
 from pavetwin.scene.patches import holes_of
+from pavetwin.scene.values import TILE_M, GroundKind
 from pavetwin.world.pavement_joints import GUTTER_M, has_gutter
 from scenes import built
 

@@ -14,7 +14,7 @@ from pavetwin.scene.ground.markings.placement import markings
 from pavetwin.scene.ground.materials.compose import PAINTS, surface
 from pavetwin.scene.ground.materials.grain import blurred
 from pavetwin.scene.ground.materials.sampling import Pyramid, linear_of_srgb, srgb_of_linear
-from pavetwin.scene.model import MAP_MARGIN_M, MAP_PX, SIGNED_DISTANCE_M, TILE_M, GroundKind, GroundMaps
+from pavetwin.scene.values import MAP_MARGIN_M, MAP_PX, SIGNED_DISTANCE_M, TILE_M, GroundKind, GroundMaps
 from scenes import built, tiny
 
 TEXEL_M = (TILE_M + 2 * MAP_MARGIN_M) / MAP_PX

@@ -19,8 +19,8 @@ from pavetwin.scene.ground.maps.raster import RasterGrid, filled
 from pavetwin.scene.ground.materials.compose import surface
 from pavetwin.scene.ground.styles import pavement, street_style
 from pavetwin.scene.ground.styles.pavement import pavement_names
-from pavetwin.scene.model import MAP_MARGIN_M, MAP_PX, TILE_M
 from pavetwin.scene.scene import Scene
+from pavetwin.scene.values import MAP_MARGIN_M, MAP_PX, TILE_M
 from scenes import tiny
 
 TEXEL_M = (TILE_M + 2 * MAP_MARGIN_M) / MAP_PX

@@ -8,8 +8,8 @@ import shapely
 from shapely import affinity
 
 from pavetwin.scene.ground import plan_ground
+from pavetwin.scene.ground.ground_plan import GroundPlan
 from pavetwin.scene.ground.markings.placement import CROSSING_KERB_M
-from pavetwin.scene.ground.plan import GroundPlan
 from scenes import built
 
 

@@ -11,7 +11,7 @@ from pavetwin.scene.ground.markings.painter import Paint
 from pavetwin.scene.ground.markings.placement import markings
 from pavetwin.scene.ground.styles import street_style
 from pavetwin.scene.ground.styles.street_style import FormerKind, FormerMarkings
-from pavetwin.scene.model import TILE_M
+from pavetwin.scene.values import TILE_M
 from scenes import built
 
 

@@ -18,7 +18,7 @@ from pavetwin.scene.ground.layout.relief import DROPPED, KERB_M, Relief
 from pavetwin.scene.ground.layout.surfaces import tile_box
 from pavetwin.scene.ground.mesh.ground_mesh import SPECK_M2, faces_of
 from pavetwin.scene.ground.styles.street_style import SidewalkPaving
-from pavetwin.scene.model import TILE_M, GroundKind, GroundPiece
+from pavetwin.scene.values import TILE_M, GroundKind, GroundPiece
 from pavetwin.world.model import LaneKind
 from scenes import built
 

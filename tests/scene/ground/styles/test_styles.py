@@ -16,9 +16,9 @@ from pavetwin.scene.ground.mesh.ground_mesh import faces_of
 from pavetwin.scene.ground.styles import pavement, street_style, style_names, style_sha256
 from pavetwin.scene.ground.styles.pavement import pavement_names
 from pavetwin.scene.ground.styles.street_style import RepairMaterials
-from pavetwin.scene.model import TILE_M, GroundKind
 from pavetwin.scene.patches import holes_of
 from pavetwin.scene.scene import Scene
+from pavetwin.scene.values import TILE_M, GroundKind
 from pavetwin.world.model import World
 from scenes import built, tiny
 

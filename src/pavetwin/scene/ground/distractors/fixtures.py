@@ -9,7 +9,7 @@ import shapely
 from shapely import Point
 
 from pavetwin.arrays import Float64Array
-from pavetwin.scene.ground.distractors.beside_cracks import cover_places
+from pavetwin.scene.ground.distractors.crack_features import cover_places
 from pavetwin.scene.ground.layout.lines import direction
 from pavetwin.scene.ground.layout.relief import heights
 from pavetwin.scene.ground.layout.streets import StreetPlan

@@ -8,7 +8,7 @@ import shapely
 from shapely import LineString, Point, STRtree
 
 from pavetwin.arrays import Float64Array
-from pavetwin.scene.ground.distractors.beside_cracks import SlabCracks
+from pavetwin.scene.ground.distractors.crack_features import SlabCracks
 from pavetwin.scene.ground.layout.lines import LineFrame
 from pavetwin.scene.ground.layout.streets import StreetPlan
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout

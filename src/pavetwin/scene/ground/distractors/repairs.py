@@ -12,7 +12,7 @@ import shapely
 from shapely import Polygon
 
 from pavetwin.arrays import Float64Array
-from pavetwin.scene.ground.distractors.beside_cracks import SlabCracks, lane_joints_cracked, patch_bars
+from pavetwin.scene.ground.distractors.crack_features import SlabCracks, lane_joints_cracked, patch_bars
 from pavetwin.scene.ground.distractors.fixtures import Fixture, plugs
 from pavetwin.scene.ground.distractors.patching import Patching, junction_repairs
 from pavetwin.scene.ground.distractors.segment_marks import (

@@ -5,7 +5,7 @@ from typing import Final
 
 from pavetwin.scene.ground.materials.detail_textures import CHIPS, CONCRETE_REFLECTANCE, DENSE
 from pavetwin.scene.ground.styles import Pavement
-from pavetwin.scene.model import PLAIN_FINISH, Finish, GroundKind
+from pavetwin.scene.values import PLAIN_FINISH, Finish, GroundKind
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ class Approach:
     street: StreetPlan
     junction: Junction
     lanes: int
-    """Cosine of its direction."""
+    """Number of lanes that lead the same way."""
 
 
 @dataclass(frozen=True)

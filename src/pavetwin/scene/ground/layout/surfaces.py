@@ -17,7 +17,7 @@ from pavetwin.scene.ground.layout.lines import Edges
 from pavetwin.scene.ground.layout.paved import Ageing, PavedSurface, ageing
 from pavetwin.scene.ground.layout.streets import Approach, Path, StreetPlan, paths_of
 from pavetwin.scene.ground.styles import Pavement, StreetStyle
-from pavetwin.scene.model import TILE_M, Finish, GroundKind
+from pavetwin.scene.values import TILE_M, Finish, GroundKind
 from pavetwin.world.model import Direction, FurnitureKind, Lane, LaneKind, Segment, World
 from pavetwin.world.pavement_joints import SLAB_SHARE, has_slabs
 

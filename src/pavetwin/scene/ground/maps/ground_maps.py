@@ -6,12 +6,12 @@ import numpy as np
 import shapely
 
 from pavetwin.arrays import Float32Array, UInt8Array
+from pavetwin.scene.ground.ground_plan import GroundPlan
 from pavetwin.scene.ground.maps.noise_tables import noise_tables
 from pavetwin.scene.ground.maps.raster import RasterGrid, bytes_of, outlines, painted, tracks, widened
 from pavetwin.scene.ground.maps.weathering import weathering
 from pavetwin.scene.ground.materials.sampling import smoothstep
-from pavetwin.scene.ground.plan import GroundPlan
-from pavetwin.scene.model import MAP_PX, SIGNED_DISTANCE_M, GroundMaps
+from pavetwin.scene.values import MAP_PX, SIGNED_DISTANCE_M, GroundMaps
 
 PAINT_UNEVEN_M: Final = 0.0035
 """Standard deviation of the edges of paint, from application and from wear."""

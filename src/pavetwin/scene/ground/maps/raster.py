@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pavetwin._core import raster_covered, raster_painted, raster_tracks
 from pavetwin.arrays import BoolArray, Float32Array, Float64Array, IndexArray, Int32Array, UInt8Array
-from pavetwin.scene.model import MAP_MARGIN_M, MAP_PX, TILE_M
+from pavetwin.scene.values import MAP_MARGIN_M, MAP_PX, TILE_M
 
 SIDE_M: Final = TILE_M + 2 * MAP_MARGIN_M
 

@@ -13,14 +13,14 @@ from shapely.geometry.base import BaseGeometry
 from pavetwin._core import raster_weathered
 from pavetwin.arrays import Float32Array, Float64Array, UInt8Array
 from pavetwin.scene.ground.distractors.repairs import WHEELS_M
+from pavetwin.scene.ground.ground_plan import GroundPlan
 from pavetwin.scene.ground.layout.lines import ways_along
 from pavetwin.scene.ground.layout.relief import KERB_WIDTH_M
 from pavetwin.scene.ground.layout.surfaces import tile_box
 from pavetwin.scene.ground.maps.noise_tables import NoiseTables, noise_tables
 from pavetwin.scene.ground.maps.raster import RasterGrid, Tracks, covered, filled, tracks, widened
 from pavetwin.scene.ground.materials.sampling import smoothstep
-from pavetwin.scene.ground.plan import GroundPlan
-from pavetwin.scene.model import MAP_MARGIN_M, MAP_PX
+from pavetwin.scene.values import MAP_MARGIN_M, MAP_PX
 
 STEPS: Final = 128
 """Levels of a factor of 1, as the map itself has them."""

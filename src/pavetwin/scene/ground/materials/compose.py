@@ -39,7 +39,7 @@ import numpy as np
 from pavetwin.arrays import Float32Array, FloatArray
 from pavetwin.scene.ground.materials.detail_textures import details
 from pavetwin.scene.ground.materials.sampling import Pyramid, linear_of_srgb, smoothstep
-from pavetwin.scene.model import MAP_MARGIN_M, PLAIN_FINISH, SIGNED_DISTANCE_M, TILE_M, Finish, GroundKind, GroundMaps
+from pavetwin.scene.values import MAP_MARGIN_M, PLAIN_FINISH, SIGNED_DISTANCE_M, TILE_M, Finish, GroundKind, GroundMaps
 
 LOOSE: Final = frozenset(
     {GroundKind.ASPHALT, GroundKind.GRASS, GroundKind.EARTH, GroundKind.CHIP_SEAL, GroundKind.SLABS}
@@ -79,7 +79,7 @@ GRAINS_MELTED_M: Final = 0.010
 """Paint wears off stones of 3 to 10 mm: pixels below the first size resolve them, pixels above the second do not."""
 
 MEAN_HEIGHT: Final = 0.56
-"""Period of asphalt's grain."""
+"""Of asphalt's grain, 0 … 1."""
 
 
 @dataclass(frozen=True)

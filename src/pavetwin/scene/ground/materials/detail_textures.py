@@ -13,8 +13,8 @@ import numpy as np
 from pavetwin.arrays import AnyArray, Float32Array, FloatArray, Int64Array
 from pavetwin.memory import give_back
 from pavetwin.scene.ground.materials.grain import SIDE_PX, blurred, cells, detail, float32, noise, stones
-from pavetwin.scene.model import Detail, GroundKind
 from pavetwin.scene.texture_cache import kept
+from pavetwin.scene.values import Detail, GroundKind
 from pavetwin.seeds import Stream, child
 
 SIZE_M: Final = 2.0

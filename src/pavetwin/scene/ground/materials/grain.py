@@ -6,7 +6,7 @@ import numpy as np
 
 from pavetwin.arrays import Float32Array, FloatArray
 from pavetwin.scene.ground.materials.sampling import srgb_of_linear
-from pavetwin.scene.model import Detail
+from pavetwin.scene.values import Detail
 
 SIDE_PX: Final = 1024
 """Side of every detail texture [texels], so that they fit one array of a renderer."""

@@ -15,10 +15,10 @@ from pavetwin.arrays import Float64Array
 from pavetwin.scene.agents import upright
 from pavetwin.scene.appearance import tints
 from pavetwin.scene.ground.distractors.fixtures import LEAVES, LITTER, MODULE_M
+from pavetwin.scene.ground.ground_plan import GroundPlan
 from pavetwin.scene.ground.layout.surfaces import tile_box
-from pavetwin.scene.ground.plan import GroundPlan
-from pavetwin.scene.model import TILE_M, Instance, Mesh, Model
 from pavetwin.scene.models import BODY
+from pavetwin.scene.values import TILE_M, Instance, Mesh, Model
 from pavetwin.seeds import Stream, child
 
 Layer = tuple[BaseGeometry, float, tuple[float, float, float], float, float]

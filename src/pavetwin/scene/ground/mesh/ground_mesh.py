@@ -11,6 +11,7 @@ from shapely import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float32Array, Float64Array, Int64Array, UInt32Array
+from pavetwin.scene.ground.ground_plan import GroundPlan
 from pavetwin.scene.ground.layout.kerbside import BEHIND_M
 from pavetwin.scene.ground.layout.lines import ways_along
 from pavetwin.scene.ground.layout.paved import PLAIN
@@ -25,8 +26,7 @@ from pavetwin.scene.ground.layout.relief import (
     Relief,
 )
 from pavetwin.scene.ground.layout.surfaces import tile_box
-from pavetwin.scene.ground.plan import GroundPlan
-from pavetwin.scene.model import PLAIN_FINISH, TILE_M, Finish, GroundKind, GroundPiece, Mesh
+from pavetwin.scene.values import PLAIN_FINISH, TILE_M, Finish, GroundKind, GroundPiece, Mesh
 
 SHOULDER_M: Final = 0.8
 """Bare strip along a carriageway without a kerb."""

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from pavetwin.config.named import names_in, read_named
 from pavetwin.config.settings import NUMBER, PlacedValueError, Settings, Share, Title
 from pavetwin.scene.ground.styles.values import ValueRange, Within
-from pavetwin.scene.model import GroundKind
+from pavetwin.scene.values import GroundKind
 
 PACKAGE: Final = "pavetwin.scene.ground.styles"
 

@@ -16,7 +16,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.scene.ground.styles.marking_standard import mark, marking_standard
 from pavetwin.scene.ground.styles.pavement import PACKAGE, Factor, Pavement, pavement
 from pavetwin.scene.ground.styles.values import ValueRange, Within, pick, whole
-from pavetwin.scene.model import Finish, GroundKind
+from pavetwin.scene.values import Finish, GroundKind
 
 OWN: Final = "own"
 """The pavement of the street itself."""

@@ -16,7 +16,7 @@ from pavetwin.arrays import Float64Array, UInt8Array
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.instances import InstanceBatch, PartTable
 from pavetwin.render.meshes import GpuMesh, upload_facades, upload_ground, upload_kerbs, upload_patch
-from pavetwin.scene.model import DefectPatch, Detail, GroundKind, GroundMaps, Model, Tile, TileKey
+from pavetwin.scene.values import DefectPatch, Detail, GroundKind, GroundMaps, Model, Tile, TileKey
 
 TILES_HELD: Final = 192
 """Tiles on the device, each of 1 MB at most."""

@@ -14,10 +14,10 @@ from pavetwin.scene.export.baking import jpeg
 from pavetwin.scene.foliage import CUT, leaf_atlas
 from pavetwin.scene.ground.materials.sampling import srgb_of_linear
 from pavetwin.scene.light import LUMINANCE, Light, harmonics
-from pavetwin.scene.model import Mesh
 from pavetwin.scene.models import SHADOW
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.texture_cache import kept
+from pavetwin.scene.values import Mesh
 from pavetwin.scene.web.packing import CROWN_TRIANGLES, MODEL_TRIANGLES, PackedFile
 
 _MOST_LEVELS: Final = 8

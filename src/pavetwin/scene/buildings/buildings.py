@@ -15,7 +15,7 @@ from pavetwin.scene.buildings.faces import Faces
 from pavetwin.scene.buildings.roofs import RoofPlan, build_roof, plan_roof
 from pavetwin.scene.buildings.styles import HouseDetail, Situation, style_of
 from pavetwin.scene.buildings.walls import Wall, WallBuilder
-from pavetwin.scene.model import FacadePiece
+from pavetwin.scene.values import FacadePiece
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import World
 

@@ -12,7 +12,7 @@ from pavetwin.arrays import BoolArray, Float32Array, FloatArray, UInt8Array, UIn
 from pavetwin.scene.foliage import CUT, leaf_atlas
 from pavetwin.scene.glb import INDICES, GlbWriter, to_file_axes
 from pavetwin.scene.ground.materials.sampling import srgb_of_linear
-from pavetwin.scene.model import Instance, Mesh, Model
+from pavetwin.scene.values import Instance, Mesh, Model
 
 TINT_STEPS: Final = 64
 """Colours of individuals are rounded to this many steps, so that many share a mesh."""

@@ -15,8 +15,8 @@ from pavetwin.files import writing
 from pavetwin.scene.export.detail import USUAL, Estimate, estimated, level_named
 from pavetwin.scene.export.glb_parts import Job, SceneWriter, TilePiece, make_pieces
 from pavetwin.scene.glb import LARGEST, GlbWriter
-from pavetwin.scene.model import TILE_M, Instance, TileKey
 from pavetwin.scene.scene import Scene, keys_of, tile_bounds
+from pavetwin.scene.values import TILE_M, Instance, TileKey
 from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.traffic.recording import Recording
 from pavetwin.world.ground import Bounds

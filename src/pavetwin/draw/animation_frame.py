@@ -12,7 +12,7 @@ from PIL import Image
 from pavetwin.arrays import AnyArray, Float64Array, GeometryArray
 from pavetwin.draw import style
 from pavetwin.draw.ground_raster import SMOOTHING, GroundRaster, Pen
-from pavetwin.draw.marks import DefectOutcome, rectangles
+from pavetwin.draw.mission_marks import DefectOutcome, rectangles
 from pavetwin.draw.mission_style import (
     AGENT_COLOURS,
     HIDDEN,

@@ -205,7 +205,7 @@ class DefectPatch:
     lost: UInt8Array
     """(rows, columns): share of the road's surface that is gone, with the paint and sealant on it, 0 … 255."""
     kind: GroundKind = GroundKind.ASPHALT
-    """Finish of the pavement that it lies in."""
+    """Kind and finish of the pavement that it lies in."""
     finish: Finish = PLAIN_FINISH
 
 
