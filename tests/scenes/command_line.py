@@ -59,5 +59,5 @@ def plain_refusal(done: subprocess.CompletedProcess[str]) -> str:
 
 
 def without_progress(text: str) -> list[str]:
-    """The lines of a terminal's text but those that say, on a slow machine, what is being done and how far it is."""
-    return [line for line in text.splitlines() if not re.search(r"( …|\(\d+ ?%\))$", line)]
+    """The lines of an error stream without those of progress, which a slow machine prints."""
+    return [line for line in text.splitlines() if not re.search(r"( …|\(\d+ ?%(, .* left)?\))$", line)]
