@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pavetwin.capture.recipe import CAPTURES, JOINED, SyntheticRecipe, SyntheticSummary, build_synthetic
-from pavetwin.cli.data_build import _parts
+from pavetwin.cli.data import _parts
 from pavetwin.errors import PaveTwinError
 from pavetwin.training.datasets.packs import read_examples
 from pavetwin.training.datasets.recipe import RecipePack, pack

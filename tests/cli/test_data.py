@@ -56,7 +56,7 @@ def test_sources_are_listed_with_page_and_licence() -> None:
     [
         (("uadp", "photos", "-o", "out"), "no dataset source 'uadp' (did you mean 'uapd'?)"),
         (("uapd", "nowhere", "-o", "out"), "There is no folder 'nowhere'"),
-        (("uapd", "photos"), "Give the folder of the new dataset with -o"),
+        (("uapd", "photos"), "Missing option '--output'"),
         (("uapd", "photos", "-o", "out", "--longest", "10"), "--longest: it must be greater than or equal to 64"),
         (("uapd", "photos", "-o", "out", "--gsd", "0"), "gsd_mm: it must be greater than 0"),
     ],
@@ -86,7 +86,7 @@ def test_datasets_are_merged_and_shown(photos: Path, tmp_path: Path) -> None:
     assert blue[:132].sum() > 200
     assert blue[132:].sum() > 50
     assert "end its name in .png or .jpg" in plain_refusal(pavetwin("data", "show", tmp_path / "all", "-o", "x.gif"))
-    assert "Give the folder of the new dataset" in plain_refusal(pavetwin("data", "merge", tmp_path / "one"))
+    assert "Missing option '--output'" in plain_refusal(pavetwin("data", "merge", tmp_path / "one"))
 
 
 def test_a_dataset_is_split_and_exported(tmp_path: Path) -> None:

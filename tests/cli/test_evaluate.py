@@ -67,7 +67,7 @@ def test_a_report_is_written(place: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        (("found.json", "town"), "Error: Name the folder of the report with -o"),
+        (("found.json", "town"), "Missing option '--output'"),
         (("best.pt", "town", "-o", "n"), "Error: Evaluating weights needs PyTorch, which is an extra; install it with"),
         (("nosuch.json", "town", "-o", "n"), "Error: 'nosuch.json' cannot be read (No such file or directory)."),
         (("render", "town", "-o", "n"), "Error: There is no model 'render': name one that ships"),

@@ -80,7 +80,7 @@ def test_streets_that_are_not_connected_are_said_to_be_left_out(
     [
         (["nowhere.osm", "-o", "x"], "does not exist"),
         (["-o", "x"], "either a SOURCE file or --generate"),
-        (["--generate", "town"], "with -o"),
+        (["--generate", "town"], "Missing option '--output'"),
         (["--generate", "toun", "-o", "x"], "did you mean 'town'"),
         (["--generate", "town", "-o", "x", "--anchor", "100,0"], "not a place"),
         (["--generate", "town", "-o", "x", "--seed", "-1"], "seed"),

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pavetwin.cli.console import out, progress
+from pavetwin.cli.console import out, progress, table
 from pavetwin.errors import PaveTwinError, about, no_such
 from pavetwin.files import check_target, writing
 
@@ -120,7 +120,10 @@ def compare(
             rows.append(row)
             report(len(rows) / total)
     rows = with_speeds(rows, "n, untrained")
-    _tell(HEADINGS, [cells(row) for row in rows])
+    shown = table(*HEADINGS)
+    for row in rows:
+        shown.add_row(*cells(row))
+    out.print(shown)
     out.line(f"\nFPS on {processor()}, {threads or os.cpu_count()} threads.")
     if output is not None:
         with writing(output) as temporary:
@@ -137,14 +140,3 @@ def _has_torch() -> bool:
     from importlib.util import find_spec
 
     return all(find_spec(name) is not None for name in ("torch", "torchvision", "onnx", "onnxscript"))
-
-
-def _tell(headings: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for at, heading in enumerate(headings):
-        table.add_column(heading, justify="right" if at else "left", no_wrap=True)
-    for row in rows:
-        table.add_row(*row)
-    out.print(table)

@@ -20,6 +20,7 @@ from pavetwin.errors import CacheWarning
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
+    from rich.table import Table
 
     from pavetwin.world.model import World
 
@@ -106,15 +107,15 @@ class Lines:
                 self._stage, self._tenth, self._due_s = stage, 0, time.monotonic() + STAGE_S
             if self._tenths and tenth > self._tenth:
                 self._tenth = tenth
-                self._tell()
+                self._print_line()
 
     def _remind(self) -> None:
         while not self._ended.wait(STAGE_S / 8):
             with self._lock:
                 if time.monotonic() > self._due_s:
-                    self._tell()
+                    self._print_line()
 
-    def _tell(self) -> None:
+    def _print_line(self) -> None:
         self._due_s = time.monotonic() + LINE_S
         left = "" if self._remaining_s is None else f", {timedelta(seconds=round(self._remaining_s))} left"
         sys.stderr.write(f"{self._text} ({self._share:.0%}{left})\n" if self._share else f"{self._text} …\n")
@@ -142,17 +143,26 @@ def progress(what: str, *, lines: bool = False) -> Iterator[Bar | Lines]:
         yield Bar(bar, what)
 
 
+def table(*headings: str, **options: Any) -> "Table":
+    """A plain table; the first column is aligned to the left, the others to the right.
+
+    Args:
+        options: attributes of the table, see `rich.table.Table`.
+    """
+    from rich.table import Table
+
+    made = Table(**{"box": None, "pad_edge": False, "header_style": "bold", **options})
+    for at, heading in enumerate(headings):
+        made.add_column(heading, justify="right" if at else "left", no_wrap=True)
+    return made
+
+
 def note_fonts(*worlds: "World") -> None:
     """Print the missing font package where images could not show the names of streets."""
     from pavetwin.draw.fonts import remark
 
     for words in dict.fromkeys(filter(None, map(remark, worlds))):
         out.line(f"Note: {words}")
-
-
-def counted(count: int, one: str, many: str | None = None) -> str:
-    """`1 mission`, `720 missions`."""
-    return f"{count:,} {one if count == 1 else many or one + 's'}".replace(",", "\u2009")
 
 
 def fail(message: str) -> None:
@@ -186,7 +196,7 @@ def quiet() -> Iterator[None]:
             if not sys.warnoptions:
                 warnings.simplefilter("ignore")
                 warnings.simplefilter("once", CacheWarning)
-                warnings.showwarning = _tell
+                warnings.showwarning = _show_warning
             yield
     finally:
         os.dup2(terminal, STDERR)
@@ -197,7 +207,7 @@ def quiet() -> Iterator[None]:
             sys.stderr = own
 
 
-def _tell(
+def _show_warning(
     message: Warning | str,
     category: type[Warning],  # noqa: ARG001 - the signature of `warnings.showwarning`
     filename: str,  # noqa: ARG001

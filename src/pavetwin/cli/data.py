@@ -3,16 +3,108 @@
 import re
 from pathlib import Path
 from shlex import quote
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pavetwin.cli import data_build
 from pavetwin.cli.commands import Commands
-from pavetwin.cli.console import out, progress
-from pavetwin.cli.data_tables import REFUSED_CODE, balance_table, counts_table, print_report, splits_table
-from pavetwin.cli.options import DatasetFolder, SheetCount, SheetFile, split_shares
+from pavetwin.cli.console import err, out, progress, table
+from pavetwin.cli.options import DatasetFolder, Jobs, SheetCount, SheetFile, split_shares
 from pavetwin.errors import PaveTwinError, naming, no_such
+from pavetwin.reports.words import counted
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from pavetwin.capture.recipe import JoinedImages, SyntheticRecipe, SyntheticSummary
+    from pavetwin.labels.common_form import DatasetCounts
+    from pavetwin.training.datasets.allocation import CopyPlan
+    from pavetwin.training.datasets.balancing import BalanceSummary
+    from pavetwin.training.datasets.compositing import CompositeSummary
+    from pavetwin.training.datasets.importing import ImportSummary
+    from pavetwin.training.datasets.recipe import BuildSummary, Recipe, RecipePack
+    from pavetwin.training.datasets.report import Report
+    from pavetwin.training.datasets.splitting import SplitShares
+
+
+NewDataset = Annotated[Path, typer.Option("--output", "-o", help="Folder of the new dataset.")]
+
+REFUSED_CODE = 1
+"""Exit code where files of a source were refused; the others are in the dataset."""
+
+SHOWN = 20
+"""Lines of a report on the terminal; all are in its file."""
+
+NOTES_SHOWN = 3
+"""Notes on the terminal: a merge has one for every two pictures of one place."""
+
+
+def print_report(report: "Report", folder: Path) -> None:
+    """The report's first lines, refusals first, on the error stream; and where all of it is."""
+    from pavetwin.training.datasets.report import FILE, UNLABELLED, Finding
+
+    order = list(Finding)
+    lines = sorted(report, key=lambda problem: order.index(problem.finding))
+    found = [problem for problem in lines if problem.finding is not Finding.NOTE]
+    notes = [problem for problem in lines if problem.finding is Finding.NOTE]
+    for problem in found[:SHOWN] + notes[:NOTES_SHOWN]:
+        err.line(f"{problem.finding.value}: {problem}")
+    if lines:
+        counts = ", ".join(f"{report.counts[each]} {each.value}" for each in order if report.counts[each])
+        more = f" but {report.unlisted}, which are only counted" if report.unlisted else ""
+        err.line(f"{counts}; all{more} in {folder / FILE}")
+    if report.unlabelled:
+        err.line(
+            f"Pictures without a label: {folder / UNLABELLED}. Look at them; those that show nothing of any class are "
+            "kept as background if this list is given (--background, or `background` of a recipe)."
+        )
+
+
+def splits_table(found: "SplitShares") -> "Table":
+    """A row a class: the share of its instances in each split."""
+    from pavetwin.labels import SPLITS
+
+    made = table("share of", *(f"{name} %" for name in SPLITS))
+    for name, shares in found.shares.items():
+        made.add_row(name, *(f"{100 * share:.1f}" for share in shares))
+    return made
+
+
+def balance_table(plan: "CopyPlan") -> "Table":
+    """A row a class that the dataset shows: its instances before and after."""
+    from pavetwin.labels.common_form import class_names
+
+    made = table("instances of", "before", "after", "of target %")
+    for name, before, after in zip(class_names(), plan.present.tolist(), plan.reached.tolist(), strict=True):
+        if before:
+            made.add_row(name, str(before), str(after), f"{100 * after / plan.target:.1f}")
+    return made
+
+
+def counts_table(title: str, counts: "DatasetCounts") -> "Table":
+    """A row a source, and the sums."""
+    from pavetwin.labels.common_form import class_names
+
+    several = len(counts.sources) > 1
+    made = table(title=title, title_justify="left", show_footer=several)
+    made.add_column("source", "all", no_wrap=True)
+    for name in class_names():
+        made.add_column(name.replace(" ", "\n"), str(counts.of_class(name)), justify="right", vertical="bottom")
+    sums = (
+        ("ignored", counts.ignored),
+        ("images\nannotated", counts.annotated),
+        ("images\nbackground", counts.background),
+        ("images\ntotal", counts.annotated + counts.background),
+    )
+    for heading, counter in sums:
+        made.add_column(heading, str(counter.total()), justify="right", vertical="bottom")
+    made.add_column("scenes", str(sum(map(len, counts.groups.values()))), justify="right", vertical="bottom")
+    for source in counts.sources:
+        cells = [counts.instances[source, name] for name in class_names()]
+        cells += [counter[source] for _, counter in sums]
+        made.add_row(source, *map(str, cells), str(len(counts.groups[source])))
+    return made
+
 
 app = Commands(
     help="""Convert public datasets and your own images into one form, count them and look at them.
@@ -26,9 +118,6 @@ app = Commands(
     The five classes are Single Crack, Crocodile Crack, Pothole, Person and Car.""",
     no_args_is_help=True,
 )
-
-
-app.command()(data_build.build)
 
 
 @app.command("sources")
@@ -49,13 +138,11 @@ def list_sources() -> None:
         out.line("  " + "; ".join(f"{', '.join(labels)} → {outcome}" for outcome, labels in becomes.items()))
 
 
-@app.command(
-    "import",
-)
+@app.command("import")
 def import_folder(
     source: Annotated[str, typer.Argument(help="{sources}, or a mapping file of your own (mine.yaml).")],
     folder: Annotated[Path, typer.Argument(help="Folder of the unpacked dataset.")],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the new dataset.")] = None,
+    output: NewDataset,
     longest: Annotated[int, typer.Option(help="Longer side of images in pixels, at most.")] = 640,
     tiles: Annotated[
         bool, typer.Option("--tiles", help="Cut larger images into tiles instead: thin cracks vanish when shrunk.")
@@ -87,8 +174,6 @@ def import_folder(
     from pavetwin.training.datasets.resizing import ImageSize
     from pavetwin.training.datasets.sources import source_of
 
-    if output is None:
-        raise PaveTwinError("Give the folder of the new dataset with -o, for example -o datasets/pdd.")
     backgrounds = backgrounds_in(background) if background is not None else frozenset()
     name, found = source_of(source)
     if gsd is not None:
@@ -104,8 +189,16 @@ def import_folder(
         summary = import_source(name, found, folder, output, size=size, backgrounds=backgrounds, on_image=on_image)
     print_report(summary.report, output)
     summary.refuse_empty()
-    images = "1 image" if summary.images == 1 else f"{summary.images} images"
-    out.line(f"{images} in {output}/. Next: pavetwin data stats {quote(str(output))}")
+    _end(summary, output, "stats")
+
+
+def _end(summary: "ImportSummary | BalanceSummary | CompositeSummary", output: Path, then: str) -> None:
+    """Print the number of images and the next command.
+
+    Raises:
+        typer.Exit: files were refused.
+    """
+    out.line(f"{counted(summary.images, 'image')} in {output}/. Next: pavetwin data {then} {quote(str(output))}")
     if summary.report.has_refusals:
         raise typer.Exit(REFUSED_CODE)
 
@@ -115,7 +208,7 @@ def merge(
     datasets: Annotated[
         list[Path], typer.Argument(help="Folders of datasets; of a picture that is in two, the first counts.")
     ],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the new dataset.")] = None,
+    output: NewDataset,
 ) -> None:
     """Merge datasets into one: pictures that are there more than once are kept once.
 
@@ -126,20 +219,16 @@ def merge(
     """
     from pavetwin.training.datasets.merging import merge as merged
 
-    if output is None:
-        raise PaveTwinError("Give the folder of the new dataset with -o, for example -o datasets/all.")
     with progress("Merging", lines=True) as update:
         summary = merged(datasets, output, on_progress=update)
     print_report(summary.report, output)
-    out.line(f"{summary.images} images in {output}/. Next: pavetwin data stats {quote(str(output))}")
-    if summary.report.has_refusals:
-        raise typer.Exit(REFUSED_CODE)
+    _end(summary, output, "stats")
 
 
 @app.command()
 def balance(
     dataset: DatasetFolder,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the new dataset.")] = None,
+    output: NewDataset,
     target: Annotated[
         int | None, typer.Option(help="Instances of each class, at least; with --leave-out exactly so many.")
     ] = None,
@@ -160,8 +249,6 @@ def balance(
     from pavetwin.training.datasets.balancing import BalanceSettings
     from pavetwin.training.datasets.balancing import balance as balanced
 
-    if output is None:
-        raise PaveTwinError("Give the folder of the new dataset with -o, for example -o datasets/balanced.")
     values = {"target": target, "leave_out": leave_out, "copies": copies}
     with naming({"target": "--target", "copies": "--copies"}):
         settings = BalanceSettings.parse(values, where="The balance")
@@ -169,15 +256,13 @@ def balance(
         summary = balanced(dataset, output, settings, seed=seed, on_progress=update)
     print_report(summary.report, output)
     out.print(balance_table(summary.plan))
-    out.line(f"{summary.images} images in {output}/. Next: pavetwin data show {quote(str(output))}")
-    if summary.report.has_refusals:
-        raise typer.Exit(REFUSED_CODE)
+    _end(summary, output, "show")
 
 
 @app.command()
 def composite(
     dataset: DatasetFolder,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the new dataset.")] = None,
+    output: NewDataset,
     objects: Annotated[
         str, typer.Option(help="Sources to cut people and vehicles out of, with commas, as in uav-cars,uav-people.")
     ] = "uav-cars,uav-people",
@@ -207,8 +292,6 @@ def composite(
     """
     from pavetwin.training.datasets.compositing import CompositeSettings, compose
 
-    if output is None:
-        raise PaveTwinError("Give the folder of the new dataset with -o, for example -o datasets/mixed.")
     if not roads:
         raise PaveTwinError("Name sources that show roads from above with --roads, for example --roads uav-pdd2023.")
     values = {
@@ -227,9 +310,7 @@ def composite(
     print_report(summary.report, output)
     cut = " and ".join(f"{count} of {name}" for name, count in sorted(summary.cut_outs.items())) or "none"
     out.line(f"Cut-outs: {cut}. Composites: {summary.composites}.")
-    out.line(f"{summary.images} images in {output}/. Next: pavetwin data show {quote(str(output))}")
-    if summary.report.has_refusals:
-        raise typer.Exit(REFUSED_CODE)
+    _end(summary, output, "show")
 
 
 @app.command()
@@ -255,7 +336,7 @@ def split(
 @app.command()
 def export(
     dataset: Annotated[Path, typer.Argument(help="Folder of a dataset that is split.")],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder to write to.")] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")],
     formats: Annotated[str, typer.Option(help="Any of yolo, yolo-seg, coco, with commas.")] = "yolo,coco",
 ) -> None:
     """Write a split dataset as YOLO (boxes or polygons) or COCO; pictures are linked.
@@ -265,8 +346,6 @@ def export(
     """
     from pavetwin.training.datasets.exporting import export as exported
 
-    if output is None:
-        raise PaveTwinError("Give the folder to write to with -o, for example -o datasets/all-yolo.")
     with progress("Exporting", lines=True):
         counts = exported(dataset, output, tuple(re.split(r"[,\s]+", formats.strip())))
     written = ", ".join(f"{count} images as {name}" for name, count in counts.items())
@@ -278,7 +357,7 @@ def export(
 @app.command()
 def pack(
     datasets: Annotated[list[Path], typer.Argument(help="Folders with COCO files: exported datasets and captures.")],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="File to write.")] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="File to write.")],
     max_mb: Annotated[float, typer.Option(help="Size of the file in millions of bytes, at most.")] = 60.0,
     quality: Annotated[int, typer.Option(help="WebP quality, 1 to 100; lowered if the file would be too large.")] = 90,
     longest: Annotated[
@@ -295,8 +374,6 @@ def pack(
     from pavetwin.labels import SPLITS
     from pavetwin.training.datasets.packs import PackOptions, read_examples, write_pack
 
-    if output is None:
-        raise PaveTwinError("Give the file to write with -o, for example -o all.pack.")
     names = tuple(re.split(r"[,\s]+", splits.strip()))
     for name in names:
         if name not in SPLITS:
@@ -345,3 +422,146 @@ def show(
     with progress("Drawing"):
         drawn = save_dataset_sheet(dataset, path, count=count)
     out.line(f"{drawn} images on {path}")
+
+
+SYNTHETIC_KEYS = ("worlds", "captures")
+COCO = "coco"
+EXPORTED = "export"
+
+
+@app.command()
+def build(
+    recipe: Annotated[Path, typer.Argument(metavar="RECIPE.yaml", help="File of the recipe.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the stages.")],
+    jobs: Jobs = None,
+) -> None:
+    """Build a dataset from a recipe, or continue a stopped build.
+
+    \b
+    pavetwin data build recipe.yaml -o datasets/everything
+    pavetwin data build recipes/rendered.yaml -o datasets/rendered
+
+    Photographs are imported, merged, composed, balanced, split and exported:
+
+    \b
+    sources:
+      - {source: rdd2022-china-drone, folder: downloads/China_Drone}
+      - {source: mine.yaml, folder: photos, background: checked.txt, gsd_mm: 2.5}
+    size: {longest_px: 640, tiles: true}
+    composite: {objects: \\[mine], roads: \\[rdd2022-china-drone]}
+    balance: {copies: 50}
+    split: [70, 20, 10]
+    export: \\[yolo, coco]
+
+    Synthetic images are captured in worlds, each of which belongs to one split:
+
+    \b
+    worlds:
+      town: {generate: town, streets: {seed: 1}, defects: {population: paper}}
+      mine: {map: mine.osm.pbf, split: test}
+    captures:
+      air: {platforms: \\[uav], images: 300, gsd_mm: [1.5, 12], camera: phantom4pro}
+    pack: {most_mb: 60}
+    """
+    photographs, synthetic, packed = _parts(recipe)
+    base = recipe.absolute().parent
+    folders, has_refusals = [], False
+    if photographs is not None:
+        built = _photographs(photographs, base, output)
+        has_refusals = any(report.has_refusals for _, report in built.stages)
+        if COCO in built.exported:
+            folders.append(output / EXPORTED)
+    if synthetic is not None:
+        folders.append(_synthetic(synthetic, base, output, jobs).folder)
+    if packed is not None:
+        _pack(packed, folders, output)
+    if has_refusals:
+        raise typer.Exit(REFUSED_CODE)
+
+
+def _parts(path: Path) -> "tuple[Recipe | None, SyntheticRecipe | None, RecipePack | None]":
+    """The parts of a recipe: photographs, synthetic images and the packed file.
+
+    Raises:
+        PaveTwinError: a key or value does not fit.
+    """
+    from pavetwin.training.datasets.recipe import Recipe, RecipePack, recipe_values
+
+    where = f"the recipe '{path}'"
+    values, text = recipe_values(path)
+    packed = RecipePack.parse(values.pop("pack") or {}, where=f"{where}: pack") if "pack" in values else None
+    of_worlds = {key: values.pop(key) for key in SYNTHETIC_KEYS if key in values}
+    synthetic = None
+    if of_worlds:
+        from pavetwin.capture.recipe import SyntheticRecipe
+
+        seed = {key: value for key, value in values.items() if key == "seed"}
+        synthetic = SyntheticRecipe.parse(of_worlds | seed, where, text)
+        if values.keys() <= {"seed"}:
+            return None, synthetic, packed
+    return Recipe.parse(values, where, text), synthetic, packed
+
+
+def _photographs(recipe: "Recipe", base: Path, output: Path) -> "BuildSummary":
+    from pavetwin.labels.common_form import count_images, read_images
+    from pavetwin.training.datasets.recipe import build as built
+    from pavetwin.training.datasets.splitting import LISTS
+
+    with progress("Building", lines=True) as update:
+        summary = built(recipe, base, output, on_stage=update)
+    for folder, report in summary.stages:
+        print_report(report, folder)
+        out.print(counts_table(str(folder), count_images(read_images(folder))))
+    if summary.balance is not None:
+        out.print(balance_table(summary.balance))
+    print_report(summary.shares.report, summary.stages[-1][0] / LISTS)
+    out.print(splits_table(summary.shares))
+    exported = "".join(f", {count} images as {name}" for name, count in summary.exported.items())
+    out.line(f"Built in {output}/{exported}. Next: pavetwin data show {quote(str(summary.stages[-1][0]))}")
+    return summary
+
+
+def _synthetic(recipe: "SyntheticRecipe", base: Path, output: Path, jobs: int | None) -> "SyntheticSummary":
+    with progress("Building", lines=True) as update:
+        # Inside, since these take seconds to import.
+        from pavetwin.capture.recipe import build_synthetic
+        from pavetwin.capture.scene_renderer import SceneFrameSource
+        from pavetwin.render.adapter import find_adapter
+
+        summary = build_synthetic(
+            recipe,
+            base,
+            output,
+            frame_source_factory=SceneFrameSource,
+            adapter=str(find_adapter()),
+            jobs=jobs,
+            on_stage=update,
+        )
+    out.print(_joined_table(summary.joined))
+    total = summary.joined.images.total()
+    there = f", {total - summary.taken} were there" if total > summary.taken else ""
+    out.line(f"{summary.taken} images taken{there}. Dataset of all worlds in {summary.folder}/")
+    return summary
+
+
+def _pack(settings: "RecipePack", folders: list[Path], output: Path) -> None:
+    from pavetwin.training.datasets.recipe import FILE, pack
+
+    if not folders:
+        raise PaveTwinError(f"A packed file needs '{COCO}' among the formats of `export`.")
+    with progress("Packing", lines=True) as update:
+        summary = pack(folders, output / FILE, settings, update)
+    out.line(f"{summary.images} images in {output / FILE}: {summary.size_mb:.1f} MB at quality {summary.quality}")
+
+
+def _joined_table(joined: "JoinedImages") -> "Table":
+    """A row a class: its labels by split."""
+    from pavetwin.labels import SPLITS
+
+    splits = [split for split in SPLITS if joined.images[split]]
+    made = table("labels", *splits)
+    for name in dict.fromkeys(name for name, _ in sorted(joined.labelled)):
+        made.add_row(name, *(str(joined.labelled[name, split]) for split in splits))
+    for heading, counts in (("images", joined.images), ("images without labels", joined.empty)):
+        made.add_row(heading, *(str(counts[split]) for split in splits))
+    return made

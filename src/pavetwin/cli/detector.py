@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pavetwin.cli.console import counted, out, progress
+from pavetwin.cli.console import out, progress
 from pavetwin.cli.options import DetectorOptions, Host, Port, check_empty, grouped
 from pavetwin.errors import about
 from pavetwin.files import check_folder
+from pavetwin.reports.words import counted
 
 if TYPE_CHECKING:
     from pavetwin.perception.detect_folder import DetectOutcome

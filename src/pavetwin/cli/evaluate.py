@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pavetwin.cli.console import out, progress
+from pavetwin.cli.console import out, progress, table
 from pavetwin.errors import PaveTwinError, about, no_such
 from pavetwin.files import check_folder
+from pavetwin.reports.words import counted
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from rich.table import Table
 
     from pavetwin.training.evaluation.detections import FoundBox
     from pavetwin.training.evaluation.evaluate import DetectorEvaluation, PairedComparison
@@ -35,7 +34,7 @@ def evaluate(
         ),
     ],
     dataset: Annotated[Path, typer.Argument(help="Folder with annotations/instances_SPLIT.json and images/SPLIT/.")],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the report.")] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the report.")],
     split: Annotated[str, typer.Option(help="Of the dataset: test, val or train.")] = "test",
     confidence: Annotated[float, typer.Option(help="At which precision, recall and F1 are stated.")] = 0.25,
     against: Annotated[
@@ -85,8 +84,6 @@ def evaluate(
     from pavetwin.training.evaluation.labelled import read_split
     from pavetwin.training.report.page import write_detector_report
 
-    if output is None:
-        raise PaveTwinError("Name the folder of the report with -o, for example -o evaluation.")
     if split not in SPLITS:
         raise PaveTwinError(no_such("split", split, SPLITS, key="`split`"))
     with about("output"):
@@ -106,22 +103,22 @@ def evaluate(
         chosen = read_split(dataset, split)
         splits = (chosen, *_others(dataset, chosen))
         found = _found(detections, splits, report, overview=overview)
-        told = differences = None
+        subtypes = differences = None
         with about("against"):
             others = [_found(each, splits, report, models_in=1) for each in against or ()]
         with about("run"):
             same = [found, *(_found(each, splits, report, models_in=1, overview=overview) for each in runs or ())]
         if regions is not None:
             with about("regions"):
-                told = read_subtypes(regions, chosen)
+                subtypes = read_subtypes(regions, chosen)
         elif true_regions or detections.suffix.lower() == WEIGHTS:
             from pavetwin.training.evaluation.detections import subtypes_by
 
             weights = detections if detections.suffix.lower() == WEIGHTS else model_path(detections)
-            told = subtypes_by(_of_weights(weights), chosen)
+            subtypes = subtypes_by(_of_weights(weights), chosen)
         validation = next((each for each in splits[1:] if each.name == VALIDATION), None)
         how: dict[str, Any] = {"confidence": confidence, "resamples": resamples, "seed": seed}
-        result = evaluated(chosen, found, validation=validation, subtypes=told, **how)
+        result = evaluated(chosen, found, validation=validation, subtypes=subtypes, **how)
         report(0.5)
         if others:
             differences = compare_in_pairs(chosen, others, same, **how)
@@ -186,15 +183,6 @@ def _others(dataset: Path, chosen: "LabelledSplit") -> "list[LabelledSplit]":
     return [numbered_after(read_split(dataset, name), chosen) for name in there]
 
 
-def _table(*headings: str) -> "Table":
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for at, heading in enumerate(headings):
-        table.add_column(heading, justify="right" if at else "left", no_wrap=True)
-    return table
-
-
 def _percent(value: float | None) -> str:
     return "–" if value is None or isnan(value) else f"{100 * value:.1f}"
 
@@ -205,29 +193,28 @@ def _interval(low: float, high: float) -> str:
 
 def _print_result(result: "DetectorEvaluation") -> None:
     """Print a row for each class, and the metrics of all with their intervals."""
-    from pavetwin.reports.words import counted
     from pavetwin.training.evaluation.matching import HALF
     from pavetwin.training.report.page import METRICS
 
-    table = _table("per cent", "objects", "AP@0.5", "AP@0.5:0.95", "precision", "recall", "F1")
+    shown = table("per cent", "objects", "AP@0.5", "AP@0.5:0.95", "precision", "recall", "F1")
     for matched, scores in zip(result.five.classes, result.at_stated.classes, strict=True):
         precision = matched.average_precision
         values = (float(precision[HALF]), float(precision.mean()), scores.precision, scores.recall, scores.f1)
-        table.add_row(matched.name, str(matched.objects), *map(_percent, values))
-    out.print(table)
+        shown.add_row(matched.name, str(matched.objects), *map(_percent, values))
+    out.print(shown)
     out.line("")
-    table = _table("all classes, per cent", "value", "95 % interval")
+    shown = table("all classes, per cent", "value", "95 % interval")
     for name, words in METRICS.items():
         each = result.intervals[name]
-        table.add_row(words, _percent(each.value), _interval(each.low, each.high))
-    table.add_row("subtype macro F1 on matched regions", _percent(result.subtypes_matched.macro_f1), "")
+        shown.add_row(words, _percent(each.value), _interval(each.low, each.high))
+    shown.add_row("subtype macro F1 on matched regions", _percent(result.subtypes_matched.macro_f1), "")
     if result.subtypes_true is not None:
-        table.add_row("subtype macro F1 on true regions", _percent(result.subtypes_true.macro_f1), "")
+        shown.add_row("subtype macro F1 on true regions", _percent(result.subtypes_true.macro_f1), "")
     if result.at_best is not None:
         words = f"macro F1 at {result.at_best.confidence:.3f}, best of the split {VALIDATION}"
-        table.add_row(words, _percent(result.at_best.f1), "")
-    table.add_row("expected calibration error", _percent(result.reliability_in_use.error), "")
-    out.print(table)
+        shown.add_row(words, _percent(result.at_best.f1), "")
+    shown.add_row("expected calibration error", _percent(result.reliability_in_use.error), "")
+    out.print(shown)
     images = counted(len(result.split.images), "image")
     empty = sum(not image.regions for image in result.split.images)
     out.line(
@@ -242,14 +229,14 @@ def _print_result(result: "DetectorEvaluation") -> None:
 def _print_differences(found: "PairedComparison") -> None:
     from pavetwin.training.report.page import METRICS
 
-    table = _table("less the others, points", "these", "others", "difference", "95 % interval", "p")
+    shown = table("less the others, points", "these", "others", "difference", "95 % interval", "p")
     for name, words in METRICS.items():
         each = found.differences[name]
         p = "" if isnan(each.p) else f"{each.p:.3f}"
         means = (_percent(sum(run[name] for run in of) / len(of)) for of in (found.second, found.first))
-        table.add_row(words, *means, f"{100 * each.value:+.1f}", _interval(each.low, each.high), p)
+        shown.add_row(words, *means, f"{100 * each.value:+.1f}", _interval(each.low, each.high), p)
     out.line("")
-    out.print(table)
+    out.print(shown)
     these, others = len(found.second), len(found.first)
     if these + others > 2:
         out.line(f"\nMeans of {these} and {others} runs; the intervals hold the spread between runs too.")

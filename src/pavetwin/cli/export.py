@@ -16,7 +16,7 @@ def export(
         Path,
         typer.Argument(help="Folder of a run, its best.pt, an exported model, or a detector that ships, by name."),
     ],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="The file, such as model.onnx.")] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="The file, such as model.onnx.")],
     half: Annotated[
         bool, typer.Option("--half", help="Store the weights in half precision: half the size, the same speed.")
     ] = False,
@@ -35,8 +35,6 @@ def export(
 
     Needs PyTorch (`pip install pavetwin\\[train]`); `pavetwin detect` and `pavetwin serve` run the file without it.
     """
-    if output is None:
-        raise PaveTwinError("Name the file of the model with -o, for example -o model.onnx.")
     with about("output"):
         check_target(output)
     if output.suffix.lower() != ".onnx":

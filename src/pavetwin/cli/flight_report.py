@@ -11,7 +11,7 @@ from rich.cells import cell_len
 from rich.table import Table
 from rich.text import Text
 
-from pavetwin.cli.console import Bar, Lines, counted, err, note_fonts, out, progress
+from pavetwin.cli.console import Bar, Lines, err, note_fonts, out, progress
 from pavetwin.errors import PaveTwinError
 from pavetwin.memory import give_back
 from pavetwin.mission.environment import INSPECT_MPS, capture_interval_s, inspect_speed_mps, window_m
@@ -27,6 +27,7 @@ from pavetwin.mission.summary import (
     sentence,
     street_columns,
 )
+from pavetwin.reports.words import counted
 from pavetwin.traffic.demand import density_named
 
 if TYPE_CHECKING:

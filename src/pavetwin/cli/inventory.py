@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from pavetwin.cli.commands import in_options
-from pavetwin.cli.console import counted, note_fonts, out, progress
+from pavetwin.cli.console import note_fonts, out, progress
 from pavetwin.cli.options import DetectorOptions, check_empty, grouped, was_given
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import check_writable, unwritable
+from pavetwin.reports.words import counted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

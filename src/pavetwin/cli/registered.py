@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from pavetwin.cli.commands import Commands, in_options
-from pavetwin.cli.console import counted, out, progress
+from pavetwin.cli.console import out, progress
 from pavetwin.cli.options import detector_file
 from pavetwin.errors import PaveTwinError, naming
 from pavetwin.perception.model_file import DEFAULT
 from pavetwin.registry import BrokenRulesError
+from pavetwin.reports.words import counted
 
 if TYPE_CHECKING:
     from pavetwin.sensing.fit.tables import LookSource

@@ -24,10 +24,10 @@ app = Commands(help="Build, inspect and draw worlds: streets, buildings, furnitu
 
 @app.command()
 def build(
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the new world.")],
     source: Annotated[
         Path | None, typer.Argument(help="A map: .osm, .osm.gz, .osm.pbf, or a SUMO network: .net.xml.")
     ] = None,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the new world.")] = None,
     generate: Annotated[str | None, typer.Option(help="Generate streets: town, grid, spider or random.")] = None,
     seed: Annotated[int, typer.Option(help="Random seed of the world; 0 is a seed like any other.")] = 0,
     segment_length_m: Annotated[float, typer.Option("--segment-length", help="Longest segment, in metres.")] = 135.0,
@@ -93,8 +93,6 @@ def build(
             "Give either a SOURCE file or --generate, for example `pavetwin world build town.osm -o town` "
             "or `pavetwin world build --generate town -o town`."
         )
-    if output is None:
-        raise PaveTwinError("Name the folder of the world with -o, for example -o worlds/town.")
     values: dict[str, Any] = {"seed": seed, "segment_length_m": segment_length_m, "left_hand": left_hand}
     values["parking_rule"] = parking_rule
     if anchor is not None:

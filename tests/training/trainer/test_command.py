@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 from rich.live import Live
 
-from pavetwin.cli.training_curves import LiveCurves, curves_table, sparkline
+from pavetwin.cli.train import LiveCurves, curves_table, sparkline
 from scenes.command_line import pavetwin, plain_refusal
 from scenes.drawn_roads import drawn_roads
 
