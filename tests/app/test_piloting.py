@@ -124,7 +124,7 @@ def test_a_sensor_that_looks_after_landing_is_refused(page: RunningPage) -> None
 def test_what_is_no_stick_ends_its_page_alone(page: RunningPage, stick: Any) -> None:
     async def send() -> str | bytes | None:
         client = await page.connect()
-        await client.write_message(json.dumps({"id": 1, "do": "say", "stick": stick}))
+        await client.write_message(json.dumps({"id": 1, "do": "steer", "stick": stick}))
         return await asyncio.wait_for(client.read_message(), 20)
 
     assert asyncio.run(send()) is None

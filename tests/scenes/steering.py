@@ -40,7 +40,7 @@ def steer(
 
 
 def say(**stick: Any) -> dict[str, Any]:
-    return {"do": "say", "stick": stick}
+    return {"do": "steer", "stick": stick}
 
 
 def live_folders(page: RunningPage) -> list[Path]:

@@ -1,4 +1,4 @@
-"""Studies and datasets that the page can show: which folders are such, and in a task process what is shown of them.
+"""Studies and datasets on the page: the kinds of folders, and what a task process shows of them.
 
 A study shows its report, a dataset its contact sheet, made by the command line's functions into the session's folder;
 the folders themselves are only read.
@@ -11,7 +11,6 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Final
 
-from pavetwin.app.session_cache import made_once
 from pavetwin.errors import PaveTwinError
 
 _MARKS: Final = {"design.yaml": "study", "capture.yaml": "captured", "dataset.yaml": "photographs"}
@@ -30,7 +29,7 @@ class ExhibitKind(StrEnum):
 
     @property
     def file(self) -> str:
-        """Shown folder."""
+        """Name of the shown file."""
         return REPORT if self is ExhibitKind.STUDY else SHEET
 
 
@@ -44,7 +43,7 @@ class Exhibit:
 
 
 def exhibit_kind(folder: Path) -> ExhibitKind | None:
-    """Kind of a folder; None where it is neither a study nor a dataset."""
+    """Kind of a folder; None if it is neither a study nor a dataset."""
     return next((ExhibitKind(kind) for mark, kind in _MARKS.items() if (folder / mark).is_file()), None)
 
 
@@ -60,6 +59,8 @@ def show_exhibit(folder: Path, kind: ExhibitKind, place: Path, report: Callable[
     Raises:
         PaveTwinError: the folder is damaged, or holds nothing yet.
     """
+    from pavetwin.app.session_cache import made_once  # here: the server, which imports this module, loads no world
+
     key = sha256("\n".join(_state(folder)).encode()).hexdigest()[:20]
     target = place / f"exhibit-{key}"
     if not (target / kind.file).is_file():

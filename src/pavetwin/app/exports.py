@@ -305,7 +305,7 @@ def make_export(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, Any
             `results`, that of the missions; `mission`, that of the one of which a plan is made; `world`.
 
     Returns:
-        `files`, their names in that folder, and a `told` remark.
+        `files`, their names in that folder, and a `remark`.
 
     Raises:
         PaveTwinError: it cannot be made.
@@ -322,12 +322,12 @@ def make_export(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, Any
             temporary.write_bytes(packed_map(world))
         with writing(made / name) as temporary:
             temporary.write_bytes(replay_page(Path(task["played"]), made / "map.json.gz", results.name))
-        return {"files": [name], "told": "Plays in any browser, from the file alone."}
+        return {"files": [name], "remark": "Plays in any browser, from the file alone."}
     if what == RRD:
         name = f"{results.name}.rrd"
         flown, _ = again(descriptions(results), world, report)
         write_rerun(flown, made / name)
-        return {"files": [name], "told": "Open it with `rerun`."}
+        return {"files": [name], "remark": "Open it with `rerun`."}
     former = MissionFolder(task["mission"], other_policy=True)
     check_unchanged(former.spec.with_policy("baseline"), world)  # the track needs no file of its policy
     plan = plan_of(former, world)
@@ -335,8 +335,8 @@ def make_export(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, Any
     check_limits(plan, world, PlanLimits(None, 0.0, None), [form.most_waypoints])
     folder = made / f"plan-{former.spec.policy.name}-{what}"  # of its own: a plan replaces those of other formats
     files = save_plan(plan, folder, [form])
-    told = " ".join(filter(None, [remark_on_parts(files), *plan.remarks]))
+    remarks = " ".join(filter(None, [remark_on_parts(files), *plan.remarks]))
     return {
         "files": [str(file.relative_to(made)) for file in files],
-        "told": f"{told} The pilot is responsible: check the plan, the airspace and the permits.".strip(),
+        "remark": f"{remarks} The pilot is responsible: check the plan, the airspace and the permits.".strip(),
     }

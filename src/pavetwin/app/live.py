@@ -4,9 +4,9 @@ The page sends `{"id": 7, "do": "fly", "world": "w0", "request": {…}}` and get
 often as it reads, `{"id": 7, "ready": {…}}` when a mission can be played, and then `{"id": 7, "done": {…}}` or
 `{"id": 7, "error": "…"}`. `{"id": 7, "do": "cancel"}` ends a task; a mission that is ready stays, and is `done` without
 the images that were not drawn yet. Of the frames that a page asks for only the latest waits, to be rendered or to be
-sent; `{"id": 7, "cancelled": true}` answers the one before it. A flight or a drive by hand tells
+sent; `{"id": 7, "cancelled": true}` answers the one before it. A flight or a drive by hand reports
 `{"id": 7, "live": {…}}` ten times a second, as often as the page reads, with all that is new since, and takes
-`{"id": 7, "do": "say", "stick": {…}}`, the latest first. A page that goes away ends all of its tasks.
+`{"id": 7, "do": "steer", "stick": {…}}`, the latest first. A page that goes away ends all of its tasks.
 """
 
 import asyncio
@@ -80,7 +80,7 @@ class LiveHandler(WebSocketHandler):
         """Missions whose images are being drawn."""
         self._unread = 0
         self._messages: dict[int, Messages] = {}
-        self._untold: dict[int, dict[str, Any]] = {}
+        self._unsent: dict[int, dict[str, Any]] = {}
         """Unsent states of flights and drives by hand."""
         self._leaving: asyncio.Task[None] | None = None
         self._sending: asyncio.Future[None] | None = None
@@ -120,7 +120,7 @@ class LiveHandler(WebSocketHandler):
         if asked.get("do") == "cancel":
             if task := self._tasks.get(number):
                 task.cancel()
-        elif asked.get("do") == "say":
+        elif asked.get("do") == "steer":
             self._say(number, asked.get("stick"))
         elif words := self._refusal(number, asked.get("do")):
             self._send({"id": number, "error": words})
@@ -160,7 +160,7 @@ class LiveHandler(WebSocketHandler):
         finally:
             del self._tasks[number]
             self._messages.pop(number, None)
-            self._untold.pop(number, None)
+            self._unsent.pop(number, None)
             self._ready.pop(number, None)
             self._frames.discard(number)
             if self._flight == number:
@@ -172,7 +172,7 @@ class LiveHandler(WebSocketHandler):
             if asked.get("do") == FRAME:
                 return {"done": await self._frame(number, asked)}
             messages = self._messages[number] = Messages()
-            done = await self.session.run(asked, lambda told: self._report(number, told, asked.get("do")), messages)
+            done = await self.session.run(asked, lambda report: self._report(number, report, asked.get("do")), messages)
         except asyncio.CancelledError:
             return {"done": self._ready[number]} if number in self._ready else {"cancelled": True}
         except Exception as error:
@@ -193,21 +193,21 @@ class LiveHandler(WebSocketHandler):
             self._unsent.discard(number)
         return frame
 
-    def _report(self, number: int, told: Mapping[str, Any], do: Any) -> None:
+    def _report(self, number: int, report: Mapping[str, Any], do: Any) -> None:
         """Progress; while the page has not taken what it was sent before, it is left out, and what is live is kept."""
-        if "ready" in told and do in FLOWN:
-            self._ready[number] = told["ready"]
+        if "ready" in report and do in FLOWN:
+            self._ready[number] = report["ready"]
             self._flight = None
-        if "live" in told:
-            self._untold[number] = joined(self._untold.get(number, {}), told["live"])
+        if "live" in report:
+            self._unsent[number] = joined(self._unsent.get(number, {}), report["live"])
         is_ready = self._sending is None or self._sending.done()
-        if "live" in told and is_ready:
+        if "live" in report and is_ready:
             self._tell_live(number)
-        elif "ready" in told or ("live" not in told and is_ready):
-            self._send({"id": number, **told})
+        elif "ready" in report or ("live" not in report and is_ready):
+            self._send({"id": number, **report})
 
     def _tell_live(self, number: int) -> None:
-        if live := self._untold.pop(number, None):
+        if live := self._unsent.pop(number, None):
             self._send({"id": number, "live": live})
 
     def _send(self, message: dict[str, Any]) -> None:

@@ -220,9 +220,9 @@ def mission_values(result: MissionResult) -> dict[str, Any]:
             "segment": captures["segment"].tolist(),
         },
         "events": [
-            {"t_s": round(event.time_s, 3), **told}
+            {"t_s": round(event.time_s, 3), **values}
             for event in timeline.events()
-            if (told := _told(event, environment.world))
+            if (values := _event_values(event, environment.world))
         ],
         "defects": _defects(result),
     }
@@ -256,7 +256,7 @@ def standing_values(environment: MissionEnvironment) -> dict[str, Any]:
     }
 
 
-def _told(event: MissionEvent, world: World) -> Mapping[str, Any]:
+def _event_values(event: MissionEvent, world: World) -> Mapping[str, Any]:
     """An event in plain values; empty for those that the page does not show."""
     match event:
         case OcclusionStarted(segment=segment, visibility=visibility):

@@ -222,11 +222,11 @@ class Session:
             case other:
                 raise PaveTwinError(f"The page asked for '{str(other)[:40]}', which the server does not do.")
 
-        def told(message: Mapping[str, Any]) -> None:
+        def on_report(message: Mapping[str, Any]) -> None:
             on_progress({"ready": self._kept(message["ready"], world)} if "ready" in message else message)
 
         pool = self._flights if task["do"] in BY_HAND else self.tasks
-        return self._kept(await pool.run(task, told, messages=messages), world)
+        return self._kept(await pool.run(task, on_report, messages=messages), world)
 
     async def _export(self, asked: Mapping[str, Any], on_progress: OnReport) -> Mapping[str, Any]:
         played, number = self._mission(asked)

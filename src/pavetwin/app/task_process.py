@@ -60,13 +60,13 @@ class _Progress:
     """Progress to the server at a limited rate, and messages from it."""
 
     def __init__(self, replies: IO[str], lines: "queue.SimpleQueue[str]") -> None:
-        self._replies, self._lines, self._what, self._told_s = replies, lines, "", 0.0
+        self._replies, self._lines, self._what, self._reported_s = replies, lines, "", 0.0
 
     def __call__(self, share: float, what: str) -> None:
         now_s = time.monotonic()
-        if what == self._what and now_s - self._told_s < EVERY_S:
+        if what == self._what and now_s - self._reported_s < EVERY_S:
             return
-        self._what, self._told_s = what, now_s
+        self._what, self._reported_s = what, now_s
         _write(self._replies, {"share": round(share, 3), "what": what})
 
     def ready(self, values: Mapping[str, Any]) -> None:

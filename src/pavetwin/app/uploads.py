@@ -38,7 +38,7 @@ class Upload:
         """
         self.size = size
         self._on_progress = on_progress
-        self._taken = self._told = 0
+        self._taken = self._reported = 0
         try:
             self._file: BinaryIO | None = path.open("wb")
         except OSError as error:
@@ -66,8 +66,8 @@ class Upload:
             self.fail(str(unwritable(Path("the map"), error)))
             raise PaveTwinError("The map cannot be kept.") from error
         self._taken += len(block)
-        if self._taken - self._told >= _PROGRESS_BYTES:
-            self._told = self._taken
+        if self._taken - self._reported >= _PROGRESS_BYTES:
+            self._reported = self._taken
             self._on_progress({"share": round(self._taken / self.size, 3), "what": "Sending the map"})
 
     def end(self) -> None:

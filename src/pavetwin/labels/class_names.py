@@ -5,11 +5,10 @@ and images show display names (`Single Crack`). The detector first distinguishes
 of a road defect.
 """
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
-from pavetwin.arrays import IndexArray
+if TYPE_CHECKING:
+    from pavetwin.arrays import IndexArray
 
 SUBTYPES: Final = ("single_crack", "crocodile_crack", "pothole")
 """Subtypes of a road defect, by number; the first classes of label files."""
@@ -77,7 +76,9 @@ def class_of(coarse: int, subtype: int) -> int | None:
     return len(SUBTYPES) + coarse - 1
 
 
-def coarse_of_classes(numbers: IndexArray) -> IndexArray:
+def coarse_of_classes(numbers: "IndexArray") -> "IndexArray":
     """The coarse classes of numbers in `CLASSES`, of any shape."""
+    import numpy as np  # here: every command reads the names
+
     coarse: IndexArray = np.maximum(ROAD_DEFECT, np.asarray(numbers) - len(SUBTYPES) + 1)
     return coarse

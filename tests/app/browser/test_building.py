@@ -93,10 +93,10 @@ def test_the_uav_is_flown_by_keys_and_the_flight_is_played(building: BrowserTab)
     captures = building.value("pavetwin.mission.captures.t_s.length")
     page.keyboard.down("Shift")
     page.keyboard.down("w")
-    building.wait("document.querySelector('#pilot .told').textContent.includes('flight domain ends here')")
+    building.wait("document.querySelector('#pilot .status').textContent.includes('flight domain ends here')")
     page.keyboard.up("w")
     page.keyboard.up("Shift")
-    building.wait("document.querySelector('#pilot .told').textContent === 'You have control.'")
+    building.wait("document.querySelector('#pilot .status').textContent === 'You have control.'")
     page.keyboard.press("l")
     building.wait("pavetwin.mission && !pavetwin.mission.isLive && !document.querySelector('#start').disabled")
     assert building.value("pavetwin.mission.policy") == "by-hand"
@@ -114,7 +114,7 @@ def test_a_car_is_driven_by_keys_and_the_drive_is_played(building: BrowserTab) -
     building.wait("pavetwin.mission?.isLive && pavetwin.mission.car")
     told = page.locator("#pilot").inner_text()
     assert "You drive" in told
-    assert "does not see you" in told, "the traffic does not react"
+    assert "does not react to you" in told, "the traffic is recorded"
     page.keyboard.down("w")
     building.wait("pavetwin.stateAt(pavetwin.time).speed > 4")
     building.wait("pavetwin.mission.captures.t_s.length > 3")

@@ -171,7 +171,7 @@ def test_without_webgl_frames_are_rendered_and_cut_to_the_defect(flown: Flown) -
     chosen = max(flown.result.inspected_defects, key=lambda each: (each.captures > 0, each.defect.area_m2))
     tab.page.click("#tab-defects")
     tab.page.click(f"#defects .list button[data-id='{chosen.defect.id}']")
-    tab.wait("pavetwin.frame && document.querySelector('#defects .seen-by .told').textContent === ''")
+    tab.wait("pavetwin.frame && document.querySelector('#defects .seen-by .status').textContent === ''")
     drawn = "[...document.querySelectorAll('#defects .thumbs canvas')].map(each => each.toDataURL('image/png'))"
     for content in tab.value(drawn):
         with Image.open(BytesIO(b64decode(content.partition(",")[2]))) as image:

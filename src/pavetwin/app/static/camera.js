@@ -75,7 +75,7 @@ export class Camera {
   #draw() {
     if (!this.#mission || !this.#colours || !this.#map || !this.#canvas.clientWidth) return;
     const now = this.#mission.cameraOf(this.#mission.at(this.#time)), colours = this.#colours;
-    this.#tell(now);
+    this.#report(now);
     const ratio = devicePixelRatio || 1, width = this.#canvas.clientWidth, height = this.#canvas.clientHeight;
     if (this.#canvas.width !== Math.round(width * ratio) || this.#canvas.height !== Math.round(height * ratio)) {
       this.#canvas.width = Math.round(width * ratio);
@@ -153,7 +153,7 @@ export class Camera {
     pen.stroke(window);
   }
 
-  #tell(now) {
+  #report(now) {
     const values = {
       time: clockTenths(this.#time),
       speed: `${now.speed.toFixed(1)} m/s`,

@@ -26,7 +26,7 @@ const VIEW_KEYS = new Set(['d', 't', 'f', '+', '=', '-', '0', '1', '2', '3', '4'
 const STANDS_S = 2, STILL_MPS = 0.5;
 const AGAIN_MS = 400, LAG_S = 0.1, SHOWN_STREETS = 2;
 
-/** A flight that grows with what the server tells. */
+/** A flight that grows with what the server reports. */
 class LiveFlight extends Flight {
   static async load(key) {
     const flight = await Flight.load(key, LiveFlight);
@@ -56,7 +56,7 @@ class LiveFlight extends Flight {
 }
 
 export class Pilot {
-  #root; #show; #map; #task = null; #flight = null; #state = null; #told = 0; #held = new Set(); #fast = false; #lands = false;
+  #root; #show; #map; #task = null; #flight = null; #state = null; #reportedMs = 0; #held = new Set(); #fast = false; #lands = false;
   #timer = 0; #movedAt = 0; #cells; #streets; #pending = []; #sent = ''; #low = false; #words = UAV;
 
   /**
@@ -75,7 +75,7 @@ export class Pilot {
     land.addEventListener('click', () => this.#land());
     giveUp.addEventListener('click', () => this.#task?.cancel());
     root.append(
-      element('h2'), element('p', { className: 'told' }),
+      element('h2'), element('p', { className: 'status' }),
       element('dl', {}, ...[...this.#cells].map(([name, cell]) => element('div', {}, element('dt', {}, name), cell))),
       this.#streets, element('div', { className: 'row' }, pad, element('div', { className: 'ends' }, land, giveUp)), element('small'),
     );
@@ -101,7 +101,7 @@ export class Pilot {
     this.#words = flight.missions[0].car ? CAR : UAV;
     this.#tellWords();
     this.#root.hidden = false;
-    this.tell(this.#words.begins);
+    this.status(this.#words.begins);
     for (const state of this.#pending.splice(0)) this.#grow(state);
     this.#timer = setInterval(() => { if (this.#held.size) this.#send(true); }, AGAIN_MS);
     requestAnimationFrame(() => this.#tick());
@@ -112,7 +112,7 @@ export class Pilot {
     else this.#pending.push(state);
   }
 
-  tell(words) { this.#root.querySelector('.told').textContent = words; }
+  status(words) { this.#root.querySelector('.status').textContent = words; }
 
   /** What differs between flying and driving. */
   #tellWords() {
@@ -137,14 +137,14 @@ export class Pilot {
     const isFirst = this.#state === null;
     this.#flight.grow(state);
     this.#state = state;
-    this.#told = performance.now();
+    this.#reportedMs = performance.now();
     if (isFirst) this.#show.begin(this.#flight);
     this.#tellState(state);
   }
 
   #tick() {
     if (!this.#flight) return;
-    if (this.#state) this.#show.time(Math.min(this.#state.t_s, this.#state.t_s - LAG_S + (performance.now() - this.#told) / 1000));
+    if (this.#state) this.#show.time(Math.min(this.#state.t_s, this.#state.t_s - LAG_S + (performance.now() - this.#reportedMs) / 1000));
     requestAnimationFrame(() => this.#tick());
   }
 
@@ -156,7 +156,7 @@ export class Pilot {
       'visibility o': state.visibility === null ? '–' : state.visibility.toFixed(2), found: String(this.#flight.missions[0].defects.length),
     };
     for (const [name, text] of Object.entries(values)) this.#cells.get(name).textContent = text;
-    this.tell(this.#words === CAR ? this.#driven(state, mode) : this.#flown(state, mode));
+    this.status(this.#words === CAR ? this.#driven(state, mode) : this.#flown(state, mode));
     const { [state.segment]: present, ...others } = state.coverage, before = Object.entries(others).reverse();
     const latest = [...present === undefined ? [] : [[state.segment, present]], ...before].slice(0, SHOWN_STREETS);
     this.#streets.replaceChildren(...latest.map(([id, share]) => {
@@ -242,6 +242,6 @@ export class Pilot {
     const text = JSON.stringify(stick);
     if (!isAgain && text === this.#sent) return; // a key that repeats
     this.#sent = text;
-    this.#task?.say(stick);
+    this.#task?.send(stick);
   }
 }

@@ -9,7 +9,7 @@ const SIDE_PX = 84, LEAST_M = 3;
 
 /**
  * The captures whose image a defect's centre is in, in the order of time. `right` and `down` are the centre's place as
- * shares of the image's sides; `inWindow` says whether it is in the inspection window, of its own segment.
+ * shares of the image's sides; `inWindow`: whether it is in the inspection window, of its own segment.
  */
 export function capturesOf(mission, defect) {
   const { t_s, x_m, y_m, yaw_rad, segment } = mission.captures, [across, along] = mission.footprint_m, [wide, deep] = mission.window_m;
@@ -27,7 +27,7 @@ export function capturesOf(mission, defect) {
 export class DefectFrames {
   #frames; #onMoment; #root = element('div', { className: 'seen-by' }); #shown = []; #defect = null; #mission = null;
 
-  /** @param onMoment told the moment of a capture that is clicked */
+  /** @param onMoment called with the time of a clicked capture */
   constructor(frames, onMoment) {
     this.#frames = frames;
     this.#onMoment = onMoment;
@@ -44,7 +44,7 @@ export class DefectFrames {
       ? `In ${seen.length} image${seen.length === 1 ? '' : 's'}, in the inspection window of ${inside}${seen.length > chosen.length ? `; the ${chosen.length} nearest` : ''}:`
       : 'No image shows its place.';
     this.#shown = chosen.map(each => ({ ...each, ...this.#button(each) }));
-    this.#root.replaceChildren(element('p', { className: 'remark' }, words), element('div', { className: 'thumbs' }, ...this.#shown.map(({ button }) => button)), element('p', { className: 'told' }));
+    this.#root.replaceChildren(element('p', { className: 'remark' }, words), element('div', { className: 'thumbs' }, ...this.#shown.map(({ button }) => button)), element('p', { className: 'status' }));
     this.#frames.wantAlso(chosen.map(({ capture }) => capture));
     this.#draw();
     return this.#root;
@@ -67,8 +67,8 @@ export class DefectFrames {
   }
 
   #draw() {
-    const ready = this.#shown.map(shown => this.#drawOne(shown)).filter(Boolean).length, told = this.#root.querySelector('.told');
-    if (told) told.textContent = this.#frames.failure || this.#frames.failureOf('labelled') || (ready < this.#shown.length ? 'Frames are being rendered …' : '');
+    const ready = this.#shown.map(shown => this.#drawOne(shown)).filter(Boolean).length, status = this.#root.querySelector('.status');
+    if (status) status.textContent = this.#frames.failure || this.#frames.failureOf('labelled') || (ready < this.#shown.length ? 'Frames are being rendered …' : '');
   }
 
   #drawOne({ capture, right, down, canvas }) {

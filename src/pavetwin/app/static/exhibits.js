@@ -23,17 +23,17 @@ export class Exhibits {
   }
 
   async #show({ id, name, kind }) {
-    const [title, link, told, bar] = ['h2', 'a', '.told', 'progress'].map(selector => this.#dialog.querySelector(selector));
+    const [title, link, status, bar] = ['h2', 'a', '.status', 'progress'].map(selector => this.#dialog.querySelector(selector));
     this.#menu.open = false;
     title.textContent = name;
-    told.textContent = 'Starting …';
-    told.classList.remove('bad');
+    status.textContent = 'Starting …';
+    status.classList.remove('bad');
     link.hidden = true;
-    told.hidden = bar.hidden = false;
+    status.hidden = bar.hidden = false;
     bar.removeAttribute('value');
     this.#dialog.showModal();
     const asked = this.#asked = this.#tasks.ask({ do: 'show', exhibit: id }, ({ share, what }) => {
-      told.textContent = `${what} …`;
+      status.textContent = `${what} …`;
       if (share > 0) bar.value = share;
     });
     try {
@@ -41,14 +41,14 @@ export class Exhibits {
       if (asked !== this.#asked) return;
       link.href = address;
       link.hidden = false;
-      told.hidden = bar.hidden = true;
+      status.hidden = bar.hidden = true;
       const shown = kind === 'study' ? element('iframe', { src: address, title: `Report of ${name}` }) : element('img', { src: address, alt: `Images of ${name} with their labels` });
       this.#dialog.querySelector('.shown').replaceChildren(shown);
     } catch (error) {
       if (error instanceof CancelledError || asked !== this.#asked) return;
       bar.hidden = true;
-      told.textContent = error.message;
-      told.classList.add('bad');
+      status.textContent = error.message;
+      status.classList.add('bad');
     }
   }
 

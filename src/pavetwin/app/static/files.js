@@ -16,8 +16,8 @@ const WORDS = {
 };
 
 export class Files {
-  #root; #tasks; #made = element('ul', { className: 'list' }); #told = element('p', { className: 'told' }); #asked = null; #key = null; #mission = 0;
-  #tellCommand = () => {};
+  #root; #tasks; #made = element('ul', { className: 'list' }); #status = element('p', { className: 'status' }); #asked = null; #key = null; #mission = 0;
+  #showCommand = () => {};
 
   /** @param exports what the server can make, see `pavetwin.app.exports` */
   constructor(root, tasks, exports) {
@@ -29,7 +29,7 @@ export class Files {
 
   clear() {
     this.#key = null;
-    this.#tellCommand = () => {};
+    this.#showCommand = () => {};
     this.#root.replaceChildren(element('p', {}, 'The files of a mission are listed here after the flight.'));
   }
 
@@ -41,12 +41,12 @@ export class Files {
     if (this.#key !== key) {
       this.#asked?.cancel();
       this.#made.replaceChildren();
-      this.#told.textContent = '';
+      this.#status.textContent = '';
     }
     this.#key = key;
     const links = names.map(name => this.#link(`api/played/${key}/files/${name}`, name, WORDS[name.split('/').at(-1)]));
     this.#root.replaceChildren(
-      this.#told, ...this.#makers(folder, policies, isMission), this.#made,
+      this.#status, ...this.#makers(folder, policies, isMission), this.#made,
       element('p', { className: 'remark' }, isMission ? `In ${folder}, written as by \`pavetwin fly\`:` : `In ${folder}, until the server ends:`), element('ul', { className: 'list' }, ...links),
     );
   }
@@ -54,11 +54,11 @@ export class Files {
   /** Which mission of the flight is shown. */
   set mission(number) {
     this.#mission = number;
-    this.#tellCommand();
+    this.#showCommand();
   }
 
   /** What is being written. */
-  tell(words) { this.#told.textContent = words; }
+  status(words) { this.#status.textContent = words; }
 
   #link(href, name, words = '') {
     return element('li', {}, element('a', { href, download: name.replaceAll('/', '-') }, name, element('small', {}, words)));
@@ -70,32 +70,32 @@ export class Files {
     const select = element('select', {}, ...choices.map(({ name, words }) => new Option(words, name)));
     select.setAttribute('aria-label', 'Exports of this mission');
     const button = element('button', { type: 'button' }, 'Make'), command = element('small');
-    const tell = () => {
+    const showCommand = () => {
       const { name, of_one: isOfOne } = choices.find(each => each.name === select.value);
       command.textContent = (COMMANDS[name] ?? `pavetwin plan export MISSION --format ${name}`).replace('MISSION', isOfOne && policies.length > 1 ? `${folder}/${policies[this.#mission]}` : folder);
     };
-    select.addEventListener('change', tell);
-    this.#tellCommand = tell;
+    select.addEventListener('change', showCommand);
+    this.#showCommand = showCommand;
     button.addEventListener('click', () => this.#make(select.value, button));
-    tell();
+    showCommand();
     return [element('div', { className: 'make' }, select, button, command)];
   }
 
   async #make(what, button) {
     const key = this.#key;
     button.disabled = true;
-    this.tell('Making it …');
-    const asked = this.#asked = this.#tasks.ask({ do: 'export', key, mission: this.#mission, what }, ({ what: words }) => { if (words) this.tell(`${words} …`); });
+    this.status('Making it …');
+    const asked = this.#asked = this.#tasks.ask({ do: 'export', key, mission: this.#mission, what }, ({ what: words }) => { if (words) this.status(`${words} …`); });
     try {
-      const { files, told } = await asked.promise;
+      const { files, remark } = await asked.promise;
       if (this.#key !== key) return;
       const links = files.map(name => this.#link(`api/played/${key}/made/${name}`, name));
       const there = new Set(links.map(item => item.querySelector('a').href)), kept = [...this.#made.children].filter(item => !there.has(item.querySelector('a').href));
       this.#made.replaceChildren(...kept, ...links);
-      this.tell(told);
+      this.status(remark);
       if (links.length === 1) links[0].querySelector('a').click();
     } catch (error) {
-      if (this.#key === key) this.tell(error instanceof CancelledError ? '' : error.message);
+      if (this.#key === key) this.status(error instanceof CancelledError ? '' : error.message);
     } finally {
       button.disabled = false;
       this.#asked = null;

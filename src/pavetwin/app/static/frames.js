@@ -26,8 +26,8 @@ export class Frames {
   /** @param tasks what is asked of the server; may be set later, before the first mission */
   constructor(tasks = null) { this.tasks = tasks; }
 
-  /** @param told that a frame is ready, or that none can be */
-  listen(told) { this.#listeners.push(told); }
+  /** @param listener called once a frame is ready, or cannot be rendered */
+  listen(listener) { this.#listeners.push(listener); }
 
   /** Why no frame can be rendered of this mission, if so. */
   get failure() { return this.failureOf('preview'); }
@@ -56,7 +56,7 @@ export class Frames {
   /** Ask again for what could not be made: the server is there again. */
   retry() {
     this.#failures.clear();
-    for (const told of this.#listeners) told();
+    for (const listener of this.#listeners) listener();
     this.#next();
   }
 
@@ -138,7 +138,7 @@ export class Frames {
     }
     const isLatest = this.#asked === asked;
     if (isLatest) this.#asked = null;
-    for (const told of this.#listeners) told();
+    for (const listener of this.#listeners) listener();
     if (isLatest) this.#next();
   }
 
@@ -164,20 +164,20 @@ export class Frames {
 /** What the panel shows, in words. */
 export function frameLine(frames, frame, isLabelled, is3d = false) {
   if (!frame) return `Drawn ${is3d ? 'in 3-D' : 'from the map'}.${frames?.failure ? ` ${frames.failure}` : ''}`;
-  const count = (number, what) => `${number} ${what}${number === 1 ? '' : 's'}`, told = [`Rendered: capture ${frame.capture}, ${clock(frame.time)}`];
-  if (isLabelled) told.push(frame.labels ? count(frame.labels.length, 'label') : frames.failureOf('labelled') ? 'no labels' : 'labels follow');
-  if (frame.detections.length) told.push(`${count(frame.detections.length, 'detection')} of the sensor '${frame.sensor}'`);
-  if (frame.searched) told.push(`${count(frame.searched.length, 'box').replace('boxs', 'boxes')} of the shipped detector`);
+  const count = (number, what) => `${number} ${what}${number === 1 ? '' : 's'}`, parts = [`Rendered: capture ${frame.capture}, ${clock(frame.time)}`];
+  if (isLabelled) parts.push(frame.labels ? count(frame.labels.length, 'label') : frames.failureOf('labelled') ? 'no labels' : 'labels follow');
+  if (frame.detections.length) parts.push(`${count(frame.detections.length, 'detection')} of the sensor '${frame.sensor}'`);
+  if (frame.searched) parts.push(`${count(frame.searched.length, 'box').replace('boxs', 'boxes')} of the shipped detector`);
   const failures = [...new Set(['labelled', 'searched'].map(part => frames.failureOf(part)).filter(Boolean))];
-  return [`${told.join(' · ')}.`, ...failures].join(' ');
+  return [`${parts.join(' · ')}.`, ...failures].join(' ');
 }
 
 /** Boxes over a frame that is drawn at [left, top, width, height]. */
 export function drawBoxes(pen, frame, [left, top, width, height], isLabelled) {
   const boxes = isLabelled ? (frame.labels ?? []).map(label => ({ ...label, colour: COLOURS.label, words: label.class })) : [];
-  const told = ({ class: kind, confidence }) => `${kind} ${Math.round(100 * confidence)} %`;
-  boxes.push(...frame.detections.map(each => ({ ...each, colour: COLOURS[each.outcome], words: told(each), isDashed: true })));
-  boxes.push(...(frame.searched ?? []).map(each => ({ ...each, colour: COLOURS.search, words: told(each), isDashed: true })));
+  const label = ({ class: kind, confidence }) => `${kind} ${Math.round(100 * confidence)} %`;
+  boxes.push(...frame.detections.map(each => ({ ...each, colour: COLOURS[each.outcome], words: label(each), isDashed: true })));
+  boxes.push(...(frame.searched ?? []).map(each => ({ ...each, colour: COLOURS.search, words: label(each), isDashed: true })));
   pen.save();
   pen.font = '10px system-ui, "DejaVu Sans", sans-serif';
   pen.textBaseline = 'bottom';

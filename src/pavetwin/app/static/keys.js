@@ -15,7 +15,7 @@ export const PAGE_KEYS = [
 
 /**
  * @param table of the help: keys, and what they do
- * @param actOf what a key event does, told whether a button or a slider has the focus; nothing where null
+ * @param actOf what a key event does, called with whether a button or a slider has the focus; nothing where null
  */
 export function listenToKeys(table, actOf) {
   by('keys').querySelector('dl').append(...table.flatMap(([key, words]) => [element('dt', {}, element('kbd', {}, key)), element('dd', {}, words)]));

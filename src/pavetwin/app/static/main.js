@@ -77,7 +77,7 @@ async function boot() {
     for (const part of [by('start'), by('compare')]) part.disabled = true;
     for (const part of [by('control'), by('share'), by('map')]) part.inert = true;
     by('flown').querySelector('ul').replaceChildren(element('li', { className: 'empty' }, 'No town, no missions.'));
-    town.say('A town is drawn here in 3-D once there is one.');
+    town.message('A town is drawn here in 3-D once there is one.');
     document.querySelector('header').inert = false;
     return;
   }
@@ -88,7 +88,7 @@ async function boot() {
   tour.first();
 }
 
-/** Make the choices of an address, and tell what of it is not here. */
+/** Make the choices of an address, and report what of it is missing here. */
 async function readAddress(hash) {
   if (isBusy()) return;
   const { segments, count, order, missing } = form.read(hash);
@@ -139,7 +139,7 @@ async function changed(event) {
   selection.update();
 }
 
-/** Whether a mission is on its way, which other choices would disturb; tells so. */
+/** Whether a mission is on its way, which other choices would disturb; shows a notice if so. */
 function isBusy() {
   if (page.task) notice('A mission is running. Wait for its end, or cancel it.', true);
   return page.task !== null;
@@ -166,7 +166,7 @@ async function takeControl(what) {
   if (!isLanded) return;
   const is = what === 'drive' ? 'The drive is over. It' : 'Landed. The flight';
   notice(`${is} can be played like any other, but it is no mission of this town: what you want to keep of it is under Files.`);
-  by('notice').classList.add('told');
+  by('notice').classList.add('status');
 }
 
 function showLive(flight) {
@@ -198,18 +198,18 @@ async function follow(task) {
   bar.removeAttribute('value');
   const late = setTimeout(() => { busy.hidden = false; }, 300);
   let isDone = false;
-  const isLive = task.do === 'pilot' || task.do === 'drive', asked = tasks.ask(task, told => {
-    if (told.live) return pilot.live(told.live);
-    if (told.ready) {
+  const isLive = task.do === 'pilot' || task.do === 'drive', asked = tasks.ask(task, report => {
+    if (report.live) return pilot.live(report.live);
+    if (report.ready) {
       clearTimeout(late);
       page.isShown = !isLive;
       busy.hidden = true;
-      shown = (isLive ? pilot.begin(told.ready, asked) : showFlight(told.ready)).catch(error => notice(error.message));
+      shown = (isLive ? pilot.begin(report.ready, asked) : showFlight(report.ready)).catch(error => notice(error.message));
       return;
     }
-    if (shown) return isLive ? pilot.tell(`${told.what} …`) : files.tell(`${told.what} …`);
-    words.textContent = told.what;
-    if (told.share > 0) bar.value = told.share;
+    if (shown) return isLive ? pilot.status(`${report.what} …`) : files.status(`${report.what} …`);
+    words.textContent = report.what;
+    if (report.share > 0) bar.value = report.share;
   });
   setTask(asked);
   try {
@@ -217,7 +217,7 @@ async function follow(task) {
     pilot.end();
     await (isLive || !shown ? showFlight(done) : shown);
     setFiles(done);
-    files.tell('');
+    files.status('');
     await listFlown();
     isDone = true;
   } catch (error) {

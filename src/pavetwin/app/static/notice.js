@@ -5,12 +5,12 @@ import { by, inWordsOfPage } from './dom.js';
 const SHOWN_MS = 3500;
 let timer = 0;
 
-export function notice(words, isTold = false) {
+export function notice(words, isStatus = false) {
   by('notice').firstElementChild.textContent = inWordsOfPage(words);
-  by('notice').classList.toggle('told', isTold);
+  by('notice').classList.toggle('status', isStatus);
   by('notice').hidden = false;
   clearTimeout(timer);
-  if (isTold) timer = setTimeout(() => { by('notice').hidden = true; }, SHOWN_MS);
+  if (isStatus) timer = setTimeout(() => { by('notice').hidden = true; }, SHOWN_MS);
 }
 
 /** Take these words away, if they are shown. */

@@ -34,7 +34,7 @@ async function boot() {
   listen();
   const town = await fetchJson('map');
   document.title = `${town.name} – PaveTwin`;
-  document.querySelector('h1').after(element('span', { className: 'told' }, document.querySelector('meta[name="pavetwin-mission"]').content));
+  document.querySelector('h1').after(element('span', { className: 'status' }, document.querySelector('meta[name="pavetwin-mission"]').content));
   by('credit').textContent = town.credit;
   map.setWorld(town);
   parts.camera.setWorld(town);

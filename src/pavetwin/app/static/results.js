@@ -12,7 +12,7 @@ export class Results {
   #panels; #onDefect; #colours = null; #mission = null; #filter = 'all'; #shown = null;
   /** The frames of a defect, where there is a server that renders them. */
   frames = null;
-  /** Told the segments on which a defect was missed: `choose(ids)`, `fly()`; null where nothing can be flown. */
+  /** Handlers of the segments on which a defect was missed: `choose(ids)`, `fly()`; null where nothing can be flown. */
   again = null;
 
   constructor(root, onDefect) {
@@ -137,8 +137,8 @@ export function why(defect) {
   }
   const captures = `${defect.captures} capture${defect.captures === 1 ? '' : 's'}`;
   const shares = Object.entries(defect.hidden_by ?? {}).map(([words, share]) => `${Math.round(100 * share)} % ${words}`);
-  const said = (defect.responses ?? []).map(response => RESPONSES[response] ?? response);
-  return [`missed: ${defect.reason}`, ...shares.length ? [shares.join(', ')] : [], captures, ...said].join('; ');
+  const responses = (defect.responses ?? []).map(response => RESPONSES[response] ?? response);
+  return [`missed: ${defect.reason}`, ...shares.length ? [shares.join(', ')] : [], captures, ...responses].join('; ');
 }
 
 const CAPTIONS = { policies: 'By policy', segments: 'By segment', streets: 'By street' };

@@ -18,7 +18,7 @@ export class Selection {
 
   /**
    * @param streetOf the name of a segment's street
-   * @param changed told the segments that a mission would inspect: the chosen ones, or those drawn
+   * @param changed called with the segments that a mission would inspect: the chosen ones, or those drawn
    */
   constructor(root, tasks, form, streetOf, changed) {
     this.#streetOf = streetOf;
@@ -47,7 +47,7 @@ export class Selection {
     this.set([...chosen]);
   }
 
-  /** Tell what is chosen, and ask what it takes. */
+  /** Show what is chosen, and request its estimate. */
   update() {
     this.#tellChoice();
     this.#changed(this.segments, []);

@@ -30,18 +30,18 @@ export class Tasks {
   #isThere = true;
   #onConnection;
 
-  /** @param onConnection told that the server does not answer any more (false), and that it does again (true) */
+  /** @param onConnection called with whether the server answers, when that changes */
   constructor(onConnection) {
     this.#onConnection = onConnection;
     this.#connect();
   }
 
-  /** Start a task. Returns `{ promise, cancel, say }`; `told` gets `{ share, what }`, `{ ready }` and `{ live }`. */
-  ask(task, told = () => {}) {
+  /** Start a task. Returns `{ promise, cancel, send }`; `onReport` gets `{ share, what }`, `{ ready }` and `{ live }`. */
+  ask(task, onReport = () => {}) {
     const id = ++this.#number;
-    const promise = new Promise((resolve, reject) => this.#asked.set(id, { resolve, reject, told }));
+    const promise = new Promise((resolve, reject) => this.#asked.set(id, { resolve, reject, onReport }));
     this.#send({ ...task, id });
-    return { promise, cancel: () => this.#send({ id, do: 'cancel' }), say: stick => this.#send({ id, do: 'say', stick }) };
+    return { promise, cancel: () => this.#send({ id, do: 'cancel' }), send: stick => this.#send({ id, do: 'steer', stick }) };
   }
 
   #send(message) {
@@ -53,7 +53,7 @@ export class Tasks {
   #connect() {
     this.#socket = new WebSocket(`ws://${location.host}/live`);
     this.#socket.addEventListener('open', () => {
-      this.#tell(true);
+      this.#setConnected(true);
       for (const text of this.#waiting.splice(0)) this.#socket.send(text);
     });
     this.#socket.addEventListener('message', event => this.#take(JSON.parse(event.data)));
@@ -61,12 +61,12 @@ export class Tasks {
       for (const { reject } of this.#asked.values()) reject(new Error('The server has ended, or cannot be reached.'));
       this.#asked.clear();
       this.#waiting = [];
-      this.#tell(false);
+      this.#setConnected(false);
       setTimeout(() => this.#connect(), 2000);
     });
   }
 
-  #tell(isThere) {
+  #setConnected(isThere) {
     if (isThere === this.#isThere) return;
     this.#isThere = isThere;
     this.#onConnection(isThere);
@@ -75,7 +75,7 @@ export class Tasks {
   #take(message) {
     const task = this.#asked.get(message.id);
     if (!task) return;
-    if ('share' in message || 'ready' in message || 'live' in message) return task.told(message);
+    if ('share' in message || 'ready' in message || 'live' in message) return task.onReport(message);
     this.#asked.delete(message.id);
     if ('done' in message) task.resolve(message.done);
     else task.reject(message.cancelled ? new CancelledError() : new Error(message.error));

@@ -55,13 +55,13 @@ export function createTown(canvas, { base, fetch = globalThis.fetch.bind(globalT
     onMessage?.(NO_WEBGL);
     return nothing(NO_WEBGL);
   }
-  const told = { isSlow, onPick, onMessage, onSettled, onMissing, isBusy };
-  return new Town(canvas, renderer, base.endsWith("/") ? base : `${base}/`, fetch, told);
+  const handlers = { isSlow, onPick, onMessage, onSettled, onMissing, isBusy };
+  return new Town(canvas, renderer, base.endsWith("/") ? base : `${base}/`, fetch, handlers);
 }
 
 class Town {
-  constructor(canvas, renderer, base, fetch, told) {
-    Object.assign(this, { canvas, renderer, ...told });
+  constructor(canvas, renderer, base, fetch, handlers) {
+    Object.assign(this, { canvas, renderer, ...handlers });
     this.available = true;
     this.message = "";
     renderer.toneMapping = NeutralToneMapping;

@@ -1,4 +1,4 @@
-// The panel with the town in 3-D: what it shows at a moment, from where, and what it says where it cannot be drawn.
+// The panel with the town in 3-D: what it shows at a moment, from where, and the message where it cannot be drawn.
 
 import { element } from './dom.js';
 import { createTown } from './town.js';
@@ -24,7 +24,7 @@ const AWAY_M = 90, BEHIND = { back_m: 9, up_m: 4 };
 export class TownPanel {
   #root; #empty; #loading; #onDefect; #buttons = new Map(); #layers = new Set(AT_FIRST); #town = null; #mode = 'orbit'; #car = null;
   #flight = null; #mission = null; #parked = []; #time = 0; #world = null;
-  /** Told that all tiles in view are there. */
+  /** Called once all tiles in view are loaded. */
   onSettled = () => {};
   /** Whether something is made that is waited for, which a picture by the processor would hold up. */
   isBusy = () => false;
@@ -121,17 +121,17 @@ export class TownPanel {
   #open() {
     if (!this.isShown || this.#world === null || this.#town?.world === this.#world) return;
     this.#close();
-    this.#say('The town is being drawn …');
-    setTimeout(() => { if (this.#town === town && this.#empty.textContent === 'The town is being drawn …') this.#say(LONG); }, LONG_MS);
+    this.#showMessage('The town is being drawn …');
+    setTimeout(() => { if (this.#town === town && this.#empty.textContent === 'The town is being drawn …') this.#showMessage(LONG); }, LONG_MS);
     const town = this.#town = createTown(this.#root.querySelector('canvas'), {
-      base: `town/${this.#world}/`, onMessage: text => this.#say(text), onPick: pick => this.#picked(pick), onSettled: () => this.onSettled(),
+      base: `town/${this.#world}/`, onMessage: text => this.#showMessage(text), onPick: pick => this.#picked(pick), onSettled: () => this.onSettled(),
       onMissing: count => this.#tellLoading(count), isBusy: () => this.isBusy(),
     });
     town.world = this.#world;
-    if (!town.available) return this.#say(town.message);
+    if (!town.available) return this.#showMessage(town.message);
     town.ready.then(isShown => {
       if (this.#town !== town || !isShown) return;
-      this.#say(town.message);
+      this.#showMessage(town.message);
       this.#show();
     });
     this.#show();
@@ -149,9 +149,9 @@ export class TownPanel {
   }
 
   /** What stands in place of the town. */
-  say(words) { this.#say(words); }
+  message(words) { this.#showMessage(words); }
 
-  #say(words) {
+  #showMessage(words) {
     this.#empty.textContent = words;
     this.#empty.hidden = !words;
     const isDrawn = this.#town?.available !== false;

@@ -9,9 +9,9 @@ export class NewTown {
   #dialog; #form; #tasks; #maps; #onTown; #onMission; #file = null; #asked = null;
 
   /**
-   * @param start what the server can build, as `api/start` tells it
-   * @param onTown told the new town, once it is there
-   * @param onMission told a mission.yaml that was dropped
+   * @param start what the server can build, as `api/start` lists it
+   * @param onTown called with the new town once it is built
+   * @param onMission called with a dropped mission.yaml
    */
   constructor(dialog, tasks, start, onTown, onMission) {
     this.#dialog = dialog;
@@ -23,13 +23,13 @@ export class NewTown {
     const { elements } = this.#form;
     fillSelect(elements.parking_rule, start.parking_rules.map(name => [name, RULES[name] ?? name.replaceAll('_', ' ')]), 'europe');
     this.#part('.drop span').textContent = 'Choose a file, or drop it here';
-    this.#part('.told').textContent = `OpenStreetMap (.osm, .osm.pbf) or a SUMO network (.net.xml), up to ${this.#maps.largest_bytes / 1e6} MB and ${this.#maps.largest_km2} km². Defects are placed as surveys of city streets find them.`;
+    this.#part('.status').textContent = `OpenStreetMap (.osm, .osm.pbf) or a SUMO network (.net.xml), up to ${this.#maps.largest_bytes / 1e6} MB and ${this.#maps.largest_km2} km². Defects are placed as surveys of city streets find them.`;
     elements.file.addEventListener('change', () => this.#choose(elements.file.files[0]));
     this.#form.addEventListener('submit', event => { event.preventDefault(); this.#build(); });
     this.#part('.end').addEventListener('click', () => this.#end());
     dialog.addEventListener('cancel', event => { event.preventDefault(); this.#end(); }); // the Escape key
     for (const name of ['dragover', 'drop']) document.addEventListener(name, event => this.#drag(event));
-    this.#tell();
+    this.#showStatus();
   }
 
   open() { if (!this.#dialog.open) this.#dialog.showModal(); }
@@ -55,7 +55,7 @@ export class NewTown {
     const kind = this.#kind(), { name } = this.#form.elements;
     this.#part('.drop span').textContent = `${file.name}, ${(file.size / 1e6).toFixed(1)} MB`;
     if (kind) name.value = file.name.slice(0, -kind.length).replace(/[^\p{L}\p{N}_-]+/gu, '-').replace(/^-+|-+$/g, '').slice(0, 60);
-    this.#tell();
+    this.#showStatus();
   }
 
   /** Why nothing can be built of what is chosen; empty where it can. */
@@ -66,7 +66,7 @@ export class NewTown {
     return this.#file.size ? '' : `'${this.#file.name}' is empty.`;
   }
 
-  #tell(words = '') {
+  #showStatus(words = '') {
     const isBusy = this.#asked !== null;
     this.#part('.bad').textContent = words || (this.#file ? this.#refusal() : '');
     this.#part('.busy').hidden = !isBusy;
@@ -88,28 +88,28 @@ export class NewTown {
     let failure = '';
     words.textContent = 'Starting …';
     bar.removeAttribute('value');
-    const asked = this.#asked = this.#tasks.ask({ do: 'build', town }, told => {
-      if (told.ready) {
-        send(told.ready.upload, this.#file, sending.signal).catch(error => { failure ||= error.message; asked.cancel(); });
+    const asked = this.#asked = this.#tasks.ask({ do: 'build', town }, report => {
+      if (report.ready) {
+        send(report.ready.upload, this.#file, sending.signal).catch(error => { failure ||= error.message; asked.cancel(); });
         return;
       }
-      words.textContent = `${told.what} …`;
-      if (told.share > 0) bar.value = told.share;
+      words.textContent = `${report.what} …`;
+      if (report.share > 0) bar.value = report.share;
       else bar.removeAttribute('value');
     });
-    this.#tell();
+    this.#showStatus();
     try {
       const { world } = await asked.promise;
       this.#asked = null;
       this.#file = null;
       this.#form.reset();
       this.#part('.drop span').textContent = 'Choose a file, or drop it here';
-      this.#tell();
+      this.#showStatus();
       this.#dialog.close();
       await this.#onTown(world);
     } catch (error) {
       this.#asked = null;
-      this.#tell(error instanceof CancelledError ? failure || 'Cancelled; nothing was kept.' : error.message);
+      this.#showStatus(error instanceof CancelledError ? failure || 'Cancelled; nothing was kept.' : error.message);
     } finally {
       sending.abort();
     }

@@ -26,7 +26,7 @@ export class Viewport {
   /** Show a place, at least as close as `k`. */
   showPlace(x, y, k) { this.view = { x, y, k: Math.max(this.view?.k ?? k, k) }; }
 
-  /** Move the middle to a place; says whether it was elsewhere. */
+  /** Move the middle to a place; returns whether it was elsewhere. */
   centre(x, y) {
     if (Math.hypot(x - this.view.x, y - this.view.y) <= 1e-3) return false;
     this.view = { ...this.view, x, y };
