@@ -14,8 +14,8 @@ class PaveTwinError(Exception):
     """Something the user can fix. The command line prints the message as one line and exits with code 2.
 
     A message names a parameter of the library in backquotes (`altitude_m`), in whose place a command shows its option,
-    and a command as it is typed (`pavetwin world build SOURCE --force`). It is never empty: without a text, such as from
-    a plugin, it names the type of the failure.
+    and a command as it is typed (`pavetwin world build SOURCE --force`). It is never empty: without a text, as may come
+    from a plugin, it names the type of the failure.
     """
 
     def __str__(self) -> str:
