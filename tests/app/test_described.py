@@ -82,7 +82,7 @@ def test_what_the_form_has_no_field_for_is_named(world: Path, spec: MissionSpec)
         ({"traffic": {"density": "rush.rou.xml"}}, "rush.rou.xml"),
     ],
 )
-def test_what_cannot_be_chosen_is_told_in_one_line(
+def test_choices_that_do_not_fit_are_refused_in_one_line(
     world: Path, spec: MissionSpec, changes: dict[str, Any], words: str
 ) -> None:
     with pytest.raises(PaveTwinError, match=words) as told:

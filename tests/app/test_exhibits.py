@@ -95,7 +95,7 @@ def test_a_dataset_shows_its_contact_sheet(page: RunningPage, place: Path, tmp_p
     assert not (place / "photographs" / "contact-sheet.png").exists()
 
 
-def test_a_damaged_one_is_told_in_one_line(page: RunningPage) -> None:
+def test_a_damaged_exhibit_is_reported_in_one_line(page: RunningPage) -> None:
     assert "is damaged" in show(page, "x3")["error"]
 
 
@@ -110,7 +110,7 @@ def test_other_files_are_not_served(page: RunningPage, path: str) -> None:
     assert page.get(f"/api/exhibits/{path.format(key=key)}").status == 404
 
 
-def test_kinds_are_told_by_the_files_that_the_commands_write(tmp_path: Path) -> None:
+def test_kinds_follow_from_the_files_of_the_commands(tmp_path: Path) -> None:
     assert list(_MARKS) == [DESIGN, CAPTURED, PHOTOGRAPHS]
     for name in (DESIGN, CAPTURED, PHOTOGRAPHS):
         (tmp_path / name).mkdir()
@@ -125,7 +125,7 @@ def test_a_folder_that_is_nothing_of_these_is_refused(tmp_path: Path) -> None:
         Session.of([tmp_path])
 
 
-def test_beside_studies_alone_the_worlds_here_are_shown(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_worlds_here_are_shown_where_only_studies_are_given(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(place)
     session = Session.of([Path("study")])
     assert [world.name for world in session.worlds] == ["cross"]

@@ -155,7 +155,7 @@ def test_the_recording_names_what_became_of_each_defect(logged: list[dict[str, A
 
 
 @pytest.mark.skipif(is_installed(), reason="rerun is installed here")
-def test_without_rerun_one_line_says_what_to_install(tmp_path: Path) -> None:
+def test_without_rerun_one_line_names_the_package(tmp_path: Path) -> None:
     with pytest.raises(PaveTwinError, match="pip install rerun-sdk"):
         write_rerun([tiny.result("queue_at_light", "hover")], tmp_path / "m.rrd")
     assert not list(tmp_path.iterdir())

@@ -330,7 +330,7 @@ def test_what_is_cancelled_leaves_no_process_and_no_file(
 
 
 @pytest.mark.slow
-def test_a_task_whose_process_dies_is_told_and_the_next_one_runs(page: RunningPage, ids: list[str]) -> None:
+def test_a_task_whose_process_dies_is_reported_and_the_next_one_runs(page: RunningPage, ids: list[str]) -> None:
     async def fly_and_kill() -> dict[str, Any]:
         client = await page.connect()
         request = {"traffic": "high", "seed": 200, "segments": ids}

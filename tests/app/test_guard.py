@@ -63,7 +63,7 @@ def test_a_wrong_token_opens_no_page(page: RunningPage) -> None:
 BROWSER = {"Cookie": "", "Accept": "text/html,application/xhtml+xml,*/*;q=0.8"}
 
 
-def test_a_browser_without_the_token_is_told_what_to_open(page: RunningPage) -> None:
+def test_a_browser_without_the_token_gets_a_hint(page: RunningPage) -> None:
     for path, host in (("/", ""), ("/?token=x", ""), ("/", f"evil.example:{page.port}")):
         answer = page.get(path, **BROWSER, **({"Host": host} if host else {}))
         assert answer.status == (421 if host else 403)

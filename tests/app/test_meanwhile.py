@@ -70,7 +70,7 @@ def test_what_is_started_without_a_connection_waits_for_the_next(tab: BrowserTab
     assert "not answer" not in tab.value(NOTICE), "it answers again"
 
 
-def test_a_server_that_does_not_answer_is_told_once(tab: BrowserTab) -> None:
+def test_a_server_that_does_not_answer_is_reported_once(tab: BrowserTab) -> None:
     """Until it answers again; what was asked of it fails, and can be asked again."""
     tab.value(WATCHED)
     tab.value(REFUSED)
@@ -111,7 +111,7 @@ def test_of_two_towns_the_one_that_was_chosen_last_is_shown(tab: BrowserTab) -> 
     assert tab.value("document.querySelector('[name=world]').selectedOptions[0].text") == "cross"
 
 
-def test_an_address_that_comes_later_is_read_and_what_it_lacks_is_told(tab: BrowserTab) -> None:
+def test_a_later_address_is_read_and_missing_parts_are_reported(tab: BrowserTab) -> None:
     tab.value("(location.hash = '#world=cross&traffic=low&seed=5&altitude_m=12&segments=s0001', null)")
     tab.wait("document.querySelector('#selection b').textContent.startsWith('1 segment chosen')")
     assert tab.page.input_value("[name=seed]") == "5"
@@ -155,7 +155,7 @@ def test_a_field_that_cannot_be_flown_with_is_named(tab: BrowserTab) -> None:
     assert tab.value(IDLE)
 
 
-def test_what_the_library_refuses_is_told_in_the_words_of_the_page(tab: BrowserTab) -> None:
+def test_errors_of_the_library_are_shown_in_the_words_of_the_page(tab: BrowserTab) -> None:
     tab.page.fill("#count", "2000")
     tab.page.keyboard.press("Tab")
     tab.wait("document.querySelector('#selection .bad')")

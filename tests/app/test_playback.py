@@ -37,7 +37,7 @@ def test_the_interpolated_track_is_the_timelines(scene: str, policy: str) -> Non
 
 
 @pytest.mark.parametrize(("scene", "policy"), FLOWN)
-def test_defects_are_found_and_missed_when_the_timeline_says(scene: str, policy: str) -> None:
+def test_defects_are_found_and_missed_at_the_times_of_the_timeline(scene: str, policy: str) -> None:
     result = tiny.result(scene, policy)
     values, timeline = mission_values(result), Timeline(result)
     finished = {event["segment"]: event["t_s"] for event in values["events"] if event["kind"] == "finish"}
@@ -55,7 +55,7 @@ def test_defects_are_found_and_missed_when_the_timeline_says(scene: str, policy:
         assert (each["reason"] is None) == (each["found_s"] is not None)
 
 
-def test_reactions_and_occlusions_are_told_with_their_places() -> None:
+def test_reactions_and_occlusions_have_their_places() -> None:
     values = mission_values(tiny.result("queue_at_light", "skip"))
     kinds = [event["kind"] for event in values["events"]]
     assert {"start", "occlusion", "revisit", "return", "finish"} <= set(kinds)

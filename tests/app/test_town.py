@@ -197,7 +197,7 @@ def test_of_another_flight_the_same_number_is_another_agent(shown: Shown) -> Non
     shown.page.evaluate("town.forgetAgents(); town.setAgents([])")
 
 
-def test_a_graphics_processor_that_was_reset_is_told_until_it_is_back(shown: Shown) -> None:
+def test_a_reset_graphics_processor_is_reported_until_it_is_back(shown: Shown) -> None:
     message = "document.querySelector('#message').textContent"
     shown.page.evaluate(
         "window.lost = town.renderer.getContext().getExtension('WEBGL_lose_context'); lost.loseContext()"
@@ -256,7 +256,7 @@ def test_cameras_follow_what_they_follow(shown: Shown) -> None:
     shown.page.evaluate("town.setCamera('orbit'); town.setUav(null); town.setAgents([])")
 
 
-def test_a_click_tells_the_place_and_what_is_there(shown: Shown) -> None:
+def test_a_click_picks_a_place_and_its_object(shown: Shown) -> None:
     x, y = shown.page.evaluate("town.manifest.base")
     shown.page.evaluate(f"town.lookAt({x}, {y}, 30); town.render()")
     shown.page.mouse.click(320, 180)
@@ -303,7 +303,7 @@ def test_a_picture_by_the_processor_waits_for_what_is_made_but_not_for_long(show
     assert all(second > first for first, second in tries)
 
 
-def test_without_webgl_it_says_so_and_does_no_harm(chromium: Any, address: str) -> None:
+def test_without_webgl_there_is_a_message_and_no_error(chromium: Any, address: str) -> None:
     browser = chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-3d-apis"])
     shown = opened(browser, address)
     assert shown.page.evaluate("town.available") is False

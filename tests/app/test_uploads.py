@@ -286,7 +286,7 @@ def test_a_map_that_is_none_is_refused_in_one_line(tmp_path: Path, content: byte
     assert "\n" not in str(refused.value)
 
 
-def test_a_refused_map_is_told_by_its_name_and_leaves_nothing(page: RunningPage, place: Path) -> None:
+def test_a_refused_map_is_named_and_leaves_nothing(page: RunningPage, place: Path) -> None:
     empty = b"<osm version='0.6'></osm>"
     for content, kind, words in (
         (CROSS[:2000], ".osm", "'mine.osm' cannot be read"),
@@ -378,7 +378,7 @@ def test_what_is_cancelled_leaves_no_process_and_no_file(page: RunningPage, plac
     assert is_over(lambda: all(map(is_gone, seen)))
 
 
-def test_a_map_that_breaks_off_is_told(page: RunningPage, place: Path) -> None:
+def test_a_truncated_map_is_reported(page: RunningPage, place: Path) -> None:
     async def break_off(told: dict[str, Any], client: Any) -> None:  # noqa: ARG001 - the page stays
         if "ready" in told:
             with socket.create_connection(("127.0.0.1", page.port)) as line:
@@ -421,7 +421,7 @@ def test_few_maps_are_on_their_way_at_once(page: RunningPage, monkeypatch: pytes
 
 
 @pytest.mark.parametrize("what", ["folder", "file"])
-def test_a_full_disk_is_told_and_takes_no_other_maps_place(
+def test_a_full_disk_is_reported_and_takes_no_other_maps_place(
     page: RunningPage, place: Path, monkeypatch: pytest.MonkeyPatch, what: str
 ) -> None:
     def fail(*_: Any, **__: Any) -> Any:

@@ -40,7 +40,7 @@ def task_processes(owner: int) -> list[int]:
 
 
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
-def test_it_answers_who_has_the_address_and_ends_with_its_processes(tmp_path: Path, how: signal.Signals) -> None:
+def test_the_page_needs_the_token_and_ends_with_its_processes(tmp_path: Path, how: signal.Signals) -> None:
     with started(tmp_path) as (process, address):
         with urlopen(address, timeout=20) as answer:
             assert b"PaveTwin" in answer.read()
@@ -53,7 +53,7 @@ def test_it_answers_who_has_the_address_and_ends_with_its_processes(tmp_path: Pa
     assert is_over(lambda: all(map(is_gone, mine)))
 
 
-def test_other_machines_are_told_an_address_of_their_own(tmp_path: Path) -> None:
+def test_an_address_for_other_machines_is_printed(tmp_path: Path) -> None:
     with started(tmp_path, "--host", "0.0.0.0") as (process, address):
         assert process.stdout is not None
         found = re.search(r"Other machines open http://(.+:\d+)(/\?token=[\w-]{20,})$", process.stdout.readline())
@@ -64,7 +64,7 @@ def test_other_machines_are_told_an_address_of_their_own(tmp_path: Path) -> None
             assert b"PaveTwin" in answer.read()
 
 
-def test_what_a_killed_server_leaves_goes_with_the_next_start(tmp_path: Path) -> None:
+def test_the_next_start_removes_files_of_a_killed_server(tmp_path: Path) -> None:
     def held() -> set[Path]:
         return set(tmp_path.glob(".pavetwin-app-*"))
 
@@ -92,13 +92,13 @@ def test_worlds_are_found_in_the_folder_of_that_name(tmp_path: Path) -> None:
         assert answer.status == 200
 
 
-def test_what_is_no_world_is_said_in_one_line(tmp_path: Path) -> None:
+def test_a_folder_without_a_world_is_refused_in_one_line(tmp_path: Path) -> None:
     assert "make one with `pavetwin world build" in plain_refusal(pavetwin("app", "gone", cwd=tmp_path))
     (tmp_path / "empty").mkdir()
     assert "is not a world" in plain_refusal(pavetwin("app", "empty", cwd=tmp_path))
 
 
-def test_an_address_that_cannot_be_taken_is_told(tmp_path: Path) -> None:
+def test_an_address_that_cannot_be_taken_is_refused(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
         told = plain_refusal(pavetwin("app", "--port", port, "--no-browser", cwd=tmp_path))

@@ -80,7 +80,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (("--altitude", "10", "--altitude", "20"), "choose a lower altitude, or images that show none (--empty 1)."),
     ],
 )
-def test_what_is_wrong_is_said_plainly_and_leaves_nothing(
+def test_wrong_options_are_refused_and_leave_nothing(
     world: Path, tmp_path: Path, options: tuple[str, ...], words: str
 ) -> None:
     _needs_an_adapter()
@@ -88,7 +88,7 @@ def test_what_is_wrong_is_said_plainly_and_leaves_nothing(
     assert not (tmp_path / "d").exists()
 
 
-def test_a_mistake_in_a_look_is_told_before_traffic_is_searched(
+def test_an_error_in_a_street_style_comes_before_the_search_for_traffic(
     world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     style = tmp_path / "mine.yaml"
@@ -133,7 +133,7 @@ def test_a_platform_of_ones_own_takes_altitudes_and_a_camera_where_it_flies(
 @pytest.mark.parametrize(
     ("platform", "text"), [("glider", "7.5 m, tilted 30°"), ("uav", "7.5 m, tilted 30°"), ("car", "eye"), ("?", "eye")]
 )
-def test_a_contact_sheet_says_how_high_a_platform_flew(platform: str, text: str) -> None:
+def test_a_contact_sheet_states_the_altitude(platform: str, text: str) -> None:
     assert pose_text({"platform": platform, "altitude_m": 7.5, "pitch_deg": -60.0, "mount": "eye"}) == text
 
 

@@ -1,6 +1,8 @@
-"""Help texts, hints for mistyped options, and the one line of each error."""
+"""Help texts, hints for mistyped options, one-line errors, and the modules that a command loads."""
 
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -62,7 +64,7 @@ def test_no_help_text_hides_words_in_square_brackets() -> None:
         ("train", ("pip install pavetwin[train]",)),
     ],
 )
-def test_the_terminal_shows_them(command: str, shown: tuple[str, ...]) -> None:
+def test_the_terminal_shows_words_in_square_brackets(command: str, shown: tuple[str, ...]) -> None:
     text = pavetwin(*command.split(), "--help").stdout
     assert [each for each in shown if each not in text] == []
 
@@ -77,7 +79,7 @@ def test_the_terminal_shows_them(command: str, shown: tuple[str, ...]) -> None:
         (("--altitude", "10m"), "--altitude: give a number of metres, such as 10, without a unit."),
     ],
 )
-def test_an_option_from_memory_is_told_its_name(typed: tuple[str, ...], words: str) -> None:
+def test_the_right_name_of_an_unknown_option_is_suggested(typed: tuple[str, ...], words: str) -> None:
     done = pavetwin("fly", "nowhere", *typed)
     assert words in plain_refusal(done)
 
@@ -93,7 +95,7 @@ def test_a_command_without_the_option_gets_no_hint_of_it() -> None:
         ("height=3", "'height' (did you mean 'altitude_m'?)"),
     ],
 )
-def test_a_setting_from_memory_is_told_its_name(override: str, words: str) -> None:
+def test_the_right_name_of_an_unknown_setting_is_suggested(override: str, words: str) -> None:
     with pytest.raises(PaveTwinError) as caught:
         load_settings(overrides=[override])
     assert words in str(caught.value)
@@ -104,8 +106,100 @@ def test_a_question_mark_lists_the_cameras() -> None:
     assert "known are" in plain_refusal(done)
 
 
-def test_a_misspelt_map_is_told_its_neighbour(tmp_path: Path) -> None:
+def test_a_file_with_a_name_like_that_of_a_missing_map_is_suggested(tmp_path: Path) -> None:
     (tmp_path / "berlin_neukoelln.osm").touch()
     (tmp_path / "berlin_neukolln.txt").touch()
     with pytest.raises(PaveTwinError, match=r"did you mean 'berlin_neukoelln.osm'"):
         source_kind(tmp_path / "berlin_neukolln.osm")
+
+
+SLOW_TO_LOAD = {
+    *("numpy", "scipy", "shapely", "pyproj", "pyogrio", "polars", "pyarrow", "duckdb", "pandas", "statsmodels"),
+    *("matplotlib", "PIL", "wgpu", "jinja2", "distributed", "libsumo", "traci", "sumolib", "osmium", "tornado"),
+}
+PRINTING = {"rich"}
+NEEDED_BY_POLICIES = {"numpy", "shapely", "pyproj"}
+"""A help text that lists the registered policies and sensors has to load them."""
+
+RUN = """
+import sys
+from pavetwin.cli import main
+try:
+    main()
+except SystemExit as ended:
+    print(ended.code, *sorted({name.partition(".")[0] for name in sys.modules}), file=sys.stderr)
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "unwanted"),
+    [
+        (["--version"], 0, SLOW_TO_LOAD | PRINTING | {"pydantic"}),
+        (["fly", "nosuch"], 2, SLOW_TO_LOAD | PRINTING),
+        (["fly", "nosuch", "--policy", "all", "--save-frames", "hits"], 2, SLOW_TO_LOAD | PRINTING),
+        (["capture", "nosuch", "-o", "dataset"], 2, SLOW_TO_LOAD | PRINTING),
+        (["world", "info", "nosuch"], 2, SLOW_TO_LOAD | PRINTING),
+        (["world", "export", "nosuch", "-o", "town.glb"], 2, SLOW_TO_LOAD | PRINTING),
+        (["traffic", "record", "nosuch", "--density", "high"], 2, SLOW_TO_LOAD | PRINTING),
+        (["app", "nosuch"], 2, SLOW_TO_LOAD - {"tornado"} | PRINTING),
+        (["flyy"], 2, SLOW_TO_LOAD | PRINTING),
+        (["--help"], 0, SLOW_TO_LOAD),
+        (["fly", "--help"], 0, SLOW_TO_LOAD - NEEDED_BY_POLICIES),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_a_quick_answer_loads_nothing_heavy(words: list[str], code: int, unwanted: set[str], tmp_path: Path) -> None:
+    ran = subprocess.run([sys.executable, "-c", RUN, *words], cwd=tmp_path, capture_output=True, text=True, check=False)
+    *told, last = ran.stderr.splitlines()
+    ended, *loaded = last.split()
+    assert int(ended) == code, ran.stderr
+    assert "pavetwin" in loaded
+    assert sorted(unwanted & set(loaded)) == []
+    assert told == [] if code == 0 else told[0].startswith("Error: ")
+
+
+WHAT_MISSIONS_COMPUTE = """
+import sys
+import numpy as np
+import pavetwin.cli.flight_report, pavetwin.draw.mission_map, pavetwin.mission
+from pavetwin.defects.severity import Distress
+from pavetwin.mission.metrics import found_share
+from pavetwin.pci.curves import deduct_value
+from pavetwin.traffic.tracks import PackedPart
+from pavetwin.traffic.tracks import PoseRows
+from pavetwin.traffic.tracks import TrackPart
+from pavetwin.uav import find_aircraft
+from pavetwin.uav.energy import rotor_power
+from pavetwin.world.model import Severity
+
+print(*sorted({name.partition(".")[0] for name in sys.modules}))
+one = np.ones(1, np.float32)
+rows = PoseRows(np.array([0, 1], np.uint32), np.zeros(1, np.uint32), one, one, one, one)
+part = PackedPart.of(TrackPart.of(rows, 0)).load()
+share = found_share([3, 2], [9, 8])
+print(part.is_last.tolist(), 0 < share.low < share.high < 1, rotor_power(find_aircraft("mavic3e")).total_w.min() > 50)
+print(deduct_value(Distress.POTHOLES, Severity.HIGH, 0.1) > 0)
+print(*sorted({name.partition(".")[0] for name in sys.modules}))
+"""
+
+
+def test_a_recorded_mission_needs_no_pandas_and_begins_without_scipy() -> None:
+    """A third of a second each, in every process of a study and before the first table."""
+    ran = subprocess.run([sys.executable, "-c", WHAT_MISSIONS_COMPUTE], capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stderr
+    imported, *told, loaded = ran.stdout.splitlines()
+    assert told == ["[True] True True", "True"]
+    assert {"pandas", "scipy"} & set(imported.split()) == set()
+    assert "pandas" not in loaded.split()
+
+
+@pytest.mark.parametrize(("word", "meant"), [("flyy", "'fly'"), ("experimnt", "'experiment'")])
+def test_the_nearest_command_is_suggested(
+    word: str, meant: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from pavetwin.cli import main
+
+    monkeypatch.setattr(sys, "argv", ["pavetwin", word])
+    with pytest.raises(SystemExit):
+        main()
+    assert f"Did you mean {meant}" in capsys.readouterr().err

@@ -25,7 +25,7 @@ def test_a_bar_that_begins_something_else_does_not_stay_finished() -> None:
         assert bars.tasks[0].completed == 0.5
 
 
-def test_a_file_is_told_what_begins_and_that_it_takes_long_while_nobody_calls(
+def test_a_file_gets_a_line_per_stage_and_one_now_and_then(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(console, "STAGE_S", 0.02)
@@ -41,7 +41,7 @@ def test_a_file_is_told_what_begins_and_that_it_takes_long_while_nobody_calls(
     assert capsys.readouterr().err == ""
 
 
-def test_a_file_is_told_every_tenth_of_the_way(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_gets_a_line_per_tenth(capsys: pytest.CaptureFixture[str]) -> None:
     with Lines("Flying") as tell:
         for step in range(1, 41):
             tell(step / 40, f"Flying {step}/40")
@@ -60,7 +60,7 @@ def test_counts_in_the_middle_of_a_line_begin_no_stage_of_their_own(
     assert "Recording traffic" in capsys.readouterr().err
 
 
-def test_what_takes_long_says_so_in_a_file_and_what_is_quick_is_silent(
+def test_only_long_stages_get_a_line_in_a_file(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with console.progress("Preparing") as tell:
@@ -74,12 +74,12 @@ def test_what_takes_long_says_so_in_a_file_and_what_is_quick_is_silent(
     assert "Preparing (30%)\n" in capsys.readouterr().err
 
 
-def test_the_version_is_said_without_a_command(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_version_is_printed_without_a_command(capsys: pytest.CaptureFixture[str]) -> None:
     app(["--version"], standalone_mode=False)
     assert capsys.readouterr().out == f"PaveTwin {version('pavetwin')}\n"
 
 
-def test_a_time_left_that_is_given_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_given_time_left_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
     with Lines("Flying") as tell:
         tell(0.25, "Flying", 61.4)
     assert capsys.readouterr().err == "Flying (25%, 0:01:01 left)\n"
@@ -110,14 +110,14 @@ def test_messages_of_libraries_are_dropped(noisy: Path) -> None:
 
 
 @pytest.mark.parametrize("how", ["--verbose", "PAVETWIN_DEBUG"])
-def test_they_are_shown_on_request(noisy: Path, how: str) -> None:
+def test_messages_of_libraries_are_shown_on_request(noisy: Path, how: str) -> None:
     words, environment = ([how], {}) if how.startswith("-") else ([], {how: "1"})
     done = pavetwin_process(*words, "fly", "--settings", "--plugin", noisy, env={**os.environ, **environment})
     assert done.returncode == 0
     assert all(words in done.stderr for words in TOLD)
 
 
-def test_a_warning_about_the_cache_is_told_once(tmp_path: Path) -> None:
+def test_a_warning_about_the_cache_is_printed_once(tmp_path: Path) -> None:
     path = tmp_path / "warns.py"
     told = "warnings.warn('Its tiles are made again.', CacheWarning)\n"
     path.write_text(f"import warnings\nfrom pavetwin.errors import CacheWarning\n{told}{told}", encoding="utf-8")
@@ -125,7 +125,7 @@ def test_a_warning_about_the_cache_is_told_once(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "Its tiles are made again.\n")
 
 
-def test_the_programs_own_error_is_still_told() -> None:
+def test_the_programs_own_error_is_printed() -> None:
     for words in ((), ("--verbose",)):
         done = pavetwin_process(*words, "fly", "--settings", "--altitude", "2")
         assert done.returncode == 2

@@ -20,7 +20,7 @@ def photos(tmp_path: Path) -> Path:
     return tmp_path / "photos"
 
 
-def test_an_import_tells_what_it_refused_and_exits_with_1(photos: Path, tmp_path: Path) -> None:
+def test_an_import_lists_refused_files_and_exits_with_1(photos: Path, tmp_path: Path) -> None:
     done = pavetwin("data", "import", "uapd", photos, "-o", tmp_path / "out")
     assert done.returncode == 1
     assert "refused: c.xml:4: class 'rutting' is not known; the image is left out" in done.stderr.splitlines()
@@ -61,7 +61,7 @@ def test_sources_are_listed_with_page_and_licence() -> None:
         (("uapd", "photos", "-o", "out", "--gsd", "0"), "gsd_mm: it must be greater than 0"),
     ],
 )
-def test_wrong_words_get_one_plain_line(photos: Path, arguments: tuple[str, ...], words: str) -> None:
+def test_wrong_arguments_are_refused_in_one_line(photos: Path, arguments: tuple[str, ...], words: str) -> None:
     assert words in plain_refusal(pavetwin("data", "import", *arguments, cwd=photos.parent))
     assert not (photos.parent / "out").exists()
 

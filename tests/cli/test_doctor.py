@@ -11,7 +11,7 @@ from pavetwin.render import adapter
 
 
 @pytest.mark.needs_adapter
-def test_all_is_there(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_complete_installation_passes(capsys: pytest.CaptureFixture[str]) -> None:
     doctor.doctor()
     said = capsys.readouterr().out
     assert "Nothing is missing." in said

@@ -1,4 +1,4 @@
-"""`pavetwin evaluate`: what it prints and writes, and what it refuses."""
+"""`pavetwin evaluate` and `pavetwin compare`: their tables and files, and refused input."""
 
 import csv
 import json
@@ -7,8 +7,12 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+from pavetwin.perception.detector import Detector
+from pavetwin.training.evaluation import comparison
+from pavetwin.training.evaluation.labelled import read_split
 from scenes.command_line import pavetwin, plain_refusal
 from scenes.detections import CAR, CRACK, CROCODILE, FAR, POTHOLE, said, true, write_detections, write_labels
+from scenes.drawn_detector import FILE, SIDE_PX, drawn
 from scenes.drawn_roads import drawn_roads
 
 
@@ -67,7 +71,7 @@ def test_a_report_is_written(place: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        (("found.json", "town"), "Missing option '--output'"),
+        (("found.json", "town"), "Error: Missing option '--output'"),
         (("best.pt", "town", "-o", "n"), "Error: Evaluating weights needs PyTorch, which is an extra; install it with"),
         (("nosuch.json", "town", "-o", "n"), "Error: 'nosuch.json' cannot be read (No such file or directory)."),
         (("render", "town", "-o", "n"), "Error: There is no model 'render': name one that ships"),
@@ -99,7 +103,7 @@ def test_bad_input_is_refused_in_one_line(place: Path, arguments: tuple[str, ...
     assert not (place / "n").exists()
 
 
-def test_what_ships_is_evaluated_by_name(tmp_path: Path) -> None:
+def test_a_shipped_detector_is_evaluated_by_name(tmp_path: Path) -> None:
     town = drawn_roads(tmp_path / "town", {"test": 1}, size=(64, 64))
     words = ("-o", tmp_path / "report", "--against", "photographs", "--resamples", 0)
     done = pavetwin("evaluate", "rendered", town, *words)
@@ -108,3 +112,82 @@ def test_what_ships_is_evaluated_by_name(tmp_path: Path) -> None:
     assert len(told["runs"]["others"]) == len(told["runs"]["these"]) == 1
     refused = plain_refusal(pavetwin("evaluate", "synthetic-none", town, "-o", tmp_path / "other"))
     assert "synthetic-none" in refused
+
+
+@pytest.fixture(scope="module")
+def streets(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two images: a pothole and a car that the drawn detector finds, and a pothole that is not there."""
+    folder = tmp_path_factory.mktemp("compare")
+    objects = [[true(POTHOLE, (10, 8, 30, 40)), true(CAR, (60, 12, 30, 44))], [true(POTHOLE, (10, 8, 30, 40))]]
+    write_labels(folder / "town", objects, facts=[{"width": SIDE_PX, "height": 64}] * 2)
+    (folder / "town" / "images" / "test").mkdir(parents=True)
+    street = drawn((SIDE_PX, 64), ("pothole", (10, 8, 40, 48)), ("car", (60, 12, 90, 56)))
+    street.save(folder / "town" / "images" / "test" / "001.png")
+    drawn((SIDE_PX, 64)).save(folder / "town" / "images" / "test" / "002.png")
+    return folder
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_accuracy_stands_where_it_was_measured(streets: Path) -> None:
+    """Of two potholes and a car one pothole is missed: recall (0.5 + 1) / 2, and nothing false."""
+    done = pavetwin("compare", f"drawn={FILE}", "--dataset", "town", "--frames", "1", "-o", "models.csv", cwd=streets)
+    assert done.returncode == 0, done.stderr
+    (row,) = rows_of(streets / "models.csv")
+    assert (row["model"], row["precision"], row["recall"]) == ("drawn", "100.0", "75.0")
+    assert 50 < float(row["mAP@0.5"]) < 100
+    assert float(row["size, MB"]) == pytest.approx(FILE.stat().st_size / 1e6, abs=0.05)
+    assert float(row["FPS"]) > 0
+
+
+def test_speed_is_that_of_the_size_that_accuracy_is_of(streets: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    timed: list[Detector] = []
+    monkeypatch.setattr(comparison, "frames_per_s", lambda detector, _frames: timed.append(detector) or 1.0)
+    judged: list[Detector] = []
+    monkeypatch.setattr(comparison, "found_by", lambda detector, _splits: judged.append(detector) or iter(()))
+    split = read_split(streets / "town", "test")
+    comparison.compared("drawn", FILE, split=split, frames=1, threads=1, count=None)
+    assert [each.image_px for each in timed] == [each.image_px for each in judged] == [SIDE_PX]
+    assert [each.tiled for each in timed] == [each.tiled for each in judged]
+
+
+def test_a_cell_that_was_not_measured_is_empty(streets: Path) -> None:
+    done = pavetwin("compare", str(FILE), "--frames", "1", "-o", "bare.csv", cwd=streets)
+    assert done.returncode == 0, done.stderr
+    (row,) = rows_of(streets / "bare.csv")
+    assert row["model"] == "rectangles"
+    assert [row[name] for name in ("mAP@0.5", "mAP@0.5:0.95", "precision", "recall", "GFLOPs")] == [""] * 5
+    assert done.stdout.splitlines()[0].split()[:2] == ["model", "mAP@0.5"]
+
+
+def test_a_shipped_detector_is_compared_by_name(streets: Path) -> None:
+    done = pavetwin("compare", "rendered", "--frames", "1", "-o", "shipped.csv", cwd=streets)
+    assert done.returncode == 0, done.stderr
+    (row,) = rows_of(streets / "shipped.csv")
+    assert (row["model"], row["size, MB"]) == ("rendered", "6.3")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        ((), "Error: Name models to compare, or --sizes of untrained networks"),
+        (("--ultralytics", "yolo11x"), "Error: --ultralytics: no network 'yolo11x' (did you mean"),
+        (("--ultralytics", "yolo11n"), "Error: Ultralytics is not installed. It is not part of PaveTwin"),
+        (("--weights", "a=gone.pt"), "Error: --weights: there is no file 'gone.pt'."),
+        (("--sizes", "n,x"), "Error: --sizes: no size 'x'; known are n, s, m, l."),
+        (("--sizes", "n"), "Error: Untrained networks need PyTorch, an extra; install it with `pip install"),
+        (("nosuch.onnx",), "Error: There is no"),
+        ((str(FILE), "--threads", "999"), "Error: --threads 999: this machine has"),
+        ((str(FILE), "-o", "."), "Error: --output: '.' is a folder; name a file in it."),
+        ((str(FILE), "-o", f"{FILE}/a.csv"), f"Error: --output: '{FILE}' is a file, so that nothing can be written"),
+        ((str(FILE), "--dataset", "."), "Error: --dataset: '.' holds no annotations/instances_test.json"),
+    ],
+)
+def test_a_comparison_refuses_wrong_models(streets: Path, arguments: tuple[str, ...], line: str) -> None:
+    before = sorted(streets.iterdir())
+    told = plain_refusal(pavetwin("compare", *arguments, cwd=streets))
+    assert told.startswith(line), told
+    assert sorted(streets.iterdir()) == before

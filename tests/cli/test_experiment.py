@@ -1,4 +1,4 @@
-"""`pavetwin experiment …` as a user types it."""
+"""`pavetwin experiment …`, and the note on worlds that differ from the published setup."""
 
 import io
 import re
@@ -11,9 +11,11 @@ import polars as pl
 import pytest
 import yaml
 
+from pavetwin.cli.published import note_difference
+from pavetwin.defects import DefectOptions, add_defects
 from pavetwin.experiments.store import Store
-from pavetwin.world.store import save_world
-from scenes import damaged
+from pavetwin.world.store import load_world, save_world
+from scenes import built, damaged
 from scenes.command_line import command, pavetwin, plain_refusal
 
 
@@ -79,7 +81,7 @@ def test_a_recommendation_names_the_best_that_keeps_the_limits(place: Path) -> N
 
 
 @pytest.mark.slow
-def test_wind_is_no_option_and_an_unfinished_study_says_so(place: Path) -> None:
+def test_wind_is_no_option_and_an_unfinished_study_is_noted(place: Path) -> None:
     values = yaml.safe_load((place / "study.yaml").read_text())
     values |= {
         "sweep": {"conditions.wind_mps": [0, 8], "tau_o": [0.5, 0.9]},
@@ -116,7 +118,7 @@ def test_sensors_and_presets_are_no_options_and_have_an_advice_each(place: Path)
     assert "With fewer than 5 replicates the probability" in done.stdout
 
 
-def test_limits_that_nothing_keeps_are_said_with_an_exit_code(place: Path) -> None:
+def test_limits_that_no_option_meets_have_an_exit_code(place: Path) -> None:
     done = pavetwin("experiment", "recommend", "study", "--max-time", "1", cwd=place)
     assert done.returncode == 1
     assert "No option keeps the limits on average; the nearest is " in done.stdout
@@ -162,7 +164,7 @@ def test_a_mistake_is_one_plain_line(place: Path, arguments: tuple[str, ...], wo
     assert not (place / "x").exists()
 
 
-def test_a_world_that_is_gone_is_said(place: Path) -> None:
+def test_a_missing_world_is_reported(place: Path) -> None:
     (place / "gone.yaml").write_text("worlds: [worlds/gone]\n")
     said = plain_refusal(pavetwin("experiment", "run", "gone.yaml", "-o", "x", cwd=place))
     assert "worlds/gone' does not exist" in said
@@ -188,7 +190,7 @@ sys.stdin.read()
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_dies_is_said_in_a_line_and_the_same_command_goes_on(place: Path) -> None:
+def test_the_same_command_continues_after_a_dead_scheduler(place: Path) -> None:
     piped = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen([sys.executable, "-c", SCHEDULER], **piped) as scheduler:
         address = scheduler.stdout.readline().strip()
@@ -206,3 +208,56 @@ def test_a_scheduler_that_dies_is_said_in_a_line_and_the_same_command_goes_on(pl
         "continues."
     ]
     assert pavetwin("experiment", "run", "study.yaml", "-o", "gone", cwd=place).returncode == 0
+
+
+BUILD = "pavetwin world build … --parking-rule none"
+WITH, WITHOUT = "europe", "none"
+
+
+@pytest.fixture(scope="module")
+def worlds(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a world of each parking rule, named as the rule."""
+    folder = tmp_path_factory.mktemp("published")
+    for rule in (WITH, WITHOUT):
+        made = add_defects(built("cross", parking_rule=rule), DefectOptions(population="paper", per_segment=2))
+        save_world(made, folder / rule)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("rule", "preset", "is_told"), [(WITH, "paper", True), (WITHOUT, "paper", False), (WITH, "default", False)]
+)
+def test_parking_lanes_are_noted_once_with_the_preset_paper(
+    worlds: Path, tmp_path: Path, rule: str, preset: str, is_told: bool
+) -> None:
+    def notice(*arguments: object) -> list[str]:
+        done = pavetwin(*arguments)
+        assert done.returncode == 0, done.stderr
+        return [line for line in (done.stdout + done.stderr).splitlines() if BUILD in line]
+
+    design = tmp_path / "study.yaml"
+    said = [notice("experiment", "init", design, "--world", worlds / rule, "--preset", preset)]
+    values = yaml.safe_load(design.read_text())
+    values |= {"densities": ["low"], "altitudes_m": [10], "policies": ["baseline"], "replicates": 1, "segments": 1}
+    design.write_text(yaml.safe_dump(values))
+    said.append(notice("experiment", "run", design, "-o", tmp_path / "study", "--jobs", "1"))
+    short = ("--density", "low", "--segments", "1", "-o", tmp_path / "mission")
+    said.append(notice("fly", worlds / rule, *short, "--preset", preset))
+    assert [len(lines) for lines in said] == [int(is_told)] * 3
+    assert all("parking lanes" in line and "wider" in line for (line,) in filter(None, said))
+
+
+@pytest.mark.parametrize(("placed_by", "told"), [("survey", "damage population in other (survey)"), ("paper", "")])
+def test_defects_of_another_population_are_noted(
+    tmp_path: Path, placed_by: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = DefectOptions(population=placed_by, per_segment=1)
+    save_world(add_defects(built("cross", parking_rule="none"), options), tmp_path / "other")
+    for world in (tmp_path / "other", load_world(tmp_path / "other")):
+        note_difference(["paper"], [world])
+        said = capsys.readouterr().out
+        assert told in said
+        assert ("--damage paper" in said) == bool(told)
+    note_difference(["paper"], [tmp_path / "other"], "paper")
+    note_difference(["default"], [tmp_path / "other"])
+    assert capsys.readouterr().out == ""

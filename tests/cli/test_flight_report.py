@@ -45,7 +45,7 @@ def save(
     return results
 
 
-def test_what_parked_vehicles_leave_to_be_seen_is_told_beside_what_was_seen() -> None:
+def test_the_visible_share_next_to_parked_vehicles_is_reported() -> None:
     stands, empty = (narrow_street().fly("hover", parking) for parking in (FULL, EMPTY))
     at_most = f"{100 * (1 - stands.rows[0].permanently_hidden):.1f}"
     for table in (flight_report.segments_table(stands), flight_report.comparison_table([stands, stands])):
@@ -155,7 +155,7 @@ def test_without_maps_there_is_no_comparison_either(tmp_path: Path, capsys: pyte
     assert ".png" not in capsys.readouterr().out
 
 
-def test_nothing_of_a_former_mission_stays(tmp_path: Path) -> None:
+def test_files_of_a_former_mission_are_removed(tmp_path: Path) -> None:
     result = tiny.result("lively_street", "hover")
     save_mission(result, tmp_path / "m")
     (tmp_path / "m" / "mission.gif").write_bytes(b"GIF89a")
@@ -212,7 +212,7 @@ def test_the_headings_are_words_that_a_stranger_reads() -> None:
     assert "found on return %" in headings
 
 
-def test_a_mission_over_several_batteries_says_how_many_to_bring() -> None:
+def test_a_mission_over_several_batteries_reports_their_number() -> None:
     tired = replace(tiny.result("queue_that_leaves", "skip"), swaps=2, energy=2.24)
     tired = replace(tired, rows=tuple(replace(row, swaps=2) for row in tired.rows))
     assert summary.sentence([tired]).endswith("with 2 battery changes: bring 3 batteries.")
@@ -221,7 +221,7 @@ def test_a_mission_over_several_batteries_says_how_many_to_bring() -> None:
     assert "to bring" in lines[3]
 
 
-def test_that_no_policy_had_to_react_is_told() -> None:
+def test_a_comparison_without_occlusions_is_noted() -> None:
     free, queue = (tiny.result(scene, "baseline") for scene in ("empty_street", "queue_at_light"))
     line = "Visibility never fell below 0.7: no policy had to react. They differ in denser traffic."
     assert summary.unprovoked([free, free]) == [line]

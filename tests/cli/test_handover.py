@@ -118,7 +118,7 @@ def test_tables_are_the_same_in_csv_workbook_and_geopackage(made: Path) -> None:
             )
 
 
-def test_the_page_says_the_numbers_of_the_tables(made: Path) -> None:
+def test_the_page_shows_the_numbers_of_the_tables(made: Path) -> None:
     defects, streets = pl.read_csv(made / "defects.csv"), pl.read_csv(made / "streets.csv")
     found = defects.filter(outcome="found").height
     assert 0 < found < defects.height
@@ -162,7 +162,7 @@ def test_the_sheet_is_one_page_of_a4(made: Path) -> None:
     assert content.count(b"/Type /Page ") == 1
 
 
-def test_a_policy_that_needs_an_observer_is_said_to(made: Path) -> None:
+def test_a_policy_that_needs_an_observer_is_marked(made: Path) -> None:
     reader = Words()
     reader.feed((made / "handover.html").read_text(encoding="utf-8"))
     assert "hover: with an observer. An observer sees on the live picture that the road is hidden" in reader.text
@@ -237,7 +237,7 @@ def test_a_world_that_has_changed_is_refused(mission: Path, tmp_path: Path) -> N
     assert told.startswith("Error: The mission's inputs have changed: the world 'cross'")
 
 
-def test_what_is_there_is_replaced_only_where_it_is_a_handover(mission: Path, made: Path, tmp_path: Path) -> None:
+def test_only_a_handover_is_replaced(mission: Path, made: Path, tmp_path: Path) -> None:
     assert "holds a handover; choose another folder, or replace it (--force)" in plain_refusal(
         pavetwin("handover", mission)
     )

@@ -1,9 +1,10 @@
-"""`pavetwin inventory`: from missions and photographs to files for agencies; and what is refused."""
+"""`pavetwin inventory` and `pavetwin pci`: their files, and refused input."""
 
 import csv
 import json
 import sqlite3
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import fromstring
 
@@ -15,8 +16,9 @@ import shapely
 from PIL import Image
 
 from pavetwin.mission.saving import save_mission
+from pavetwin.pci import Survey, sample_units
 from pavetwin.world.store import save_world
-from scenes import built
+from scenes import built, damaged
 from scenes.aerial import FOCAL_PX, HEIGHT_M, LATITUDE, LONGITUDE, aerial_photograph
 from scenes.command_line import pavetwin, plain_refusal
 from scenes.drawn_detector import FILE, drawn
@@ -38,7 +40,7 @@ def listed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     return folder / "out", done.stdout
 
 
-def test_it_says_what_it_found_and_what_is_missing(listed: tuple[Path, str]) -> None:
+def test_detections_and_missing_metadata_are_printed(listed: tuple[Path, str]) -> None:
     lines = listed[1].splitlines()
     assert lines[0] == "5 detections in 3 images: 3 entries (Pothole 2, Crocodile Crack 1)."
     assert lines[1].startswith(
@@ -195,7 +197,7 @@ def test_options_of_missions_count(tmp_path: Path) -> None:
     assert not (tmp_path / "none").exists()
 
 
-def test_what_is_wrong_is_said_plainly_and_leaves_nothing(tmp_path: Path) -> None:
+def test_wrong_options_are_refused_and_leave_nothing(tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
     STREET.save(tmp_path / "in" / "a.png")
     for arguments, words in (
@@ -224,3 +226,83 @@ def test_without_a_detection_the_table_has_its_columns_alone(tmp_path: Path) -> 
     (header,) = (tmp_path / "m" / "inventory" / "inventory.csv").read_text().splitlines()
     assert header.startswith("id,class,severity,area_m2,area_m2_error,")
     assert not (tmp_path / "m" / "inventory" / "inventory.gpkg").exists()
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("pci") / "cross"
+    save_world(damaged("cross", 8), folder)
+    return folder
+
+
+def test_a_world_is_rated_by_unit_and_street(world: Path) -> None:
+    done = pavetwin("pci", world)
+    assert done.returncode == 0, done.stderr
+    survey = Survey(sample_units(damaged("cross", 8).world.segments), damaged("cross", 8).world.defects)
+    assert f"PCI {survey.pci():.1f}" in done.stdout
+    units = pl.read_csv(world / "pci" / "units.csv")
+    assert units["pci"].to_list() == [round(each.pci, 1) for each in survey.conditions()]
+    streets = pl.read_csv(world / "pci" / "streets.csv")
+    assert streets["pci"].to_list() == sorted(streets["pci"]), "the worst first"
+    assert streets["units"].sum() == units.height
+    assert streets["street"][0] in done.stdout
+    meta, _, shapes, _ = pyogrio.raw.read(world / "pci" / "pci.gpkg", layer="sample_units")
+    assert len(shapes) == units.height
+    assert list(meta["fields"]) == units.columns
+    assert (world / "pci" / "pci.png").stat().st_size > 10_000
+
+
+def test_a_mission_is_rated_by_what_it_found(world: Path, tmp_path: Path) -> None:
+    flown = pavetwin(
+        *("fly", world, "--density", "low", "--segments", "2", "--seed", "1", "--no-map", "-o", tmp_path / "m")
+    )
+    assert flown.returncode == 0, flown.stderr
+    done = pavetwin("pci", tmp_path / "m", "-o", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert "points too high" in done.stdout
+    rows = pl.read_parquet(tmp_path / "m" / "mission.parquet")
+    assert (rows["pci_error"] - (rows["pci_found"] - rows["pci"])).abs().max() < 1e-9
+    assert rows["pci_error"].min() >= 0
+    assert rows["pci_error"].max() > 0
+    by_area = (rows["pci_found"] * rows["area_m2"]).sum() / rows["area_m2"].sum()
+    assert f"it would be {by_area:.1f}" in done.stdout
+    units = pl.read_csv(tmp_path / "out" / "units.csv")
+    assert (units["pci_found"] >= units["pci"]).all()
+    assert (tmp_path / "out" / "pci-found.png").is_file()
+    streets = pl.read_csv(tmp_path / "m" / "streets.csv").sort("street")
+    mine = pl.read_csv(tmp_path / "out" / "streets.csv").sort("street")
+    assert streets.select("pci", "pci_found").rows() == mine.select("pci", "pci_found").rows()
+
+
+def test_defects_that_do_not_count_are_listed(world: Path, tmp_path: Path) -> None:
+    built = damaged("cross", 8)
+    heaves = [replace(built.world.defects[0], kind="frost_heave"), *built.world.defects[1:]]
+    save_world(replace(built, world=replace(built.world, defects=tuple(heaves))), tmp_path / "w")
+    done = pavetwin("pci", tmp_path / "w")
+    assert done.returncode == 0, done.stderr
+    assert "Not counted: a defect of the class 'frost_heave'" in done.stdout
+    assert "Not counted" not in pavetwin("pci", world).stdout
+
+
+def test_a_folder_that_is_neither_world_nor_mission_is_refused(world: Path, tmp_path: Path) -> None:
+    assert "neither the folder of a world nor of a mission" in plain_refusal(pavetwin("pci", tmp_path))
+    (tmp_path / "hover").mkdir()
+    (tmp_path / "hover" / "mission.yaml").write_text("format: 5\n", encoding="utf-8")
+    assert f"name one: {tmp_path / 'hover'}" in plain_refusal(pavetwin("pci", tmp_path))
+    line = plain_refusal(pavetwin("pci", tmp_path / "hover" / "mission.yaml"))
+    assert line.startswith(f"Error: There is no folder '{tmp_path / 'hover' / 'mission.yaml'}'; name that of a world")
+    (tmp_path / "taken").write_text("", encoding="utf-8")
+    assert "--output" in plain_refusal(pavetwin("pci", world, "-o", tmp_path / "taken"))
+
+
+def test_a_place_that_cannot_be_written_is_one_line(world: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    for target in (Path("/proc/pci"), tmp_path / "file" / "pci"):
+        assert plain_refusal(pavetwin("pci", world, "-o", target)).startswith(f"Error: Cannot write '{target}")
+
+
+def test_maps_of_a_former_survey_do_not_stay(world: Path, tmp_path: Path) -> None:
+    for name in ("pci-found.png", "pci-detected.png", "mine.png"):
+        (tmp_path / name).write_text("", encoding="utf-8")
+    assert pavetwin("pci", world, "-o", tmp_path).returncode == 0
+    assert sorted(path.name for path in tmp_path.glob("*.png")) == ["mine.png", "pci.png"]

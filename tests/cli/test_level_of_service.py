@@ -60,9 +60,7 @@ def density_of(folder: Path) -> str:
         (("--mix", "south_asia"), "los-C+south_asia"),
     ],
 )
-def test_a_mission_says_which_traffic_it_flew_in(
-    world: Path, tmp_path: Path, options: tuple[object, ...], name: str
-) -> None:
+def test_a_mission_prints_its_traffic(world: Path, tmp_path: Path, options: tuple[object, ...], name: str) -> None:
     printed = flown(world, tmp_path / "m", *options)
     (line,) = [line for line in printed.splitlines() if line.startswith(f"Traffic {name}: ")]
     assert "% of the speed limits: level of service" in line
@@ -98,7 +96,9 @@ def test_the_usual_level_out_of_reach_is_replaced_and_one_asked_for_is_refused(w
          "empty streets allow 7"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_one_plain_line(world: Path, tmp_path: Path, options: tuple[str, ...], words: str) -> None:
+def test_wrong_options_are_refused_in_one_line(
+    world: Path, tmp_path: Path, options: tuple[str, ...], words: str
+) -> None:
     assert words in plain_refusal(pavetwin("fly", world, *options, "-o", tmp_path / "m"))
     assert not (tmp_path / "m").exists()
     if "--density" not in options:

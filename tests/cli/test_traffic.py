@@ -27,7 +27,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "cross"
 
 
-def test_recording_says_what_it_did_and_then_that_it_is_done(world: Path, tmp_path: Path) -> None:
+def test_a_recording_is_summarised_and_then_taken_from_the_cache(world: Path, tmp_path: Path) -> None:
     first = pavetwin("traffic", "record", world, "--density", "low", "--seed", 1, "--duration", 30)
     assert first.returncode == 0, first.stderr
     assert "× real time" in first.stdout
@@ -61,13 +61,13 @@ def test_recording_says_what_it_did_and_then_that_it_is_done(world: Path, tmp_pa
         (("--routes", "nowhere.rou.xml"), "nowhere.rou.xml"),
     ],
 )
-def test_what_is_wrong_is_one_plain_line(world: Path, arguments: tuple[str, ...], words: str) -> None:
+def test_wrong_options_are_refused_in_one_line(world: Path, arguments: tuple[str, ...], words: str) -> None:
     before = sorted(world.rglob("*"))
     assert words in plain_refusal(pavetwin("traffic", "record", world, *arguments))
     assert sorted(world.rglob("*")) == before
 
 
-def test_a_world_or_a_recording_that_is_none(tmp_path: Path) -> None:
+def test_missing_worlds_and_recordings_are_refused(tmp_path: Path) -> None:
     for arguments in (("record", tmp_path / "none", "--density", "low"), ("info", tmp_path / "none.parquet")):
         plain_refusal(pavetwin("traffic", *arguments))
 
@@ -93,7 +93,7 @@ def settings_of(folder: Path) -> dict[str, object]:
 
 
 @pytest.mark.slow
-def test_a_mission_says_its_area_keeps_it_and_is_flown_again(grid: Path, tmp_path: Path) -> None:
+def test_a_mission_keeps_its_traffic_area_and_is_flown_again(grid: Path, tmp_path: Path) -> None:
     one = (*SHORT, "--segment", corner(grid), "--traffic-area")
     done = pavetwin("fly", grid, *one, "100", "-o", tmp_path / "near")
     assert done.returncode == 0, done.stderr
@@ -108,7 +108,7 @@ def test_a_mission_says_its_area_keeps_it_and_is_flown_again(grid: Path, tmp_pat
     assert settings_of(tmp_path / "all")["traffic_area_m"] is None
 
 
-def test_of_a_large_town_it_is_said_how_much_less_an_area_is(grid: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_savings_of_an_area_in_a_large_town_are_printed(grid: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     world, targets = load_world(grid), [corner(grid)]
     assert flight_report.whole_town_line(world, targets) == "", "a small one is recorded soon enough"
     monkeypatch.setattr(flight_report, "CITY_KM", 1.0)
@@ -130,7 +130,7 @@ def test_of_a_large_town_it_is_said_how_much_less_an_area_is(grid: Path, monkeyp
         ("near", "--traffic-area: expected metres or 'all', not 'near'."),
     ],
 )
-def test_what_is_no_distance_is_refused(grid: Path, given: str, said: str) -> None:
+def test_invalid_distances_are_refused(grid: Path, given: str, said: str) -> None:
     assert said in plain_refusal(pavetwin("fly", grid, *SHORT, "--traffic-area", given))
 
 

@@ -20,7 +20,7 @@ def run(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
     return int(ended.value.code or 0)
 
 
-def test_build_and_info_say_what_is_there(
+def test_build_and_info_print_the_contents_of_a_world(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     target = str(tmp_path / "cross")
@@ -33,7 +33,7 @@ def test_build_and_info_say_what_is_there(
     assert "14 (" in capsys.readouterr().out
 
 
-def test_streets_that_are_not_connected_are_said_to_be_left_out(
+def test_streets_that_are_not_connected_are_listed_as_left_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     island = """
@@ -105,7 +105,7 @@ def test_mistakes_are_one_plain_line_and_leave_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_mistake_of_ours_is_one_line_that_asks_for_a_report(
+def test_an_internal_error_is_one_line_that_asks_for_a_report(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def broken(_folder: Path) -> None:
@@ -123,6 +123,8 @@ def test_a_mistake_of_ours_is_one_line_that_asks_for_a_report(
         main()
 
 
-def test_info_of_no_world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_refuses_a_folder_without_a_world(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run(monkeypatch, "world", "info", str(tmp_path / "none")) == 2
     assert "pavetwin world build" in capsys.readouterr().err

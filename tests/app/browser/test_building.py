@@ -141,7 +141,7 @@ def test_a_car_is_driven_by_keys_and_the_drive_is_played(building: BrowserTab) -
     assert all(building.picture(place).std() > 5 for place in ("#map", "#camera canvas", "#plots"))
 
 
-def test_a_contact_sheet_is_looked_at_and_a_damaged_study_told(browser: Any, tmp_path: Path) -> None:
+def test_a_contact_sheet_is_shown_and_a_damaged_study_reported(browser: Any, tmp_path: Path) -> None:
     for number in range(2):
         picture(tmp_path / "source" / f"{number}.jpg", seed=number)
         voc(tmp_path / "source" / f"{number}.xml", [("PH", (8, 8, 30, 30))])

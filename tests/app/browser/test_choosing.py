@@ -69,14 +69,14 @@ def test_streets_are_chosen_by_the_keyboard(tab: BrowserTab) -> None:
     assert "chosen by the seed" in tab.page.locator("#selection").inner_text(), "again lets it go"
 
 
-def test_what_cannot_be_flown_is_told_in_the_page(tab: BrowserTab) -> None:
+def test_missions_that_cannot_be_flown_are_explained_in_the_page(tab: BrowserTab) -> None:
     tab.open("#world=cross&traffic=low&seed=1&count=2000")
     tab.ready()
     tab.wait("document.querySelector('#selection .bad')")
     assert "2000" in tab.page.locator("#selection .bad").inner_text()
 
 
-def test_without_a_town_the_page_says_how_to_make_one(browser: Any) -> None:
+def test_without_a_town_the_page_explains_how_to_make_one(browser: Any) -> None:
     with running_page([]) as empty:
         tab = tab_of(browser, empty)
         tab.open()
@@ -97,7 +97,7 @@ def test_controls_have_names(tab: BrowserTab) -> None:
     assert json.dumps(unnamed) == "[]"
 
 
-def test_without_webgl_the_panel_says_so(tab: BrowserTab) -> None:
+def test_without_webgl_the_panel_shows_a_message(tab: BrowserTab) -> None:
     tab.open("#world=cross")
     tab.ready()
     assert "no WebGL 2" in tab.page.locator("#town .empty").inner_text()

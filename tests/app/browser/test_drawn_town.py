@@ -53,7 +53,7 @@ TILES = re.compile(r"/town/.*/\d+/[\d_-]+\.glb\.gz$")
 
 
 @pytest.mark.timeout(900)
-def test_it_is_told_how_many_tiles_still_load(drawn: BrowserTab, server: RunningPage) -> None:
+def test_the_number_of_loading_tiles_is_shown(drawn: BrowserTab, server: RunningPage) -> None:
     tab = tab_of(drawn.page.context.browser, server)
     held: list[Any] = []
     released = Event()
@@ -74,7 +74,7 @@ def test_it_is_told_how_many_tiles_still_load(drawn: BrowserTab, server: Running
 
 
 @pytest.mark.timeout(900)
-def test_a_long_first_drawing_is_told(drawn: BrowserTab, server: RunningPage) -> None:
+def test_a_long_first_drawing_is_explained(drawn: BrowserTab, server: RunningPage) -> None:
     tab = tab_of(drawn.page.context.browser, server)
     held: list[Any] = []
     tab.page.route("**/town/*/manifest.json", lambda route: held.append(route))

@@ -116,7 +116,7 @@ def test_keys_play_pause_seek_and_show_the_keys(flown: Flown) -> None:
     tab.page.keyboard.press("Escape")
 
 
-def test_a_defect_says_why_and_leads_to_its_moment(flown: Flown) -> None:
+def test_a_defect_shows_its_reason_and_leads_to_its_moment(flown: Flown) -> None:
     tab = flown.tab
     tab.page.click("#tab-defects")
     listed = tab.page.locator("#defects .list button")

@@ -14,7 +14,7 @@ from scenes.folders import digests
 from scenes.short_mission import SHORT
 
 
-def test_policies_repeat_and_what_excludes_each_other_says_so(world: Path, tmp_path: Path) -> None:
+def test_policies_repeat_and_exclusive_options_are_refused(world: Path, tmp_path: Path) -> None:
     done = pavetwin("fly", world, *SHORT, "--policy", "hover", "--policy", "skip", "-o", tmp_path / "both")
     assert done.returncode == 0, done.stderr
     assert pl.read_parquet(tmp_path / "both" / "mission.parquet")["policy"].unique(maintain_order=True).to_list() == [
@@ -50,7 +50,7 @@ def test_missions_over_ones_own_demand_take_off_after_a_warm_up(world: Path, cac
 
 
 @pytest.mark.slow
-def test_a_mission_takes_off_beside_the_road_or_where_it_is_told(world: Path, tmp_path: Path) -> None:
+def test_a_mission_takes_off_next_to_the_road_or_from_its_base(world: Path, tmp_path: Path) -> None:
     loaded = load_world(world)
     middle = loaded.segments[0].centre_line.interpolate(0.5, normalized=True)
     lon, lat = loaded.georeference.to_wgs84((middle.x, middle.y))

@@ -37,7 +37,7 @@ def test_streets_are_compared_on_the_screen_and_in_a_file(world: Path, tmp_path:
         assert line.split()[-1] == f"{100 * found:.1f}"
 
 
-def test_a_mission_leaves_its_files_and_says_where(world: Path, tmp_path: Path) -> None:
+def test_a_mission_writes_its_files_and_prints_their_folder(world: Path, tmp_path: Path) -> None:
     done = pavetwin("fly", world, *SHORT, "--policy", "skip", "-o", tmp_path / "m")
     assert done.returncode == 0, done.stderr
     assert str(tmp_path / "m") in done.stdout

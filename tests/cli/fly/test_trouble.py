@@ -50,7 +50,7 @@ def test_a_half_deleted_world_is_named(world: Path, tmp_path: Path) -> None:
     assert "nowhere" in plain_refusal(pavetwin("fly", tmp_path / "nowhere", *SHORT))
 
 
-def test_a_map_in_place_of_a_world_says_how_to_build_one(tmp_path: Path) -> None:
+def test_a_map_in_place_of_a_world_is_refused_with_the_command_that_builds_one(tmp_path: Path) -> None:
     (tmp_path / "my town.osm").write_text("<osm/>")
     line = plain_refusal(pavetwin("fly", "my town.osm", cwd=tmp_path))
     assert "is a map, not a world yet" in line
@@ -85,7 +85,7 @@ def test_a_folder_that_cannot_be_written_is_named(world: Path, tmp_path: Path) -
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
-def test_a_full_disk_is_said_and_leaves_nothing(world: Path, tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_and_leaves_nothing(world: Path, tmp_path: Path) -> None:
     def no_room() -> None:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # else the kernel ends the process, unlike on a full disk
         resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
@@ -96,7 +96,7 @@ def test_a_full_disk_is_said_and_leaves_nothing(world: Path, tmp_path: Path) -> 
     assert not list(tmp_path.iterdir())
 
 
-def test_a_full_disk_while_traffic_is_recorded_is_said_and_leaves_nothing(world: Path, tmp_path: Path) -> None:
+def test_a_full_disk_during_a_recording_is_reported_and_leaves_nothing(world: Path, tmp_path: Path) -> None:
     def no_room() -> None:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))
@@ -110,7 +110,7 @@ def test_a_full_disk_while_traffic_is_recorded_is_said_and_leaves_nothing(world:
     assert is_over(lambda: not simulations(os.getpid()))
 
 
-def test_a_damaged_recording_in_the_cache_is_made_again_and_said_once(world: Path, tmp_path: Path) -> None:
+def test_a_damaged_recording_in_the_cache_is_made_again_with_one_warning(world: Path, tmp_path: Path) -> None:
     fly = ("fly", world, *SHORT, "--cache", tmp_path / "cache", "--force", "-o", tmp_path / "m")
     assert pavetwin(*fly).returncode == 0
     (path,) = (tmp_path / "cache").rglob("*.parquet")
@@ -202,7 +202,7 @@ def test_an_interruption_while_the_kernel_has_traffic_read_is_one(
     assert not list(tmp_path.iterdir())
 
 
-def test_an_error_without_words_tells_its_type(world: Path, tmp_path: Path) -> None:
+def test_an_error_without_a_message_shows_its_type(world: Path, tmp_path: Path) -> None:
     plugin = tmp_path / "silent.py"
     plugin.write_text("from pavetwin.errors import PaveTwinError\nraise PaveTwinError from TimeoutError()\n")
     line = plain_refusal(pavetwin("fly", world, *SHORT, "--plugin", plugin, "-o", tmp_path / "m"))

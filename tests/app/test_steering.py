@@ -1,9 +1,11 @@
-"""Flights by hand over the page's WebSocket: they follow the stick, grow, land, are played, and can be flown again."""
+"""Flights and drives by hand over the page's WebSocket."""
 
 import asyncio
+import csv
 import gzip
 import json
 import os
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +14,10 @@ import pytest
 
 from pavetwin.app import task_pool
 from pavetwin.app.live import joined
-from pavetwin.app.steering import STICKS
+from pavetwin.app.steering import DRIVER, PEDALS, SEGMENTS, STICKS
 from pavetwin.app.task_pool import Messages, TaskProcess
+from pavetwin.capture.platforms.car import REAR
+from pavetwin.driving.drive import Drive, drive_again, pedals_of_values
 from pavetwin.mission.by_hand import PILOT, ByHand, fly_again, sticks_of_values
 from pavetwin.mission.inputs import load_inputs
 from pavetwin.mission.planning import plan_mission
@@ -79,7 +83,7 @@ def test_a_flight_grows_lands_is_played_and_can_be_flown_again(page: RunningPage
 
 @pytest.mark.slow
 @pytest.mark.parametrize("how", ["cancel", "leave"])
-def test_who_gives_up_leaves_no_process_and_no_file(page: RunningPage, how: str) -> None:
+def test_a_cancelled_flight_leaves_no_process_and_no_file(page: RunningPage, how: str) -> None:
     during: set[int] = set()
 
     def answer(state: dict[str, Any]) -> dict[str, Any] | None:
@@ -96,24 +100,25 @@ def test_who_gives_up_leaves_no_process_and_no_file(page: RunningPage, how: str)
 
 
 @pytest.mark.slow
-def test_a_stick_that_nobody_holds_any_more_is_let_go(page: RunningPage) -> None:
-    told: list[float] = []
+def test_a_stick_that_is_not_held_returns_to_the_middle(page: RunningPage) -> None:
+    speeds: list[float] = []
 
     def answer(state: dict[str, Any]) -> dict[str, Any] | None:
         if state["mode"] != IN_THE_AIR:
             return None
-        told.append(state["speed_mps"])
-        if len(told) == 1:
+        speeds.append(state["speed_mps"])
+        if len(speeds) == 1:
             return say(ahead=1.0)
-        return {"do": "cancel"} if len(told) == 30 else None
+        return {"do": "cancel"} if len(speeds) == 30 else None
 
     steer(page, answer, REQUEST)
-    assert max(told) > 2.0
-    assert told[-1] == 0.0
+    assert max(speeds) > 2.0
+    assert speeds[-1] == 0.0
 
 
-def test_a_sensor_that_looks_after_landing_is_refused(page: RunningPage) -> None:
-    _, end = steer(page, lambda _: None, {**REQUEST, "sensor": "detector"})
+@pytest.mark.parametrize("do", ["pilot", "drive"])
+def test_a_sensor_that_looks_after_landing_is_refused(page: RunningPage, do: str) -> None:
+    _, end = steer(page, lambda _: None, {**REQUEST, "sensor": "detector"}, do=do)
     assert "answers at once" in end["error"]
 
 
@@ -121,7 +126,7 @@ def test_a_sensor_that_looks_after_landing_is_refused(page: RunningPage) -> None
     "stick",
     [None, [], {"ahead": 2.0}, {"ahead": "fast"}, {"turn": "NaN"}, {"up": 1.0}, {"lands": "/etc"}, {"ahead": 1e308}],
 )
-def test_what_is_no_stick_ends_its_page_alone(page: RunningPage, stick: Any) -> None:
+def test_an_invalid_stick_ends_its_page_alone(page: RunningPage, stick: Any) -> None:
     async def send() -> str | bytes | None:
         client = await page.connect()
         await client.write_message(json.dumps({"id": 1, "do": "steer", "stick": stick}))
@@ -131,15 +136,15 @@ def test_what_is_no_stick_ends_its_page_alone(page: RunningPage, stick: Any) -> 
     assert page.ask({"do": "missions"})[0]["done"]
 
 
-def test_what_a_page_reads_late_is_told_at_once() -> None:
+def test_states_that_a_page_reads_late_are_joined() -> None:
     first = {"t_s": 1.0, "captures": {"t_s": [0.9], "x_m": [3.0]}, "found": [{"id": 1}], "is_low": True, "minutes": 3}
     later = {"t_s": 1.1, "captures": {"t_s": [1.1], "x_m": [4.0]}, "found": [], "is_low": False}
-    told = joined(joined({}, first), later)
-    assert told["captures"] == {"t_s": [0.9, 1.1], "x_m": [3.0, 4.0]}
-    assert (told["t_s"], told["found"], told["is_low"], told["minutes"]) == (1.1, [{"id": 1}], True, 3)
+    state = joined(joined({}, first), later)
+    assert state["captures"] == {"t_s": [0.9, 1.1], "x_m": [3.0, 4.0]}
+    assert (state["t_s"], state["found"], state["is_low"], state["minutes"]) == (1.1, [{"id": 1}], True, 3)
 
 
-def test_a_stick_without_a_flight_is_of_no_account(page: RunningPage) -> None:
+def test_a_stick_without_a_flight_is_ignored(page: RunningPage) -> None:
     async def send() -> Any:
         client = await page.connect()
         await client.write_message(json.dumps({"id": 7, **say(ahead=1.0)}))
@@ -150,7 +155,7 @@ def test_a_stick_without_a_flight_is_of_no_account(page: RunningPage) -> None:
 
 
 class Pipe:
-    """In place of a process: notes what it is told, and ends when it is let."""
+    """Replacement for a process: records its input, and ends on request."""
 
     def __init__(self) -> None:
         self.lines: list[dict[str, Any]] = []
@@ -168,7 +173,7 @@ class Pipe:
         return b'{"result": {}}\n'
 
 
-def test_of_many_sticks_few_are_passed_on_and_the_latest_last(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_few_of_many_sticks_are_passed_on_and_the_latest_last(monkeypatch: pytest.MonkeyPatch) -> None:
     passed_on = asyncio.Event()
 
     async def flood() -> list[dict[str, Any]]:
@@ -200,3 +205,61 @@ def test_of_many_sticks_few_are_passed_on_and_the_latest_last(monkeypatch: pytes
     assert sticks[0]["message"]["ahead"] < 100, "at once"
     assert sticks[-1] == {"message": {"ahead": 299}}
     assert len(sticks) <= 5, "one for each time that has passed"
+
+
+STREET = "s0011"
+DRIVE = {"traffic": "low", "seed": 1, "segments": [STREET]}
+
+
+@pytest.mark.slow
+def test_a_drive_grows_ends_is_played_and_can_be_driven_again(page: RunningPage, world: Path) -> None:
+    states, end = steer(
+        page, lambda state: say(lands=True) if state["t_s"] > 8.0 else say(ahead=1.0, turn=0.02), DRIVE, do="drive"
+    )
+    done = end["done"]
+    steps = np.diff([state["t_s"] for state in states]) / 0.1
+    assert np.allclose(steps, np.round(steps), atol=1e-6)
+    assert np.median(steps) == pytest.approx(1.0), "a step each tenth of a second, fewer where the page reads late"
+    assert max(state["speed_mps"] for state in states) > 6.0
+    assert states[-1]["speed_mps"] == 0.0
+    seen = [state["coverage"].get(STREET, 0.0) for state in states]
+    assert seen == sorted(seen)
+    assert seen[-1] > 0.1
+    assert {state["altitude_m"] for state in states} == {REAR.z_m}
+    assert live_folders(page) == []
+    assert not (world / "missions").exists(), "it is no mission of the world"
+
+    answer = page.get(f"/api/played/{done['key']}/flight.json.gz")
+    played = json.loads(gzip.decompress(answer.body))
+    (mission,) = played["missions"]
+    assert mission["policy"] == DRIVER
+    assert mission["captures"]["t_s"] == pytest.approx([t for state in states for t in state["captures"]["t_s"]])
+    assert mission["targets"] == list(states[-1]["coverage"])
+    found = {each["id"] for state in states for each in state["found"]}
+    assert found == {each["id"] for each in mission["defects"] if each["found_s"] is not None}
+    assert all(each["found_s"] is not None or each["reason"] for each in mission["defects"])
+    assert "its guest" in played["remarks"][0]
+    text = page.get(f"/api/played/{done['key']}/files/{SEGMENTS}").body.decode()
+    (row,) = [each for each in csv.DictReader(StringIO(text)) if each["segment"] == STREET]
+    assert float(row["surface_coverage"]) == pytest.approx(seen[-1], abs=1e-3)
+
+    spec = plan_mission(load_world(world), density="low", seed=1, segments=[STREET])
+    inputs = load_inputs(spec)
+    sensor = load_sensor(spec.settings.sensing, spec.seed)
+    again = Drive(inputs.environment, inputs.traffic, spec.settings, sensor, street=STREET)
+    written = page.get(f"/api/played/{done['key']}/files/{PEDALS}").values
+    drive_again(again, pedals_of_values(written["pedals"]))
+    track = mission["track"]
+    places = [(each.x_m, each.y_m) for each in again.states]
+    assert np.allclose(places, np.column_stack([track["x_m"], track["y_m"]]), atol=0.6e-3)
+    assert set(again.confirmed) == found
+    exported = page.ask({"do": "export", "key": done["key"], "mission": 0, "what": "html"})[-1]["done"]
+    assert exported["files"] == ["results.html"]
+    refused = page.ask({"do": "export", "key": done["key"], "mission": 0, "what": "qgc"})[-1]
+    assert "mission.yaml" in refused["error"], "a drive is no mission to plan from"
+
+
+@pytest.mark.slow
+def test_a_drive_that_is_left_leaves_no_file(page: RunningPage) -> None:
+    steer(page, lambda state: {"do": "leave"} if state["t_s"] > 0.5 else None, DRIVE, do="drive")
+    assert is_over(lambda: live_folders(page) == [])

@@ -1,20 +1,37 @@
-"""Several pages with one request: each gets a whole result, and none removes it for another."""
+"""Tasks of the page: colours, shared folders and the process that runs them."""
 
 import json
+import subprocess
+import sys
 import threading
 import time
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from subprocess import PIPE
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from pavetwin.app.colours import FILE, page_colours
+from pavetwin.app.exports import exports, make_export
 from pavetwin.app.flights import _file_names, listed_missions
 from pavetwin.app.session_cache import alone_in, made_once
-from pavetwin.app.task_process import _Progress
+from pavetwin.app.task_process import _Progress, _reply
 from pavetwin.errors import PaveTwinError
+from pavetwin.flightplan import PLAN_FORMATS
 from scenes.folders import digests
 from scenes.page import RunningPage
+
+
+def test_the_colours_are_those_of_maps_and_reports() -> None:
+    assert json.loads(FILE.read_text(encoding="utf-8")) == page_colours(), "run `python -m pavetwin.app.colours`"
+
+
+def test_the_tasks_of_the_page_draw_nothing() -> None:
+    code = "import sys, pavetwin.app.tasks, pavetwin.app.street_map; sys.exit('matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def test_what_another_task_has_made_meanwhile_stays(tmp_path: Path) -> None:
@@ -40,7 +57,7 @@ def test_what_is_broken_off_leaves_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_place_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_reported(tmp_path: Path) -> None:
     (tmp_path / "key").write_text("a file")
     with pytest.raises(PaveTwinError, match="Not a directory"), made_once(tmp_path / "key"):
         pass
@@ -96,3 +113,43 @@ def test_pages_that_fly_the_same_mission_all_get_it(page: RunningPage) -> None:
     for name in done[0]["files"]:
         assert page.get(f"/api/played/{done[0]['key']}/files/{name}").status == 200
     assert not [path.name for path in page.session.folder.iterdir() if path.name.startswith((".", "mission-"))]
+
+
+def failing(error: Exception) -> SimpleNamespace:
+    """Tasks that all fail so."""
+
+    def run(task: Mapping[str, Any], progress: Any) -> Mapping[str, Any]:  # noqa: ARG001
+        raise error
+
+    return SimpleNamespace(run=run)
+
+
+def test_a_fault_of_the_program_leaves_its_traceback(capfd: pytest.CaptureFixture[str]) -> None:
+    reply = _reply(failing(TypeError("of all things")), {}, None)
+    assert "of all things" in reply["error"]
+    told = capfd.readouterr().err
+    assert "Traceback" in told
+    assert "in run" in told
+    assert _reply(failing(PaveTwinError("The town is gone.")), {}, None) == {"error": "The town is gone."}
+    assert capfd.readouterr().err == ""
+
+
+def test_the_process_answers_a_fault_and_goes_on() -> None:
+    words = [sys.executable, "-m", "pavetwin.app.task_process"]
+    with subprocess.Popen(words, stdin=PIPE, stdout=PIPE, stderr=PIPE, text=True) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        for _ in range(2):
+            process.stdin.write(json.dumps({"do": "nothing"}) + "\n")
+            process.stdin.flush()
+            assert "error" in json.loads(process.stdout.readline())
+        process.stdin.close()
+
+
+def test_a_plan_format_of_a_plugin_can_be_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    names = [*PLAN_FORMATS.names(), "kml"]
+    monkeypatch.setattr(PLAN_FORMATS, "names", lambda: names)
+    assert "kml" in [each["name"] for each in exports()]
+    task = {"what": "exe", "made": "made", "results": "results"}
+    with pytest.raises(PaveTwinError, match=r"no kind of file 'exe'.* known are html, .*kml"):
+        make_export(task, lambda _share, _what: None)
