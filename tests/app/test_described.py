@@ -85,9 +85,9 @@ def test_what_the_form_has_no_field_for_is_named(world: Path, spec: MissionSpec)
 def test_choices_that_do_not_fit_are_refused_in_one_line(
     world: Path, spec: MissionSpec, changes: dict[str, Any], words: str
 ) -> None:
-    with pytest.raises(PaveTwinError, match=words) as told:
+    with pytest.raises(PaveTwinError, match=words) as reported:
         chosen(world, {**spec.as_values(), **changes})
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(reported.value)
 
 
 def bomb(entry: str) -> str:

@@ -180,14 +180,14 @@ def test_the_process_is_gone_with_the_page_and_with_the_server(world: Path, how:
 
 @dataclass
 class Stand:
-    """A process whose tasks end when they are told to."""
+    """A process whose tasks end on request."""
 
     ran: list[Any] = field(default_factory=list)
     is_let: bool = False
     is_alive: bool = True
     dies: bool = False
 
-    async def run(self, task: Mapping[str, Any], told: Any, messages: Messages | None = None) -> Mapping[str, Any]:  # noqa: ARG002
+    async def run(self, task: Mapping[str, Any], reported: Any, messages: Messages | None = None) -> Mapping[str, Any]:  # noqa: ARG002
         (shown,) = [name for name in ("capture", "name") if name in task]
         self.ran.append(task[shown])
         while not self.is_let:

@@ -33,7 +33,7 @@ class Runs:
     def __init__(self) -> None:
         self.begun = list[str]()
 
-    async def __call__(self, asked: Mapping[str, Any], on_progress: Callable[[Any], None], said: Any) -> Any:  # noqa: ARG002
+    async def __call__(self, asked: Mapping[str, Any], on_progress: Callable[[Any], None], printed: Any) -> Any:  # noqa: ARG002
         self.begun.append(asked["do"])
         if asked["do"] == "estimate":
             return {"minutes": 1}
@@ -54,14 +54,14 @@ async def ask(client: WebSocketClientConnection, number: int, do: str, **more: A
     await client.write_message(json.dumps({"id": number, "do": do, "world": "w0", **more}))
 
 
-async def told(client: WebSocketClientConnection) -> dict[str, Any]:
+async def next_message(client: WebSocketClientConnection) -> dict[str, Any]:
     message: dict[str, Any] = json.loads(await asyncio.wait_for(client.read_message(), 20) or "{}")
     return message
 
 
 async def answered(client: WebSocketClientConnection) -> dict[str, Any]:
     """The next message that is no progress, which is left out where the one before has not been read."""
-    while "share" in (message := await told(client)):
+    while "share" in (message := await next_message(client)):
         pass
     return message
 
@@ -72,19 +72,19 @@ def test_a_page_has_one_flight_at_a_time(page: RunningPage, runs: Runs, first: s
     async def fly_twice() -> None:
         client, other = await page.connect(), await page.connect()
         await ask(client, 1, first)
-        assert (await told(client))["what"] == "begun"
+        assert (await next_message(client))["what"] == "begun"
         await ask(client, 2, second)
         refused = await answered(client)
         assert "has a flight that is going on" in refused["error"]
         assert refused["id"] == 2
         await ask(client, 3, "estimate")
-        assert await told(client) == {"id": 3, "done": {"minutes": 1}}
+        assert await next_message(client) == {"id": 3, "done": {"minutes": 1}}
         await ask(other, 1, "fly")
-        assert (await told(other))["what"] == "begun", "another page has flights of its own"
+        assert (await next_message(other))["what"] == "begun", "another page has flights of its own"
         await ask(client, 1, "cancel")
-        assert await told(client) == {"id": 1, "cancelled": True}
+        assert await next_message(client) == {"id": 1, "cancelled": True}
         await ask(client, 4, second)
-        assert (await told(client))["what"] == "begun"
+        assert (await next_message(client))["what"] == "begun"
         client.close()
         other.close()
 
@@ -168,7 +168,7 @@ def test_whatever_fails_is_answered(
         client = await page.connect()
         for number in range(2):
             await ask(client, number, do)
-            answer = await told(client)
+            answer = await next_message(client)
             assert answer["id"] == number
             assert answer["error"].endswith(words)
         client.close()
@@ -275,7 +275,7 @@ def test_of_frames_that_are_read_late_the_latest_is_sent(page: RunningPage, monk
             await client.write_message(json.dumps({"id": number, "do": "frame", "number": number}))
         answers: dict[int, dict[str, Any]] = {}
         while len(answers) < count:
-            answer = await told(client)
+            answer = await next_message(client)
             answers[answer.pop("id")] = answer
         client.close()
         return answers

@@ -25,10 +25,10 @@ null)"""
 """From now on nobody answers."""
 
 WATCHED = """(
-window.told = [],
+window.notices = [],
 new MutationObserver(([{ target }]) => {
   const notice = target.closest?.('#notice') ?? target.parentElement.closest('#notice');
-  if (!notice.hidden) told.push(notice.firstElementChild.textContent);
+  if (!notice.hidden) notices.push(notice.firstElementChild.textContent);
 }).observe(document.querySelector('#notice'), { attributes: true, childList: true, subtree: true }),
 null)"""
 """Keeps what the line over the page says from now on."""
@@ -80,7 +80,7 @@ def test_a_server_that_does_not_answer_is_reported_once(tab: BrowserTab) -> None
     tab.page.click("#start")
     tab.wait("sockets.length >= 3 && !document.querySelector('#start').disabled")
     tab.wait("sockets.length >= 4")
-    assert tab.value("told.filter(words => words.includes('not answer')).length") == 1
+    assert tab.value("notices.filter(words => words.includes('not answer')).length") == 1
     tab.errors[:] = [error for error in tab.errors if "/nowhere" not in error]
     tab.value("(window.WebSocket = there, null)")
     tab.fly()
@@ -159,9 +159,9 @@ def test_errors_of_the_library_are_shown_in_the_words_of_the_page(tab: BrowserTa
     tab.page.fill("#count", "2000")
     tab.page.keyboard.press("Tab")
     tab.wait("document.querySelector('#selection .bad')")
-    told = tab.page.locator("#selection .bad").inner_text()
-    assert told.startswith("Number of segments 2000: ")
-    assert "`" not in told
+    reported = tab.page.locator("#selection .bad").inner_text()
+    assert reported.startswith("Number of segments 2000: ")
+    assert "`" not in reported
 
 
 def test_a_long_name_leaves_the_header_on_its_line(tab: BrowserTab) -> None:

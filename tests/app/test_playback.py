@@ -84,8 +84,8 @@ def test_the_files_hold_all_missions_and_as_many_minutes_as_the_longest_lasts(tm
 def test_several_missions_begin_with_what_each_found() -> None:
     results = [tiny.result("queue_at_light", policy) for policy in ("hover", "skip")]
     hover, skip = ((totals(each).confirmed, totals(each).time_s / 60) for each in results)
-    told = f"hover found {hover[0]} in {hover[1]:.1f} min, skip {skip[0]} in {skip[1]:.1f} min. "
-    assert sentence(results).startswith(f"Of {totals(results[0]).defects} defects {told}")
+    reported = f"hover found {hover[0]} in {hover[1]:.1f} min, skip {skip[0]} in {skip[1]:.1f} min. "
+    assert sentence(results).startswith(f"Of {totals(results[0]).defects} defects {reported}")
 
 
 def test_a_lone_mission_has_a_row_a_segment_and_several_a_row_a_policy() -> None:

@@ -64,12 +64,12 @@ def test_a_folder_that_cannot_be_written_is_reported(tmp_path: Path) -> None:
 
 
 def test_one_task_at_a_time_works_in_a_folder_of_missions(tmp_path: Path) -> None:
-    folder, session, told = tmp_path / "missions" / "hover", tmp_path / "session", list[str]()
+    folder, session, reported = tmp_path / "missions" / "hover", tmp_path / "session", list[str]()
     is_in, order = threading.Event(), list[str]()
 
     def second() -> None:
         assert is_in.wait(20)
-        with alone_in(folder, session, lambda _, what: told.append(what)):
+        with alone_in(folder, session, lambda _, what: reported.append(what)):
             order.append("second")
 
     with ThreadPoolExecutor(1) as other:
@@ -77,13 +77,13 @@ def test_one_task_at_a_time_works_in_a_folder_of_missions(tmp_path: Path) -> Non
         with alone_in(folder, session, lambda *_: None):
             is_in.set()
             deadline_s = time.monotonic() + 20
-            while not told and time.monotonic() < deadline_s:
+            while not reported and time.monotonic() < deadline_s:
                 time.sleep(0.01)
             with alone_in(folder.with_name("skip"), session, lambda *_: pytest.fail("another folder is free")):
                 order.append("first")
         waiting.result(20)
     assert order == ["first", "second"]
-    assert "Waiting for another page" in told[0]
+    assert "Waiting for another page" in reported[0]
     assert not folder.parent.exists()
     assert list(session.iterdir()) == []
 
@@ -97,8 +97,8 @@ def test_what_is_being_written_is_not_listed(tmp_path: Path) -> None:
         (folder / "mission.yaml").write_text("format: 5")
     (whole / ".map.png-host-7-abc.png").write_bytes(b"half")
     assert _file_names(whole, []) == ["mission.yaml"]
-    tell: Any = _Progress(None, None)  # type: ignore[arg-type]
-    assert listed_missions({"world": str(tmp_path)}, tell) == {"missions": ["hover"]}
+    report: Any = _Progress(None, None)  # type: ignore[arg-type]
+    assert listed_missions({"world": str(tmp_path)}, report) == {"missions": ["hover"]}
 
 
 @pytest.mark.slow
@@ -127,9 +127,9 @@ def failing(error: Exception) -> SimpleNamespace:
 def test_a_fault_of_the_program_leaves_its_traceback(capfd: pytest.CaptureFixture[str]) -> None:
     reply = _reply(failing(TypeError("of all things")), {}, None)
     assert "of all things" in reply["error"]
-    told = capfd.readouterr().err
-    assert "Traceback" in told
-    assert "in run" in told
+    reported = capfd.readouterr().err
+    assert "Traceback" in reported
+    assert "in run" in reported
     assert _reply(failing(PaveTwinError("The town is gone.")), {}, None) == {"error": "The town is gone."}
     assert capfd.readouterr().err == ""
 

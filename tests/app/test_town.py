@@ -289,7 +289,7 @@ WAITS = """(async () => {
   town.isBusy = isBusy;
   return drawn;
 })()"""
-"""What the town was told before each picture: first that something is made, then that it is
+"""Messages to the town before each image: first that something is made, then that it is
 there; then never."""
 
 

@@ -48,10 +48,10 @@ def page(place: Path) -> Iterator[RunningPage]:
 
 @dataclass
 class Sending:
-    """A page that asks for a town and sends its map, and what it is told."""
+    """A page that asks for a town and sends its map, and what it is reported."""
 
     page: RunningPage
-    told: list[dict[str, Any]] = field(default_factory=list)
+    reported: list[dict[str, Any]] = field(default_factory=list)
     answer: dict[str, Any] = field(default_factory=dict)
     status: int = 0
 
@@ -132,7 +132,7 @@ def test_a_real_map_is_built_and_flown(page: RunningPage, place: Path, shared_fi
     asyncio.run(sending.run(town(content, name="neukölln"), content))
     assert sending.status == 204
     assert sending.answer["done"]["world"] == {"id": "w0", "name": "neukölln"}
-    words = {told.get("what", "") for told in sending.told}
+    words = {reported.get("what", "") for reported in sending.told}
     assert {"Sending the map", "Checking the map", "Building the town: road network"} <= words
     (flown,) = page.ask({"do": "fly", "request": {"count": 1, "seed": 1, "traffic": "low"}})
     assert Path(flown["done"]["folder"]).parent == place / "neukölln" / "missions"
@@ -187,10 +187,10 @@ def test_101_mb_that_are_sent_are_refused(page: RunningPage, place: Path, head: 
     """A map is on its way, and its address gets more than that has: nothing of it is kept."""
     sending, seen = Sending(page), list[tuple[int, int]]()
 
-    async def overfill(told: dict[str, Any], client: Any) -> None:
-        if "ready" in told:
+    async def overfill(reported: dict[str, Any], client: Any) -> None:
+        if "ready" in reported:
             before = resident_bytes()
-            seen.append(await asyncio.to_thread(overfilled, page, head, told["ready"]["upload"], block))
+            seen.append(await asyncio.to_thread(overfilled, page, head, reported["ready"]["upload"], block))
             assert resident_bytes() - before < 20e6
             assert not any(path.stat().st_size for path in page.session.folder.glob("map-*/*"))
             await client.write_message(json.dumps({"id": 1, "do": "cancel"}))
@@ -207,9 +207,9 @@ def test_101_mb_behind_a_map_of_the_announced_size_are_no_part_of_it(page: Runni
     sending, seen = Sending(page), list[tuple[int, int]]()
     head = f"Content-Length: {len(CROSS)}"
 
-    async def overfill(told: dict[str, Any], client: Any) -> None:  # noqa: ARG001 - the page stays
-        if "ready" in told:
-            key = told["ready"]["upload"]
+    async def overfill(reported: dict[str, Any], client: Any) -> None:  # noqa: ARG001 - the page stays
+        if "ready" in reported:
+            key = reported["ready"]["upload"]
             seen.append(await asyncio.to_thread(overfilled, page, head, key, b"x" * (1 << 20), CROSS))
 
     asyncio.run(sending.run(town(), b"", overfill))
@@ -359,8 +359,8 @@ def test_a_town_that_is_there_is_not_replaced(page: RunningPage, place: Path) ->
 def test_what_is_cancelled_leaves_no_process_and_no_file(page: RunningPage, place: Path, how: str, when: str) -> None:
     seen: list[int] = []
 
-    async def stop(told: dict[str, Any], client: Any) -> bool:
-        is_then = "ready" in told if when == "Sending" else told.get("what", "").startswith("Building the town")
+    async def stop(reported: dict[str, Any], client: Any) -> bool:
+        is_then = "ready" in reported if when == "Sending" else reported.get("what", "").startswith("Building the town")
         if not is_then:
             return False
         assert any(path.name.startswith("map-") for path in page.session.folder.iterdir())
@@ -379,11 +379,13 @@ def test_what_is_cancelled_leaves_no_process_and_no_file(page: RunningPage, plac
 
 
 def test_a_truncated_map_is_reported(page: RunningPage, place: Path) -> None:
-    async def break_off(told: dict[str, Any], client: Any) -> None:  # noqa: ARG001 - the page stays
-        if "ready" in told:
+    async def break_off(reported: dict[str, Any], client: Any) -> None:  # noqa: ARG001 - the page stays
+        if "ready" in reported:
             with socket.create_connection(("127.0.0.1", page.port)) as line:
                 about = f"Host: 127.0.0.1:{page.port}\r\nCookie: {page.cookie['Cookie']}\r\n"
-                head = f"POST /api/maps/{told['ready']['upload']} HTTP/1.1\r\n{about}Content-Length: {len(CROSS)}\r\n"
+                head = (
+                    f"POST /api/maps/{reported['ready']['upload']} HTTP/1.1\r\n{about}Content-Length: {len(CROSS)}\r\n"
+                )
                 line.sendall(head.encode() + b"\r\n" + CROSS[:1000])
 
     sending = Sending(page)
@@ -393,13 +395,13 @@ def test_a_truncated_map_is_reported(page: RunningPage, place: Path) -> None:
 
 
 def test_a_map_is_sent_once(page: RunningPage) -> None:
-    async def send_twice(told: dict[str, Any], client: Any) -> None:
-        if told.get("what", "").startswith("Building"):
+    async def send_twice(reported: dict[str, Any], client: Any) -> None:
+        if reported.get("what", "").startswith("Building"):
             again = await asyncio.to_thread(page.get, f"/api/maps/{keys[0]}", "POST", CROSS)
             assert again.status == 404
             await client.write_message(json.dumps({"id": 1, "do": "cancel"}))
-        elif "ready" in told:
-            keys.append(told["ready"]["upload"])
+        elif "ready" in reported:
+            keys.append(reported["ready"]["upload"])
 
     keys: list[str] = []
     sending = Sending(page)
@@ -410,8 +412,8 @@ def test_a_map_is_sent_once(page: RunningPage) -> None:
 def test_few_maps_are_on_their_way_at_once(page: RunningPage, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(uploads, "AT_ONCE", 1)
 
-    async def announce_another(told: dict[str, Any], client: Any) -> None:
-        if "ready" in told:
+    async def announce_another(reported: dict[str, Any], client: Any) -> None:
+        if "ready" in reported:
             other = Sending(page)
             await other.run(town(name="other"), b"")
             assert "Other maps are being built" in other.answer["error"]
@@ -452,8 +454,8 @@ def test_what_takes_too_long_is_given_up(page: RunningPage, place: Path, monkeyp
 def test_the_process_that_builds_may_use_only_so_much(page: RunningPage) -> None:
     limits: list[str] = []
 
-    async def look(told: dict[str, Any], client: Any) -> None:
-        if told.get("what") == "Checking the map":
+    async def look(reported: dict[str, Any], client: Any) -> None:
+        if reported.get("what") == "Checking the map":
             limits.extend(Path(f"/proc/{process}/limits").read_text() for process in builders(page))
             await client.write_message(json.dumps({"id": 1, "do": "cancel"}))
 

@@ -101,7 +101,7 @@ def test_a_folder_without_a_world_is_refused_in_one_line(tmp_path: Path) -> None
 def test_an_address_that_cannot_be_taken_is_refused(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
-        told = plain_refusal(pavetwin("app", "--port", port, "--no-browser", cwd=tmp_path))
-        assert f"--port {port}: it is in use" in told
-    told = plain_refusal(pavetwin("app", "--host", "256.0.0.1", "--no-browser", cwd=tmp_path))
-    assert "--host 256.0.0.1: no listening there" in told
+        reported = plain_refusal(pavetwin("app", "--port", port, "--no-browser", cwd=tmp_path))
+        assert f"--port {port}: it is in use" in reported
+    reported = plain_refusal(pavetwin("app", "--host", "256.0.0.1", "--no-browser", cwd=tmp_path))
+    assert "--host 256.0.0.1: no listening there" in reported

@@ -148,8 +148,8 @@ def test_a_dataset_of_another_format_is_refused(world: Path, tmp_path: Path) -> 
     )
     (folder / "capture.yaml").write_text(yaml.safe_dump(begun | {"format": 6}), encoding="utf-8")
     for command in (("capture", world, "-o", folder, "--images", 2), ("capture", "stats", folder)):
-        told = plain_refusal(pavetwin(*command))
-        assert "has format 6; this version reads only format 1" in told
+        reported = plain_refusal(pavetwin(*command))
+        assert "has format 6; this version reads only format 1" in reported
 
 
 def test_a_folder_that_holds_something_else_is_refused(world: Path, tmp_path: Path) -> None:
@@ -168,7 +168,7 @@ def test_a_dataset_by_the_real_renderer(world: Path, tmp_path: Path, capsys: pyt
     done = pavetwin("capture", world, "-o", tmp_path / "d", *options)
     assert done.returncode == 0, done.stderr
     assert "2 images taken" in done.stdout
-    # On a slow machine a line is said again.
+    # A slow machine prints a line again.
     assert [line for line in dict.fromkeys(done.stderr.splitlines()) if line.startswith("Taking")] == [
         f"Taking images {n}/2 ({50 * n}%)" for n in (1, 2)
     ]
@@ -186,12 +186,12 @@ def test_a_dataset_by_the_real_renderer(world: Path, tmp_path: Path, capsys: pyt
             assert np.asarray(image).std() > 5
     stats(tmp_path / "d")
     show(tmp_path / "d")
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     labelled = {obj.category for _, obj in objects if obj.ignored is None}
     assert labelled
-    assert all(category in said for category in labelled)
-    assert "without defects" in said
-    assert "2 images on" in said
+    assert all(category in printed for category in labelled)
+    assert "without defects" in printed
+    assert "2 images on" in printed
     assert (tmp_path / "d" / "contact-sheet.png").is_file()
 
 

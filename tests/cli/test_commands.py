@@ -29,13 +29,13 @@ def help_texts() -> Iterator[tuple[str, str]]:
     while left:
         path, command = left.pop()
         left += [(f"{path} {name}", each) for name, each in getattr(command, "commands", {}).items()]
-        told = [
+        reported = [
             command.help,
             command.short_help,
             command.epilog,
             *(getattr(each, "help", "") for each in command.params),
         ]
-        yield from ((path, text) for text in told if text)
+        yield from ((path, text) for text in reported if text)
 
 
 def hidden_words(text: str) -> list[str]:
@@ -150,12 +150,12 @@ except SystemExit as ended:
 )
 def test_a_quick_answer_loads_nothing_heavy(words: list[str], code: int, unwanted: set[str], tmp_path: Path) -> None:
     ran = subprocess.run([sys.executable, "-c", RUN, *words], cwd=tmp_path, capture_output=True, text=True, check=False)
-    *told, last = ran.stderr.splitlines()
+    *reported, last = ran.stderr.splitlines()
     ended, *loaded = last.split()
     assert int(ended) == code, ran.stderr
     assert "pavetwin" in loaded
     assert sorted(unwanted & set(loaded)) == []
-    assert told == [] if code == 0 else told[0].startswith("Error: ")
+    assert reported == [] if code == 0 else reported[0].startswith("Error: ")
 
 
 WHAT_MISSIONS_COMPUTE = """
@@ -187,8 +187,8 @@ def test_a_recorded_mission_needs_no_pandas_and_begins_without_scipy() -> None:
     """A third of a second each, in every process of a study and before the first table."""
     ran = subprocess.run([sys.executable, "-c", WHAT_MISSIONS_COMPUTE], capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stderr
-    imported, *told, loaded = ran.stdout.splitlines()
-    assert told == ["[True] True True", "True"]
+    imported, *reported, loaded = ran.stdout.splitlines()
+    assert reported == ["[True] True True", "True"]
     assert {"pandas", "scipy"} & set(imported.split()) == set()
     assert "pandas" not in loaded.split()
 

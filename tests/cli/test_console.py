@@ -16,12 +16,12 @@ from scenes.command_line import pavetwin_process
 def test_a_bar_that_begins_something_else_does_not_stay_finished() -> None:
     """After the first part it would show 0:00:00 left until the end."""
     with Progress(TimeRemainingColumn(), disable=True) as bars:
-        tell = Bar(bars, "Recording")
-        tell(1.0)
+        report = Bar(bars, "Recording")
+        report(1.0)
         assert bars.finished
-        tell(0.0, "Taking images")
+        report(0.0, "Taking images")
         assert not bars.finished
-        tell(0.5)
+        report(0.5)
         assert bars.tasks[0].completed == 0.5
 
 
@@ -30,32 +30,32 @@ def test_a_file_gets_a_line_per_stage_and_one_now_and_then(
 ) -> None:
     monkeypatch.setattr(console, "STAGE_S", 0.02)
     monkeypatch.setattr(console, "LINE_S", 0.05)
-    said = ""
-    with Lines("Starting") as tell:
-        tell(0.0, "Preparing the scene")
-        while said.count("Preparing the scene …\n") < 2:
+    printed = ""
+    with Lines("Starting") as report:
+        report(0.0, "Preparing the scene")
+        while printed.count("Preparing the scene …\n") < 2:
             time.sleep(0.01)
-            said += capsys.readouterr().err
+            printed += capsys.readouterr().err
     capsys.readouterr()
     time.sleep(0.2)
     assert capsys.readouterr().err == ""
 
 
 def test_a_file_gets_a_line_per_tenth(capsys: pytest.CaptureFixture[str]) -> None:
-    with Lines("Flying") as tell:
+    with Lines("Flying") as report:
         for step in range(1, 41):
-            tell(step / 40, f"Flying {step}/40")
-    said = capsys.readouterr().err.splitlines()
-    assert said == [f"Flying {4 * tenth}/40 ({10 * tenth}%)" for tenth in range(1, 11)]
+            report(step / 40, f"Flying {step}/40")
+    printed = capsys.readouterr().err.splitlines()
+    assert printed == [f"Flying {4 * tenth}/40 ({10 * tenth}%)" for tenth in range(1, 11)]
 
 
 def test_counts_in_the_middle_of_a_line_begin_no_stage_of_their_own(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(console, "STAGE_S", 0.2)
-    with Lines("Starting") as tell:
+    with Lines("Starting") as report:
         for step in range(30):
-            tell(0.0, f"Recording traffic {step}/99, flying missions 0/8")
+            report(0.0, f"Recording traffic {step}/99, flying missions 0/8")
             time.sleep(0.02)
     assert "Recording traffic" in capsys.readouterr().err
 
@@ -63,13 +63,13 @@ def test_counts_in_the_middle_of_a_line_begin_no_stage_of_their_own(
 def test_only_long_stages_get_a_line_in_a_file(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with console.progress("Preparing") as tell:
+    with console.progress("Preparing") as report:
         for step in range(10):
-            tell(step / 10)
+            report(step / 10)
     assert capsys.readouterr().err == ""
     monkeypatch.setattr(console, "STAGE_S", 0.05)
-    with console.progress("Preparing") as tell:
-        tell(0.3)
+    with console.progress("Preparing") as report:
+        report(0.3)
         time.sleep(0.3)
     assert "Preparing (30%)\n" in capsys.readouterr().err
 
@@ -80,8 +80,8 @@ def test_the_version_is_printed_without_a_command(capsys: pytest.CaptureFixture[
 
 
 def test_a_given_time_left_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    with Lines("Flying") as tell:
-        tell(0.25, "Flying", 61.4)
+    with Lines("Flying") as report:
+        report(0.25, "Flying", 61.4)
     assert capsys.readouterr().err == "Flying (25%, 0:01:01 left)\n"
 
 
@@ -119,8 +119,8 @@ def test_messages_of_libraries_are_shown_on_request(noisy: Path, how: str) -> No
 
 def test_a_warning_about_the_cache_is_printed_once(tmp_path: Path) -> None:
     path = tmp_path / "warns.py"
-    told = "warnings.warn('Its tiles are made again.', CacheWarning)\n"
-    path.write_text(f"import warnings\nfrom pavetwin.errors import CacheWarning\n{told}{told}", encoding="utf-8")
+    warning = "warnings.warn('Its tiles are made again.', CacheWarning)\n"
+    path.write_text(f"import warnings\nfrom pavetwin.errors import CacheWarning\n{warning}{warning}", encoding="utf-8")
     done = pavetwin_process("fly", "--settings", "--plugin", path)
     assert (done.returncode, done.stderr) == (0, "Its tiles are made again.\n")
 

@@ -57,8 +57,8 @@ def test_every_form_holds_the_same_detections(found: Path) -> None:
     names = {kind["id"]: kind["name"] for kind in coco["categories"]}
     pothole = next(each for each in coco["annotations"] if names[each["category_id"]] == "Pothole")
     assert pothole["bbox"] == pytest.approx([100, 100, 60, 50], abs=0.5)
-    said = pothole["attributes"]
-    assert said["det_conf"] * said["cls_conf"] == pytest.approx(pothole["score"], abs=1e-3)
+    printed = pothole["attributes"]
+    assert printed["det_conf"] * printed["cls_conf"] == pytest.approx(pothole["score"], abs=1e-3)
     outline = np.array(pothole["segmentation"][0]).reshape(-1, 2)
     assert (outline.min(axis=0), outline.max(axis=0)) == (
         pytest.approx((100, 100), abs=1.1),
@@ -168,7 +168,7 @@ def test_exporting_without_pytorch_names_the_package(tmp_path: Path, monkeypatch
 
 
 def test_serve_listens_answers_and_ends() -> None:
-    """Told to end while it answers: wherever in the loop the signal arrives."""
+    """The signal arrives while it answers, wherever in the loop that is."""
     words = command("serve", "--model", FILE, "--port", 0, "--overview")
     with (
         subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process,
@@ -180,8 +180,8 @@ def test_serve_listens_answers_and_ends() -> None:
             found = re.search(r"Listening at (http://127\.0\.0\.1:\d+/)", line)
             assert found is not None, line
             with urlopen(f"{found[1]}health", timeout=10) as answer:
-                told = json.load(answer)
-            assert (told["model"], told["overview"]) == ("rectangles.onnx", True)
+                reported = json.load(answer)
+            assert (reported["model"], reported["overview"]) == ("rectangles.onnx", True)
             asked = client.submit(ask_until_it_ends, f"{found[1]}health")
             time.sleep(0.1)
             process.send_signal(signal.SIGTERM)

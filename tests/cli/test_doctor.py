@@ -13,10 +13,10 @@ from pavetwin.render import adapter
 @pytest.mark.needs_adapter
 def test_a_complete_installation_passes(capsys: pytest.CaptureFixture[str]) -> None:
     doctor.doctor()
-    said = capsys.readouterr().out
-    assert "Nothing is missing." in said
-    assert said.count("✓") == 6
-    assert "Vulkan adapter for frames" in said
+    printed = capsys.readouterr().out
+    assert "Nothing is missing." in printed
+    assert printed.count("✓") == 6
+    assert "Vulkan adapter for frames" in printed
 
 
 @pytest.mark.parametrize("package", ["libsumo", "pyogrio"])
@@ -39,8 +39,8 @@ def test_without_an_adapter_it_names_the_package(
     monkeypatch.setattr(adapter, "find_adapter", none)
     with pytest.raises(typer.Exit):
         doctor.doctor()
-    said = capsys.readouterr().out
-    assert "fix: sudo apt-get install mesa-vulkan-drivers" in " ".join(said.split())
+    printed = capsys.readouterr().out
+    assert "fix: sudo apt-get install mesa-vulkan-drivers" in " ".join(printed.split())
 
 
 def test_the_cache_is_shown_and_cleared(

@@ -48,12 +48,12 @@ def test_a_report_is_written(place: Path) -> None:
     assert lines["macro F1 at 0.700, best of the split val"][-1] == "66.7"
     assert lines["subtype macro F1 on true regions"][-1] == "100.0"
     assert "3 images, 1 of them empty." in done.stdout
-    told = json.loads((place / "report" / "metrics.json").read_text())
-    assert told["differences"]["recall"]["value"] == pytest.approx(1 / 3)
-    assert [run["recall"] for run in told["runs"]["others"]] == pytest.approx([1 / 3, 1 / 3])
+    reported = json.loads((place / "report" / "metrics.json").read_text())
+    assert reported["differences"]["recall"]["value"] == pytest.approx(1 / 3)
+    assert [run["recall"] for run in reported["runs"]["others"]] == pytest.approx([1 / 3, 1 / 3])
     assert "Means of 1 and 2 runs; the intervals hold the spread between runs too." in done.stdout
-    assert told["confusion"]["counts"][0][1] == 1
-    assert told["at_best_of_validation"]["confidence"] == pytest.approx(0.7)
+    assert reported["confusion"]["counts"][0][1] == 1
+    assert reported["at_best_of_validation"]["confidence"] == pytest.approx(0.7)
     page = (place / "report" / "report.html").read_text()
     for heading in ("Metrics", "Against the other detections", "What is taken for what", "The worst errors"):
         assert f"<h2>{heading}</h2>" in page
@@ -108,8 +108,8 @@ def test_a_shipped_detector_is_evaluated_by_name(tmp_path: Path) -> None:
     words = ("-o", tmp_path / "report", "--against", "photographs", "--resamples", 0)
     done = pavetwin("evaluate", "rendered", town, *words)
     assert done.returncode == 0, done.stderr
-    told = json.loads((tmp_path / "report" / "metrics.json").read_text())
-    assert len(told["runs"]["others"]) == len(told["runs"]["these"]) == 1
+    reported = json.loads((tmp_path / "report" / "metrics.json").read_text())
+    assert len(reported["runs"]["others"]) == len(reported["runs"]["these"]) == 1
     refused = plain_refusal(pavetwin("evaluate", "synthetic-none", town, "-o", tmp_path / "other"))
     assert "synthetic-none" in refused
 
@@ -188,6 +188,6 @@ def test_a_shipped_detector_is_compared_by_name(streets: Path) -> None:
 )
 def test_a_comparison_refuses_wrong_models(streets: Path, arguments: tuple[str, ...], line: str) -> None:
     before = sorted(streets.iterdir())
-    told = plain_refusal(pavetwin("compare", *arguments, cwd=streets))
-    assert told.startswith(line), told
+    reported = plain_refusal(pavetwin("compare", *arguments, cwd=streets))
+    assert reported.startswith(line), reported
     assert sorted(streets.iterdir()) == before

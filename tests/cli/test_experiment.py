@@ -166,16 +166,16 @@ def test_a_mistake_is_one_plain_line(place: Path, arguments: tuple[str, ...], wo
 
 def test_a_missing_world_is_reported(place: Path) -> None:
     (place / "gone.yaml").write_text("worlds: [worlds/gone]\n")
-    said = plain_refusal(pavetwin("experiment", "run", "gone.yaml", "-o", "x", cwd=place))
-    assert "worlds/gone' does not exist" in said
+    printed = plain_refusal(pavetwin("experiment", "run", "gone.yaml", "-o", "x", cwd=place))
+    assert "worlds/gone' does not exist" in printed
 
 
 def test_another_design_is_refused_and_nothing_is_mixed(place: Path) -> None:
     before = {path: path.read_bytes() for path in (place / "study" / "segments.parquet").iterdir()}
     values = yaml.safe_load((place / "study.yaml").read_text()) | {"seed": 9}
     (place / "other.yaml").write_text(yaml.safe_dump(values))
-    said = plain_refusal(pavetwin("experiment", "run", "other.yaml", "-o", "study", cwd=place))
-    assert "its seed is 1, not 9" in said
+    printed = plain_refusal(pavetwin("experiment", "run", "other.yaml", "-o", "study", cwd=place))
+    assert "its seed is 1, not 9" in printed
     assert {path: path.read_bytes() for path in before} == before
 
 
@@ -236,28 +236,28 @@ def test_parking_lanes_are_noted_once_with_the_preset_paper(
         return [line for line in (done.stdout + done.stderr).splitlines() if BUILD in line]
 
     design = tmp_path / "study.yaml"
-    said = [notice("experiment", "init", design, "--world", worlds / rule, "--preset", preset)]
+    printed = [notice("experiment", "init", design, "--world", worlds / rule, "--preset", preset)]
     values = yaml.safe_load(design.read_text())
     values |= {"densities": ["low"], "altitudes_m": [10], "policies": ["baseline"], "replicates": 1, "segments": 1}
     design.write_text(yaml.safe_dump(values))
-    said.append(notice("experiment", "run", design, "-o", tmp_path / "study", "--jobs", "1"))
+    printed.append(notice("experiment", "run", design, "-o", tmp_path / "study", "--jobs", "1"))
     short = ("--density", "low", "--segments", "1", "-o", tmp_path / "mission")
-    said.append(notice("fly", worlds / rule, *short, "--preset", preset))
-    assert [len(lines) for lines in said] == [int(is_told)] * 3
-    assert all("parking lanes" in line and "wider" in line for (line,) in filter(None, said))
+    printed.append(notice("fly", worlds / rule, *short, "--preset", preset))
+    assert [len(lines) for lines in printed] == [int(is_told)] * 3
+    assert all("parking lanes" in line and "wider" in line for (line,) in filter(None, printed))
 
 
 @pytest.mark.parametrize(("placed_by", "told"), [("survey", "damage population in other (survey)"), ("paper", "")])
 def test_defects_of_another_population_are_noted(
-    tmp_path: Path, placed_by: str, told: str, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, placed_by: str, reported: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     options = DefectOptions(population=placed_by, per_segment=1)
     save_world(add_defects(built("cross", parking_rule="none"), options), tmp_path / "other")
     for world in (tmp_path / "other", load_world(tmp_path / "other")):
         note_difference(["paper"], [world])
-        said = capsys.readouterr().out
-        assert told in said
-        assert ("--damage paper" in said) == bool(told)
+        printed = capsys.readouterr().out
+        assert reported in printed
+        assert ("--damage paper" in printed) == bool(reported)
     note_difference(["paper"], [tmp_path / "other"], "paper")
     note_difference(["default"], [tmp_path / "other"])
     assert capsys.readouterr().out == ""

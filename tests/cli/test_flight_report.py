@@ -256,7 +256,7 @@ class Flight:
             cast("Bar", self.tell), "Flying", cast("Replay", self.traffic), clock=lambda: self.now_s
         )
 
-    def tell(self, share: float, what: str, remaining_s: float | None) -> None:
+    def report(self, share: float, what: str, remaining_s: float | None) -> None:
         self.shown.append((self.now_s, share, what, remaining_s))
 
     def fly(self, lasts_s: float, *, from_the_beginning: bool = False) -> None:

@@ -233,8 +233,8 @@ def test_a_world_that_has_changed_is_refused(mission: Path, tmp_path: Path) -> N
     changed = description.replace(str(mission.parent / "cross"), str(tmp_path / "cross"))
     (tmp_path / "m" / "mission.yaml").write_text(changed)
     save_world(damaged("cross", 7), tmp_path / "cross")
-    told = plain_refusal(pavetwin("handover", tmp_path / "m"))
-    assert told.startswith("Error: The mission's inputs have changed: the world 'cross'")
+    reported = plain_refusal(pavetwin("handover", tmp_path / "m"))
+    assert reported.startswith("Error: The mission's inputs have changed: the world 'cross'")
 
 
 def test_only_a_handover_is_replaced(mission: Path, made: Path, tmp_path: Path) -> None:
@@ -247,15 +247,15 @@ def test_only_a_handover_is_replaced(mission: Path, made: Path, tmp_path: Path) 
     assert not (tmp_path / "old" / "plan" / "flight-7.plan").exists()
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "notes.txt").write_text("keep")
-    told = plain_refusal(pavetwin("handover", mission, "-o", tmp_path / "mine", "--force"))
-    assert "exists and holds no handover" in told
+    reported = plain_refusal(pavetwin("handover", mission, "-o", tmp_path / "mine", "--force"))
+    assert "exists and holds no handover" in reported
     assert (tmp_path / "mine" / "notes.txt").read_text() == "keep"
     assert "it is a file" in plain_refusal(pavetwin("handover", mission, "-o", tmp_path / "mine" / "notes.txt"))
 
 
 def test_limits_of_plans_hold(mission: Path, tmp_path: Path) -> None:
-    told = plain_refusal(pavetwin("handover", mission, "-o", tmp_path / "out", "--highest", "9"))
-    assert told.startswith("Error: --highest 9: flight 1 goes up to 10 m above take-off")
+    reported = plain_refusal(pavetwin("handover", mission, "-o", tmp_path / "out", "--highest", "9"))
+    assert reported.startswith("Error: --highest 9: flight 1 goes up to 10 m above take-off")
     assert not (tmp_path / "out").exists()
 
 
@@ -275,8 +275,8 @@ def test_a_handover_that_is_killed_leaves_nothing_that_looks_like_one(mission: P
 
 
 def test_a_folder_that_is_no_mission_is_refused(mission: Path) -> None:
-    told = plain_refusal(pavetwin("handover", mission.parent / "cross"))
-    assert told.endswith("is neither the folder of a mission (mission.yaml) nor of a study (design.yaml).")
+    reported = plain_refusal(pavetwin("handover", mission.parent / "cross"))
+    assert reported.endswith("is neither the folder of a mission (mission.yaml) nor of a study (design.yaml).")
 
 
 def test_what_a_sensor_measured_is_listed_as_an_inventory_lists_it(mission: Path, tmp_path: Path) -> None:
@@ -346,9 +346,9 @@ def test_a_study_over_another_world_of_the_same_name_is_refused(study: Path, tmp
     save_world(built("cross", parking_rule="north_america"), tmp_path / "cross")
     flown = pavetwin("fly", tmp_path / "cross", "--segments", "1", "--density", "low", "--no-map", "-o", tmp_path / "m")
     assert flown.returncode == 0, flown.stderr
-    told = plain_refusal(pavetwin("handover", tmp_path / "m", "--study", study))
-    assert told.startswith("Error: --study: its world 'cross' (")
-    assert told.endswith("though it has the same name; name a study over the mission's world.")
+    reported = plain_refusal(pavetwin("handover", tmp_path / "m", "--study", study))
+    assert reported.startswith("Error: --study: its world 'cross' (")
+    assert reported.endswith("though it has the same name; name a study over the mission's world.")
     assert not (tmp_path / "m" / "handover").exists()
 
 
@@ -356,11 +356,11 @@ def test_the_world_of_a_study_must_be_there(study: Path, tmp_path: Path) -> None
     shutil.copytree(study, tmp_path / "s", ignore=shutil.ignore_patterns("handover"))
     text = (study / "design.yaml").read_text()
     (tmp_path / "s" / "design.yaml").write_text(re.sub(r"(- path: ).*cross", r"\1gone", text))
-    told = plain_refusal(pavetwin("handover", tmp_path / "s", cwd=tmp_path))
-    assert told.endswith("of the study is not at 'gone' any more; put it back.")
+    reported = plain_refusal(pavetwin("handover", tmp_path / "s", cwd=tmp_path))
+    assert reported.endswith("of the study is not at 'gone' any more; put it back.")
     save_world(built("cross", parking_rule="north_america"), tmp_path / "gone")
-    told = plain_refusal(pavetwin("handover", tmp_path / "s", cwd=tmp_path))
-    assert told.endswith("is not what the study flew over.")
+    reported = plain_refusal(pavetwin("handover", tmp_path / "s", cwd=tmp_path))
+    assert reported.endswith("is not what the study flew over.")
     assert {path.name for path in tmp_path.iterdir()} == {"s", "gone"}
     assert not (tmp_path / "s" / "handover").exists()
 

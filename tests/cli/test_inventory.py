@@ -29,7 +29,7 @@ STREET = drawn((640, 480), ("pothole", (100, 100, 160, 150)), ("crocodile_crack"
 
 @pytest.fixture(scope="module")
 def listed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """Of two photographs of one place, and one that says nothing."""
+    """Inventory of two photographs of one place, and of one without metadata."""
     folder = tmp_path_factory.mktemp("inventory")
     (folder / "in").mkdir()
     for name in ("a.jpg", "b.jpg"):
@@ -156,8 +156,8 @@ def test_several_missions_are_one_inventory_and_a_damaged_one_is_named(tmp_path:
     folders = [tmp_path / name for name in ("a", "old", "b")]
     done = pavetwin("inventory", *folders, "-o", tmp_path / "all")
     assert done.returncode == 0, done.stderr
-    (told,) = [line for line in done.stdout.splitlines() if "is damaged" in line]
-    assert told == f"'{old}' is damaged: it has no column 'footprint'; fly the mission again."
+    (reported,) = [line for line in done.stdout.splitlines() if "is damaged" in line]
+    assert reported == f"'{old}' is damaged: it has no column 'footprint'; fly the mission again."
     rows = list(csv.DictReader((tmp_path / "all" / "inventory.csv").open()))
     alone = pavetwin("inventory", tmp_path / "a")
     assert alone.returncode == 0

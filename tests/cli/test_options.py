@@ -200,10 +200,10 @@ def test_help_lists_what_is_registered(arguments: tuple[str, ...], module: str, 
     names = getattr(import_module(module), registry)
     names.add("of-my-own", SimpleNamespace())
     try:
-        told = pavetwin(*arguments, "--help", columns=400).stdout
+        reported = pavetwin(*arguments, "--help", columns=400).stdout
     finally:
         names.restore("of-my-own", None)
-    assert ", ".join([*names.names(), "of-my-own"]) in told
+    assert ", ".join([*names.names(), "of-my-own"]) in reported
 
 
 GRID = ("world", "build", "--generate", "grid", "-o", "worlds/grid")

@@ -75,9 +75,9 @@ def test_mistakes_and_broken_limits_are_one_line(
 
 def test_a_file_in_place_of_the_folder_is_refused(mission: Path, tmp_path: Path) -> None:
     (tmp_path / "out").write_text("notes")
-    told = plain_refusal(pavetwin("plan", "export", mission, "-o", tmp_path / "out"))
-    assert told.endswith("it is a file; name a folder.")
-    assert told.startswith("Error: --output ")
+    reported = plain_refusal(pavetwin("plan", "export", mission, "-o", tmp_path / "out"))
+    assert reported.endswith("it is a file; name a folder.")
+    assert reported.startswith("Error: --output ")
 
 
 def test_a_world_that_has_changed_is_refused(mission: Path, tmp_path: Path) -> None:
@@ -87,8 +87,8 @@ def test_a_world_that_has_changed_is_refused(mission: Path, tmp_path: Path) -> N
     assert changed != description
     (tmp_path / "m" / "mission.yaml").write_text(changed)
     save_world(damaged("cross", 7), tmp_path / "cross")
-    told = plain_refusal(pavetwin("plan", "export", tmp_path / "m"))
-    assert told.startswith("Error: The mission's inputs have changed: the world 'cross'")
+    reported = plain_refusal(pavetwin("plan", "export", tmp_path / "m"))
+    assert reported.startswith("Error: The mission's inputs have changed: the world 'cross'")
     assert not (tmp_path / "m" / "plan").exists()
 
 
@@ -111,8 +111,8 @@ def test_a_selection_of_segments_has_the_plan_of_a_mission_that_never_reacts(mis
 
 
 def test_options_of_a_world_are_refused_with_a_mission(mission: Path) -> None:
-    told = plain_refusal(pavetwin("plan", "export", mission, "--altitude", "12"))
-    assert told == f"Error: --altitude is for a world; the mission '{mission}' holds its own."
+    reported = plain_refusal(pavetwin("plan", "export", mission, "--altitude", "12"))
+    assert reported == f"Error: --altitude is for a world; the mission '{mission}' holds its own."
 
 
 def test_parts_of_a_long_flight_leave_from_the_base_and_return_within_the_flight_domain(

@@ -28,18 +28,18 @@ from scenes.fitted import drawn_looks, stated
 
 
 def test_the_list_names_every_aircraft_with_its_makers_times() -> None:
-    said = pavetwin("aircraft", "list").stdout
-    assert all(name in said for name in AIRCRAFT.names())
-    assert all(profile.title in said for profile in AIRCRAFT.values())
-    (mavic,) = (line for line in said.splitlines() if line.startswith("mavic3e"))
+    printed = pavetwin("aircraft", "list").stdout
+    assert all(name in printed for name in AIRCRAFT.names())
+    assert all(profile.title in printed for profile in AIRCRAFT.values())
+    (mavic,) = (line for line in printed.splitlines() if line.startswith("mavic3e"))
     assert mavic.split()[-5:] == ["0.92", "45", "38", "12", "2.7"]
 
 
 def test_the_list_marks_what_no_maker_states() -> None:
     """DJI states no hover of the Phantoms, and of the Matrice 350 no time with the P1."""
-    said = pavetwin("aircraft", "list").stdout
-    assert "~: time of the model" in said
-    marked = {line.split()[0]: [f for f in line.split() if f.startswith("~")] for line in said.splitlines() if line}
+    printed = pavetwin("aircraft", "list").stdout
+    assert "~: time of the model" in printed
+    marked = {line.split()[0]: [f for f in line.split() if f.startswith("~")] for line in printed.splitlines() if line}
     assert marked["phantom4pro"] == ["~27"]
     assert len(marked["matrice350"]) == 2
     assert marked["mavic3e"] == marked["mavic2pro"] == marked["matrice4e"] == []
@@ -57,9 +57,9 @@ def test_one_aircraft_is_shown_with_what_is_its_makers_and_what_the_models(tmp_p
 
 
 def test_one_aircraft_is_shown_with_its_sources_and_its_power() -> None:
-    said = pavetwin("aircraft", "show", "phantom4pro").stdout
-    assert "DJI Phantom 4 Pro specifications" in said
-    assert said.split()[-3:] == ["20", "432", "42.0"]
+    printed = pavetwin("aircraft", "show", "phantom4pro").stdout
+    assert "DJI Phantom 4 Pro specifications" in printed
+    assert printed.split()[-3:] == ["20", "432", "42.0"]
 
 
 def test_an_unknown_aircraft_is_one_plain_line_with_the_nearest() -> None:
@@ -80,10 +80,10 @@ def test_fly_takes_an_aircraft_by_name_and_refuses_wind_above_its_limit(tmp_path
 
 
 def test_what_is_shown_is_a_file_of_the_same_aircraft(tmp_path: Path) -> None:
-    said = pavetwin("aircraft", "show", "matrice350").stdout
+    printed = pavetwin("aircraft", "show", "matrice350").stdout
     own = tmp_path / "own.yaml"
-    own.write_text(said, encoding="utf-8")
-    assert pavetwin("aircraft", "show", f"{own}:matrice350").stdout == said
+    own.write_text(printed, encoding="utf-8")
+    assert pavetwin("aircraft", "show", f"{own}:matrice350").stdout == printed
 
 
 CALM = """
@@ -192,9 +192,9 @@ def test_a_check_lists_every_broken_rule_of_a_policy(tmp_path: Path) -> None:
         "    def decide(self, snapshot):\n"
         "        return 3\n"
     )
-    said = plain_refusal(pavetwin("policy", "check", f"{file}:Vague"))
-    assert "more; --verbose lists them)" in said
-    more = int(said.rpartition("(and ")[2].split()[0])
+    printed = plain_refusal(pavetwin("policy", "check", f"{file}:Vague"))
+    assert "more; --verbose lists them)" in printed
+    more = int(printed.rpartition("(and ")[2].split()[0])
     listed = pavetwin("policy", "check", f"{file}:Vague", "--verbose")
     assert listed.returncode == 2
     assert len(listed.stdout.splitlines()) == more + 1
@@ -250,7 +250,7 @@ def test_inputs_that_cannot_be_fitted_are_refused_in_one_line(tmp_path: Path) ->
     (tmp_path / "set").mkdir()
     (tmp_path / "set" / "capture.yaml").write_text("world: {}", encoding="utf-8")
     out = ("-o", tmp_path / "s.json")
-    told = {
+    reported = {
         ("sensor", "fit", one): "Missing option '--output'",
         ("sensor", "fit", one, "-o", tmp_path / "s.txt"): "the file is JSON; give a name such as s.json",
         ("sensor", "fit", tmp_path / "none", *out): "There is no folder",
@@ -259,7 +259,7 @@ def test_inputs_that_cannot_be_fitted_are_refused_in_one_line(tmp_path: Path) ->
         ("sensor", "fit", one, another, *out): "were searched by different detectors",
         ("sensor", "fit", one, "--check", another, *out): "'another' was searched by another detector",
     }
-    for typed, words in told.items():
+    for typed, words in reported.items():
         assert words in plain_refusal(pavetwin(*typed))
     assert not (tmp_path / "s.json").exists()
 

@@ -115,14 +115,14 @@ def test_the_savings_of_an_area_in_a_large_town_are_printed(grid: Path, monkeypa
     monkeypatch.setattr(flight_report, "STATED_AREA_M", 100.0)
     area = TrafficArea.around(world, targets, 100.0)
     assert area is not None
-    said = flight_report.whole_town_line(world, targets)
-    assert f"With --traffic-area 100 it is that of {area.length_km(world):.1f} km around" in said
+    printed = flight_report.whole_town_line(world, targets)
+    assert f"With --traffic-area 100 it is that of {area.length_km(world):.1f} km around" in printed
     monkeypatch.setattr(flight_report, "STATED_AREA_M", 10_000.0)
     assert flight_report.whole_town_line(world, targets) == "", "an area that is most of the town is the town"
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "printed"),
     [
         ("-5", "--traffic-area: traffic needs 100 m of streets"),
         ("99", "--traffic-area: traffic needs 100 m of streets"),
@@ -130,8 +130,8 @@ def test_the_savings_of_an_area_in_a_large_town_are_printed(grid: Path, monkeypa
         ("near", "--traffic-area: expected metres or 'all', not 'near'."),
     ],
 )
-def test_invalid_distances_are_refused(grid: Path, given: str, said: str) -> None:
-    assert said in plain_refusal(pavetwin("fly", grid, *SHORT, "--traffic-area", given))
+def test_invalid_distances_are_refused(grid: Path, given: str, printed: str) -> None:
+    assert printed in plain_refusal(pavetwin("fly", grid, *SHORT, "--traffic-area", given))
 
 
 def test_an_area_excludes_traffic_of_ones_own(grid: Path, tmp_path: Path) -> None:
@@ -153,8 +153,8 @@ def test_a_recording_without_traffic_on_a_target_is_refused(grid: Path) -> None:
     replay = replay_of(world, "low", 1, area=specs[0].area(world))
     path = replay.recording.path
     assert path is not None
-    told = plain_refusal(pavetwin("fly", grid, "--traffic", path, "--segment", far[0], "--no-map"))
-    assert "no traffic on" in told
+    reported = plain_refusal(pavetwin("fly", grid, "--traffic", path, "--segment", far[0], "--no-map"))
+    assert "no traffic on" in reported
     inputs = MissionInputs(environment, replay)
     assert fly(specs[0], inputs=inputs).spec.settings.traffic_area_m == 100
     with pytest.raises(PaveTwinError, match="area of the traffic"):

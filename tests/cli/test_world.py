@@ -25,9 +25,9 @@ def test_build_and_info_print_the_contents_of_a_world(
 ) -> None:
     target = str(tmp_path / "cross")
     assert run(monkeypatch, "world", "build", str(scene_file("cross")), "-o", target, "--defects-per-segment", "4") == 0
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     for word in ("segments", "lanes", "sidewalks", "1 traffic lights", "5 from the source", "by rule", "defects"):
-        assert word in said
+        assert word in printed
     assert load_record(Path(target)).defects["population"] == "survey"
     assert run(monkeypatch, "world", "info", target) == 0
     assert "14 (" in capsys.readouterr().out

@@ -112,9 +112,9 @@ def test_a_car_is_driven_by_keys_and_the_drive_is_played(building: BrowserTab) -
     building.ready()
     page.keyboard.press("r")
     building.wait("pavetwin.mission?.isLive && pavetwin.mission.car")
-    told = page.locator("#pilot").inner_text()
-    assert "You drive" in told
-    assert "does not react to you" in told, "the traffic is recorded"
+    reported = page.locator("#pilot").inner_text()
+    assert "You drive" in reported
+    assert "does not react to you" in reported, "the traffic is recorded"
     page.keyboard.down("w")
     building.wait("pavetwin.stateAt(pavetwin.time).speed > 4")
     building.wait("pavetwin.mission.captures.t_s.length > 3")

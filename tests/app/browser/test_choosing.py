@@ -1,4 +1,4 @@
-"""The page in Chromium: how streets are chosen, and what is said where nothing can be flown."""
+"""The page in Chromium: choice of streets, and messages where nothing can be flown."""
 
 import json
 from typing import Any
@@ -45,10 +45,12 @@ def test_streets_are_chosen_by_a_box_and_by_name_and_let_go(tab: BrowserTab) -> 
     tab.page.keyboard.press("Enter")
     assert "chosen by the seed" not in tab.page.locator("#selection").inner_text()
     tab.page.keyboard.press("Escape")
-    for text, told in (("haupts", "Hauptstra"), ("BOGEN", "Bogen"), ("nowhere", "no street"), ("stra", "Several")):
+    for text, reported in (("haupts", "Hauptstra"), ("BOGEN", "Bogen"), ("nowhere", "no street"), ("stra", "Several")):
         tab.page.fill("#find", text)
         tab.page.keyboard.press("Enter")
-        assert told in tab.page.locator("#selection" if text.lower() in told.lower() else "#notice").inner_text()
+        assert (
+            reported in tab.page.locator("#selection" if text.lower() in reported.lower() else "#notice").inner_text()
+        )
     tab.wait("document.querySelectorAll('#selection .numbers span').length == 6")
     assert "empty streets" in tab.page.locator("#selection small").inner_text()
 

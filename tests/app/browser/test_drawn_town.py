@@ -1,4 +1,4 @@
-"""The page in Chromium: the town in 3-D, and the frames beside it."""
+"""The page in Chromium: the town in 3-D, and the frames next to it."""
 
 import re
 from collections.abc import Iterator
@@ -170,13 +170,13 @@ def test_the_camera_shows_the_town_in_3d_until_a_frame_is_ready(drawn: BrowserTa
 
 
 LAYER = """layer => {
-  const { town } = pavetwin, labels = [...document.querySelectorAll('#town .menu label')], told = () => {
+  const { town } = pavetwin, labels = [...document.querySelectorAll('#town .menu label')], reported = () => {
     for (let times = 0; times < 2; times++) town.render(); // the first may draw shadows too
     const { triangles, lines } = town.renderer.info.render, agents = town.list.length;
     return { triangles, lines, agents, stands: town.tiles.objects.visible };
   };
   const box = labels.find(({ textContent }) => textContent === layer).querySelector('input');
-  return [told(), (box.click(), told()), (box.click(), told())];
+  return [reported(), (box.click(), reported()), (box.click(), reported())];
 }"""
 """What is drawn of the town before a click on the box of a layer, after it, and after another one."""
 
@@ -262,4 +262,4 @@ def test_a_preview_comes_first_and_labels_of_its_own_capture_stay(tab: BrowserTa
     assert "There is no detector." in found["search"][1]
     assert "1 label" in found["search"][1]
     assert found["later"] == ["labelled 1"], "a search that fails stops neither previews nor labels"
-    assert "no detector" not in found["search"][2], "who lets it be is not told of it"
+    assert "no detector" not in found["search"][2], "no message without a search"

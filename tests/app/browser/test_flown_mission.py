@@ -1,4 +1,4 @@
-"""The page in Chromium: streets are clicked, and the mission that is shown is what the command line says."""
+"""The page in Chromium: streets are clicked, and the shown mission is that of the command line."""
 
 from base64 import b64decode
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""`pavetwin fly` as a user types it: its files, their bytes, and what it says."""
+"""`pavetwin fly` as a user types it: its files, their bytes, and its output."""
 
 import hashlib
 import json
@@ -92,12 +92,12 @@ finally:
     print(*sorted({{name.partition(".")[0] for name in sys.modules}}))
 """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    *told, loaded = done.stdout.splitlines()
+    *reported, loaded = done.stdout.splitlines()
     assert done.returncode == 0, done.stderr
     assert sorted({"matplotlib", "PIL", "wgpu", "fontTools"} & set(loaded.split())) == []
     assert not (tmp_path / "m" / "map.png").exists()
     folder = "mission.parquet, streets.csv, and a folder for each policy with streets.csv, defects.gpkg, "
-    assert told[-1].startswith(f"Results in {tmp_path / 'm'}/: {folder}")
+    assert reported[-1].startswith(f"Results in {tmp_path / 'm'}/: {folder}")
 
 
 @pytest.mark.parametrize("seed", [3, pytest.param(0, marks=pytest.mark.slow)])

@@ -148,7 +148,7 @@ INTERRUPTED, TERMINATED = (signal.SIGINT, 130, "Interrupted"), (signal.SIGTERM, 
 
 
 @pytest.mark.parametrize(
-    ("moment", "number", "code", "said"),
+    ("moment", "number", "code", "printed"),
     [
         ("recording", *INTERRUPTED),
         pytest.param("writing", *TERMINATED, marks=pytest.mark.slow),
@@ -159,7 +159,7 @@ INTERRUPTED, TERMINATED = (signal.SIGINT, 130, "Interrupted"), (signal.SIGTERM, 
     ],
 )
 def test_an_interrupted_run_leaves_nothing_half_written(
-    world: Path, tmp_path: Path, moment: str, number: signal.Signals, code: int, said: str
+    world: Path, tmp_path: Path, moment: str, number: signal.Signals, code: int, printed: str
 ) -> None:
     target = tmp_path / "cross"
     shutil.copytree(world, target)
@@ -180,7 +180,7 @@ def test_an_interrupted_run_leaves_nothing_half_written(
     process.send_signal(number)
     _, words = process.communicate(timeout=60)
     assert process.returncode == code, words
-    assert words.splitlines()[-1] == f"Error: {said}; nothing half-written was left behind."
+    assert words.splitlines()[-1] == f"Error: {printed}; nothing half-written was left behind."
     assert [path.name for path in tmp_path.iterdir() if path.name not in ("cache", "cross", "m")] == []
     for result in (tmp_path / "m").glob("*/"):  # missions that were whole by then
         assert {"mission.parquet", "track.parquet", "captures.geojson", "mission.yaml"} <= set(digests(result))
@@ -188,9 +188,9 @@ def test_an_interrupted_run_leaves_nothing_half_written(
     assert set(digests(target)) == before
 
 
-@pytest.mark.parametrize(("number", "code", "said"), [INTERRUPTED, TERMINATED])
+@pytest.mark.parametrize(("number", "code", "printed"), [INTERRUPTED, TERMINATED])
 def test_an_interruption_while_the_kernel_has_traffic_read_is_one(
-    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals, code: int, said: str
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals, code: int, printed: str
 ) -> None:
     def interrupted(*_: object) -> None:
         signal.raise_signal(number)
@@ -198,7 +198,7 @@ def test_an_interruption_while_the_kernel_has_traffic_read_is_one(
     monkeypatch.setattr(part_table, "from_columns", interrupted)
     done = pavetwin("fly", world, *SHORT, "-o", tmp_path / "m")
     assert done.returncode == code, done.stderr
-    assert without_progress(done.stderr) == [f"Error: {said}; nothing half-written was left behind."]
+    assert without_progress(done.stderr) == [f"Error: {printed}; nothing half-written was left behind."]
     assert not list(tmp_path.iterdir())
 
 
