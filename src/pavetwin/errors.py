@@ -1,4 +1,4 @@
-"""The one exception that a user may see: a plain sentence that says what is wrong, where, and how to fix it."""
+"""The exception for users: a plain sentence that names the fault, its place and the fix."""
 
 import re
 import traceback
@@ -68,18 +68,18 @@ def no_such(what: str, name: str, known: Iterable[str], *, key: str, instead: st
     return f"{key}: no {what} '{name}'{nearest_name(name, names)}; known are {', '.join(names)}{instead}."
 
 
-def told(error: BaseException) -> str:
-    """Another error in one line: its type and what it says."""
+def describe(error: BaseException) -> str:
+    """Another error in one line: its type and its message."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
-def told_at(error: BaseException) -> str:
+def describe_with_place(error: BaseException) -> str:
     """Another error in one line, with the place in the user's own code that it comes from, or else where it arose."""
     frames = traceback.extract_tb(error.__traceback__)
     others = (str(Path(__file__).parent), *get_paths().values())
     own = [frame for frame in frames if not frame.filename.startswith(("<", *others))]
     where = (own or frames)[-1] if frames else None
-    return f"{told(error)} ({where.filename}, line {where.lineno})" if where is not None else told(error)
+    return f"{describe(error)} ({where.filename}, line {where.lineno})" if where is not None else describe(error)
 
 
 def nearest_name(word: str, known: Iterable[str], compared: Callable[[str], str] = str) -> str:

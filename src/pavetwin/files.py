@@ -1,4 +1,4 @@
-"""Files written whole or not at all: to a temporary name beside the target, then renamed. And their hashes."""
+"""Files written whole or not at all, by a temporary name next to the target that is renamed; hashes and locks."""
 
 import errno
 import hashlib
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from filelock import BaseFileLock
 
 PICTURE_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp"})
-"""Of pictures that are read, in lower case."""
+"""Suffixes of images that are read, in lower case."""
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """A full disk, a used-up quota, and a file that may not grow."""
@@ -93,7 +93,7 @@ def writing(target: Path) -> Iterator[Path]:
 
 
 def check_folder(folder: Path) -> None:
-    """Whether files can be written into a folder, which need not be there yet: before long work of which they tell.
+    """Check, before long work, that files can be written into a folder, which need not exist.
 
     Raises:
         PaveTwinError: it is a file, lies below one, or may not be written.
@@ -155,7 +155,7 @@ def writing_folder(target: Path, *, replace: bool = False) -> Iterator[Path]:
 
 @contextmanager
 def staging_folder(target: Path) -> Iterator[Path]:
-    """A temporary folder beside `target`, for files that are whole before they are moved to their places.
+    """A temporary folder next to `target`, for files that are whole before they are moved to their places.
 
     Raises:
         PaveTwinError: it cannot be made, or the block failed to write. The folder is gone afterwards.
@@ -169,7 +169,7 @@ def staging_folder(target: Path) -> Iterator[Path]:
 
 @contextmanager
 def _temporary_folder(target: Path) -> Iterator[Path]:
-    """A folder beside `target`; gone at the end of the block, unless it was renamed."""
+    """A folder next to `target`; gone at the end of the block, unless it was renamed."""
     target.parent.mkdir(parents=True, exist_ok=True)
     _clear_killed(target)
     temporary = Path(tempfile.mkdtemp(dir=target.parent, prefix=f"{_mark(target)}{os.getpid()}-"))
@@ -256,7 +256,7 @@ def _released(lock: "BaseFileLock", path: Path) -> Iterator[None]:
 
 
 def _mark(target: Path) -> str:
-    """How temporary names for a target begin on this machine; the number of the process follows."""
+    """Prefix of temporary names for a target on this machine; the number of the process follows."""
     return f".{target.name}-{sub(r'[^A-Za-z0-9]', '', node())}-"
 
 
@@ -288,7 +288,7 @@ def unwritable(target: Path, error: OSError) -> PaveTwinError:
     missing = Path(os.fsdecode(error.filename)).absolute() if error.errno == errno.ENOENT and error.filename else None
     if missing and missing not in (place, *place.parents) and place.parent not in missing.parents:
         return PaveTwinError(f"Cannot write '{target}': '{missing}' is gone. Give the same command again.")
-    nowhere = error.errno == errno.ENOENT  # what mkdir says of a place such as /proc
+    nowhere = error.errno == errno.ENOENT  # mkdir's answer in a place such as /proc
     reason = "nothing can be made there" if nowhere else error.strerror or str(error)
     return PaveTwinError(f"Cannot write '{target}': {reason}. {hint(error, 'choose another folder')}.")
 
@@ -312,5 +312,5 @@ def check_writable(target: Path, otherwise: str = "") -> None:
 
 
 def hint(error: OSError, otherwise: str) -> str:
-    """What helps, as the beginning of a sentence: room where there is none left, else `otherwise`."""
+    """The fix, as the beginning of a sentence: free space where there is none, else `otherwise`."""
     return f"Free some space or {otherwise}" if error.errno in NO_ROOM else otherwise[:1].upper() + otherwise[1:]

@@ -1,4 +1,4 @@
-"""What every server of ours shares: the sockets it listens at, and running until it is told to end."""
+"""Listening sockets of a server, and running until SIGTERM or SIGINT."""
 
 import asyncio
 import errno

@@ -1,7 +1,7 @@
 """A user's own things from Python files: whatever a file registers, or a class that it holds, named `file.py:Class`.
 
 A plugin file registers as the package's own modules do: `@policy("careful")`, `@defect_class("rutting", …)`. It is read
-once in every process that works with it. What it does may depend on further files: those that it imports from beside
+once in every process that works with it. What it does may depend on further files: those that it imports from next to
 it, and data that it reads, which it declares, relative to itself:
 
 ```python
@@ -22,7 +22,7 @@ from sysconfig import get_paths
 from types import CodeType, ModuleType
 from typing import Any, Final, TypeVar
 
-from pavetwin.errors import PaveTwinError, nearest_name, told
+from pavetwin.errors import PaveTwinError, describe, nearest_name
 from pavetwin.files import file_sha256
 from pavetwin.registry import BrokenRulesError, DuplicateNameError, Registry, one_of, reading
 
@@ -35,13 +35,13 @@ DATA_FILES: Final = "DATA_FILES"
 """Name in a user's module: the data files that it reads, relative to its file."""
 
 _OWN: Final = "pavetwin_user_"
-"""How the names of modules read from a user's file begin."""
+"""Prefix of the names of modules read from a user's file."""
 
 _loaded: dict[Path, str] = {}
 """Plugin files that this process has read, with the hash of their content then."""
 
 _registered: dict[Path, list[tuple[str, str]]] = {}
-"""What each file registered when it was last read: the kind, and the name."""
+"""Registrations of each file when it was last read: kind and name."""
 
 
 def load_plugins(paths: Iterable[str | Path], *, check: bool = True) -> None:
@@ -62,7 +62,7 @@ def load_plugins(paths: Iterable[str | Path], *, check: bool = True) -> None:
 
 
 def registered_in(path: str | Path) -> list[tuple[str, str]]:
-    """What a plugin file, which has been loaded, registers: kind and name of each, such as ("policy", "careful")."""
+    """Registrations of a loaded plugin file: kind and name of each, such as ("policy", "careful")."""
     return _registered[Path(path).absolute()]
 
 
@@ -87,7 +87,7 @@ def find_class(registry: Registry[type[T]], base: Any, name: str) -> type[T]:
         file = Path(path)
         return _class_in(registry, base, file, class_name, _hash(file, registry.key))
     if name.endswith(".py"):
-        raise PaveTwinError(f"{registry.key}: '{name}' lacks the name of the class; write {name}:ClassName.")
+        raise PaveTwinError(f"{registry.key}: '{name}' names no class; write {name}:ClassName.")
     return registry.get(name, instead=", or path/to/file.py:ClassName")
 
 
@@ -108,7 +108,7 @@ def files_of(path: str | Path) -> list[Path]:
 
 
 def _helpers_of(path: Path) -> dict[Path, ModuleType]:
-    """By file, the modules beside or below a user's file that it may have imported."""
+    """Modules in the folder of a user's file, or below, that it may have imported, by file."""
     folder, installed = path.resolve().parent, [Path(place).resolve() for place in set(get_paths().values())]
     found = {}
     for name, module in list(sys.modules.items()):
@@ -178,7 +178,7 @@ def _read(path: Path, key: str, *, check: bool = False) -> ModuleType:
     sys.modules[name] = module
     beside = str(path.resolve().parent)
     try:
-        sys.path.insert(0, beside)  # a script, too, imports what lies beside it
+        sys.path.insert(0, beside)  # as a script does
         with reading(f"'{path.resolve()}'") as source:
             loader.exec_module(module)
             _data_files(path, module, key)
@@ -193,14 +193,14 @@ def _read(path: Path, key: str, *, check: bool = False) -> ModuleType:
             raise PaveTwinError(f"{key}: '{path}' cannot be used: {error}.") from error
         if isinstance(error, PaveTwinError) or not isinstance(error, Exception | SystemExit):
             raise
-        raise PaveTwinError(f"{key}: '{path}' fails when read: {told(error)}.") from error
+        raise PaveTwinError(f"{key}: '{path}' fails when read: {describe(error)}.") from error
     finally:
         sys.path.remove(beside)
     return module
 
 
 def _module_name(path: Path) -> str:
-    """Of the module of a user's file. Two files of the same name in different folders are two modules."""
+    """Module name of a user's file. Two files of the same name in different folders are two modules."""
     return f"{_OWN}{path.stem}_{sha256(str(path.resolve()).encode()).hexdigest()[:8]}"
 
 

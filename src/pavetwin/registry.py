@@ -17,7 +17,7 @@ from pkgutil import iter_modules
 from types import ModuleType
 from typing import Any, Generic, NamedTuple, TypeVar
 
-from pavetwin.errors import PaveTwinError, no_such, told
+from pavetwin.errors import PaveTwinError, describe, no_such
 
 T = TypeVar("T")
 
@@ -58,14 +58,14 @@ class Source:
     """One reading of a plugin file or of an installed package, and what it registered."""
 
     name: str
-    """As messages call it."""
+    """Name in messages."""
     package: InstalledPackage | None = None
     """None for a file."""
     added: list[tuple["Registry[Any]", str, Any]] = field(default_factory=list)
     """Registry, name, and the entry that it replaced."""
 
     def broken_rules(self) -> Iterator[tuple[str, list[str]]]:
-        """What was registered here and breaks rules: what it is, in words, and the rules, each as a sentence."""
+        """Registered values that break rules: each with its description, and the rules as sentences."""
         for registry, name, _ in self.added:
             if broken := registry.broken_rules(registry.get(name)):
                 yield f"the {registry.what} '{name}'", broken
@@ -118,7 +118,7 @@ class Registry(Generic[T]):
         key: the parameter that takes their names, such as `pattern.kind`; messages begin with it.
         group: of entry points of installed packages, such as `pavetwin.patterns`.
         home: the module, or the package of modules, that registers those that ship with PaveTwin.
-        on_add: told each name and value; may refuse with a ValueError.
+        on_add: called with each name and value; may refuse with a ValueError.
         rules: the rules that one of a user's own breaks, each as a sentence.
         """
         self.what, self.group = what, group
@@ -153,7 +153,7 @@ class Registry(Generic[T]):
         return value
 
     def get(self, name: str, *, instead: str = "") -> T:
-        """What goes by `name`.
+        """The value registered as `name`.
 
         Args:
             instead: what may be given in place of a name, for the message.
@@ -180,7 +180,7 @@ class Registry(Generic[T]):
         return list(self._entries)
 
     def values(self, *, installed: bool = True) -> list[T]:
-        """What goes by `names()`, or only what installed packages did not give."""
+        """Values by name, or only those that no installed package adds."""
         if installed:
             return [self._entries[name].value for name in self.names()]
         self._load_own()
@@ -208,7 +208,7 @@ class Registry(Generic[T]):
             self._entries[name] = before
 
     def _is_being_imported(self) -> bool:
-        """Whether the home is being imported right now, if only because a user's file asked for it: what it adds is not
+        """Whether the home is being imported, even on behalf of a user's file: what it adds is not
         the user's."""
         spec = getattr(sys.modules.get(self._home), "__spec__", None)
         return bool(getattr(spec, "_initializing", False))
@@ -240,7 +240,7 @@ class Registry(Generic[T]):
                         self.add(point.name, value)
                     fault = next((f"{what} {one_of(broken)}" for what, broken in source.broken_rules()), "")
                 except Exception as error:
-                    fault = told(error)
+                    fault = describe(error)
                 if fault:
                     raise PaveTwinError(f"{source.name} cannot give its {self.what} '{point.name}': {fault}.")
 

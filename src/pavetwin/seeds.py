@@ -6,7 +6,7 @@ import numpy as np
 
 
 class Stream(IntEnum):
-    """What a random choice is for. The numbers are part of the file formats: append, never renumber."""
+    """Purposes of random choices. The numbers are part of the file formats: append, never renumber."""
 
     WORLD = 0
     DEFECTS = 1

@@ -26,7 +26,7 @@ ATTEMPTS: Final = 3
 """A task whose worker dies this often is given up: the task itself may be what kills them."""
 
 GRACE_S: Final = 5.0
-"""A worker that is told to stop has this long to remove its temporary files before it is killed."""
+"""Time for a worker to remove its temporary files after SIGTERM, before it is killed."""
 
 WORKER_BYTES: Final = 2 * 2**30
 """A process that renders needs so much at most."""
@@ -40,7 +40,7 @@ OnTick = Callable[[], None]
 
 
 def default_jobs(images: int) -> int:
-    """How many processes render some images: one for each core of this process, where there is memory to spare, and no
+    """Number of processes that render some images: one for each core of this process, within the free memory, and no
     more than are worth starting; one at least."""
     return max(1, min(cores(), _spare_bytes() // WORKER_BYTES, images // WORTH_STARTING))
 
@@ -147,7 +147,7 @@ class WorkerPool(Generic[Task, Result]):
 
 
 class WaitingProcess:
-    """A process that has not been told yet what to run."""
+    """A process that waits for what it is to run."""
 
     def __init__(self, module: str = "", ahead: Callable[[], object] | None = None) -> None:
         """Args:
@@ -239,7 +239,7 @@ def _serve(connection: Connection, module: str, ahead: Callable[[], object] | No
 
 
 def _pass_on(connection: Connection, message: Warning | str, category: type[Warning], *_: object) -> None:
-    """Pass a worker's warning about the cache to the parent, which tells it once; those of libraries go nowhere."""
+    """Pass a worker's warning about the cache to the parent, which shows it once; those of libraries are dropped."""
     if issubclass(category, CacheWarning):
         connection.send(message)
 

@@ -150,7 +150,7 @@ class Captured:
     altitude_m: Final[float]
     yaw_rad: Final[float]
     velocity_mps: Final[Point]
-    """Of the UAV over the ground, (east, north)."""
+    """Velocity of the UAV over the ground, (east, north)."""
     segment: Final[int]
     on_revisit: Final[bool]
     visibility: Final[float | None]
@@ -165,7 +165,7 @@ class Occluded:
     visibility: Final[float]
     hidden_place: Final[Point | None]
     permanently_hidden: Final[float]
-    """Of the cells in the window, the share that parked vehicles hide; they do not count in o."""
+    """Share of the cells in the window that parked vehicles hide; they do not count in o."""
     since_s: Final[float]
     waited_s: Final[float]
     displacements: Final[int]

@@ -182,7 +182,7 @@ class Ground:
         defect_segments: UInt32Array,
         defect_points: Callable[[int], Float64Array],
     ) -> None:
-        """Of n defects, centres (n, 2) and the index of each one's segment.
+        """Centres (n, 2) of defects, and the index of each one's segment.
 
         Args:
             defect_points: gives the sample points (k, 2) of a defect by its index; asked once for each defect of a

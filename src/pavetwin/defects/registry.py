@@ -19,7 +19,7 @@ from pavetwin.defects.heightfield import Heightfield
 from pavetwin.defects.measures import Measures, length_of, measure
 from pavetwin.defects.poses import PoseSampler, RoadSection
 from pavetwin.defects.severity import Distress
-from pavetwin.errors import PaveTwinError, told_at
+from pavetwin.errors import PaveTwinError, describe_with_place
 from pavetwin.registry import Registry
 from pavetwin.world.model import Defect, Severity, ShapeParameters, is_class_name
 
@@ -107,7 +107,7 @@ def _trial(kind: "DefectKind", seed: int, broken: _Broken) -> TriedShape | None:
         try:
             return function(*arguments)
         except Exception as error:
-            broken.add(f"{what} fails: {told_at(error)}", seed)
+            broken.add(f"{what} fails: {describe_with_place(error)}", seed)
             return None
 
     shape, again = (call("its function", kind.generate, np.random.default_rng(seed)) for _ in range(2))
@@ -378,7 +378,7 @@ def failures_named(name: str) -> Iterator[None]:
     except Exception as error:
         if DEFECT_CLASSES.is_own(name):
             raise
-        raise PaveTwinError(f"The defect class '{name}' failed: {told_at(error)}.") from error
+        raise PaveTwinError(f"The defect class '{name}' failed: {describe_with_place(error)}.") from error
 
 
 def heightfield_of(defect: Defect) -> Heightfield:

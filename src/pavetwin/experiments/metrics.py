@@ -80,12 +80,12 @@ ERROR_METRICS: Final = (
     Metric("false_alarms_per_100_m2", "False alarms per 100 m²", "", 1.0, 2, more_is_better=False),
     Metric("duplicates", "Duplicates", "", 1.0, 1, more_is_better=None),
 )
-"""Of sensors with false alarms or repeated detections; shown if there are any, see `metrics_in`."""
+"""Metrics of sensors with false alarms or repeated detections; shown if there are any, see `metrics_in`."""
 
 BATTERIES: Final = "batteries"
 
 TOUR_METRICS: Final = (Metric(BATTERIES, "Batteries", "", 1.0, 1, more_is_better=False),)
-"""Of tours (`experiments.tours`): full batteries that a mission takes."""
+"""Full batteries that a mission of tours (`experiments.tours`) takes."""
 
 INDEX_ERROR: Final = "pci_detected_abs_error"
 
@@ -93,7 +93,7 @@ DETECTED_METRICS: Final = (
     Metric("pci_detected_error", "Index as detected less true", "points", 1.0, 1, more_is_better=None, signed=True),
     Metric(INDEX_ERROR, "Index error as detected", "points", 1.0, 1, more_is_better=False),
 )
-"""Of sensors that measure sizes: error of the condition index of their detections, with its sign and without."""
+"""Error of the condition index by the detections of sensors that measure sizes, with its sign and without."""
 
 DETECTED: Final = ("pci_detected", *(metric.name for metric in DETECTED_METRICS))
 """Columns of studies with such a sensor; null in missions with another."""

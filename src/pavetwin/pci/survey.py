@@ -96,7 +96,7 @@ class MeasuredDefect:
     severities: Mapping[Severity, float]
     """Those that its images allow, at least one, each with the part of its quantity that counts under it."""
     length_m: float
-    """Of a crack."""
+    """Length of a crack."""
     width_m: float
     """Mean diameter of a pothole."""
     area_m2: float

@@ -15,7 +15,7 @@ from shapely import LineString, Polygon
 
 from pavetwin.arrays import Float64Array
 from pavetwin.config.mission import PolicySettings
-from pavetwin.errors import told
+from pavetwin.errors import describe
 from pavetwin.plugins import find_class
 from pavetwin.policies.policy import Action, Displace, GoOn, Policy, Revisit, Wait
 from pavetwin.registry import Registry
@@ -60,7 +60,7 @@ def check_policy(factory: Callable[[PolicySettings], Policy]) -> list[str]:
         try:
             first, second = factory(_watched(settings, read)), factory(settings)
         except Exception as error:
-            return [f"it cannot be made from its settings: {told(error)}"]
+            return [f"it cannot be made from its settings: {describe(error)}"]
         cases = list(trial_snapshots(settings))
         answers = [_try(first, case, settings, broken) for case in cases]
         again = [_try(first, case, settings, broken) for case in cases]
@@ -104,7 +104,7 @@ def _try(policy: Policy, case: Case, settings: PolicySettings, broken: list[str]
     try:
         answer = policy.decide(case.snapshot)
     except Exception as error:
-        broken.append(f"with {case.name}, it fails: {told(error)}")
+        broken.append(f"with {case.name}, it fails: {describe(error)}")
         return None
     if perf_counter() - begun > SLOWEST_S:
         broken.append(f"with {case.name}, it takes longer than {SLOWEST_S:g} s to decide")

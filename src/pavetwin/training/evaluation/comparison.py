@@ -45,8 +45,8 @@ class ComparedModel:
     size_mb: float
     """Size of the file."""
     frames_per_s: float
-    """Of one image of `FRAME_PX`, from pixels to detections: the inverse of the median time. A model's file sees it as
-    it sees the images that its accuracy is of: at the size that it was trained on, and in tiles where it takes some."""
+    """Rate for one image of `FRAME_PX`, from pixels to detections: inverse of the median time. A model sees the image
+    as in the measurement of its accuracy: at the size of its training, and in tiles where it takes some."""
     gflops: float | None
     """Billions of operations of convolutions for one image of 640 × 640 px, as in published figures."""
     speed: float | None = None
