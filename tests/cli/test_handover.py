@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 import polars as pl
 import pytest
 
-from pavetwin.sensing.shipped import DEFAULT, sensor_path
+from pavetwin.sensing.fitted_sensor import DEFAULT, sensor_path
 from pavetwin.world.store import save_world
 from scenes import built, damaged
 from scenes.command_line import command, pavetwin, plain_refusal

@@ -13,11 +13,11 @@ from pavetwin.mission.condition import ConditionReport
 from pavetwin.mission.fly import fly_over
 from pavetwin.mission.result import MissionResult
 from pavetwin.mission.saving import save_mission
-from pavetwin.pci import MeasuredDefect, Survey, mean_pci, measured_conditions, sample_units
+from pavetwin.pci import Survey, mean_pci, measured_conditions, sample_units
 from pavetwin.perception.detector import Detector
 from pavetwin.sensing.detector import DetectorSensor
-from pavetwin.world.model import Severity
 from scenes import drawn_detector
+from scenes.observed import entry_of, observed
 from scenes.spots import Painter, Spot, SpotDetector, fly_over_spots
 from scenes.tiny import Scene, straight
 
@@ -41,9 +41,9 @@ def by_hand(scene: Scene, result: MissionResult, spots: Sequence[Spot]) -> float
     are among the defects that the sensor was fitted to."""
     model = reported(result).entry_model
     assert model is not None
-    severities = dict(zip(Severity, model.severities["pothole"], strict=True))
-    defects = [MeasuredDefect("pothole", shape, severities, 0.4, 0.45, 0.16) for _, shape in spots]
-    return mean_pci(measured_conditions(sample_units(scene.world.segments[:1]), defects)[0])
+    entries = [entry_of(1, [observed("pothole", 0.9, "1", shape)]) for _, shape in spots]
+    defects = [replace(entry, severity_weights=model.severities["pothole"]) for entry in entries]
+    return mean_pci(measured_conditions(sample_units(scene.world.segments[:1]), defects))
 
 
 def test_potholes_that_are_all_found_give_the_index_of_a_survey_by_hand() -> None:

@@ -10,12 +10,10 @@ from shapely import Point, box
 
 from pavetwin.detections import NO_DETECTIONS
 from pavetwin.errors import PaveTwinError
-from pavetwin.inventory.condition import measured_defects
-from pavetwin.inventory.entry import Entry
+from pavetwin.inventory.entry import Entry, entry_model, with_probabilities
 from pavetwin.inventory.entry_fit import JudgedEntry, JudgedInventory, fit_entries, judged_inventory
 from pavetwin.inventory.files import write_inventory
 from pavetwin.inventory.of_mission import flown
-from pavetwin.inventory.probability import entry_model, with_probabilities
 from pavetwin.inventory.reading import Reading, entries_of
 from pavetwin.mission.saving import save_mission
 from pavetwin.sensing.fitted_sensor import OF_ENTRY, EntryModel, FittedNumber, SensorModel, entry_values
@@ -110,14 +108,16 @@ def test_what_has_no_place_or_another_class_has_no_probability() -> None:
 def test_entries_that_are_less_likely_defects_are_listed_and_do_not_count_in_the_index(tmp_path: Path) -> None:
     placed = [replace(each, place=Point(0.2, 0.2)) for each in (entry(), entry(), entry())]
     judged = [replace(each, probability=chance) for each, chance in zip(placed, (0.49, 0.5, None), strict=True)]
-    counted = list(measured_defects(judged, model()))
-    assert len(counted) == 2
-    assert list(counted[0].severities.values()) == pytest.approx([0.5, 0.3, 0.2])
-    assert list(next(measured_defects(judged[1:])).severities.values()) == pytest.approx([1 / 3] * 3)
-    (some,) = measured_defects([replace(judged[1], severity="medium to high")], model())
-    assert list(some.severities.values()) == pytest.approx([0.6, 0.4])
+    assert [each.is_likely for each in judged] == [False, True, True]
     write_inventory(judged, Reading(NO_DETECTIONS, HERE, 1), tmp_path)
     assert pl.read_csv(tmp_path / "inventory.csv")["probability"].to_list() == [0.49, 0.5, None]
+
+
+def test_a_severity_that_images_leave_open_counts_by_the_frequencies_of_the_class() -> None:
+    (known,) = with_probabilities([entry()], model())
+    assert [*known.severities.values()] == pytest.approx([0.5, 0.3, 0.2])
+    assert [*entry().severities.values()] == pytest.approx([1 / 3] * 3)
+    assert [*replace(known, severity="medium to high").severities.values()] == pytest.approx([0.6, 0.4])
 
 
 def test_entries_of_a_mission_are_judged_by_its_matching_and_by_the_sensor_of_its_detector(tmp_path: Path) -> None:
@@ -141,8 +141,8 @@ def test_entries_of_a_mission_are_judged_by_its_matching_and_by_the_sensor_of_it
     sensor.save(file)
     with pytest.raises(PaveTwinError, match=r"`fitted` '.*' was fitted for another detector than that"):
         flown(tmp_path / "m", fitted=str(file))
-    with pytest.raises(PaveTwinError, match="no detector looked at these images; leave it out"):
+    with pytest.raises(PaveTwinError, match="no detector searched these images"):
         entry_model(None, str(file))
     sensor.model_copy(update={"detector": of_it, "entries": None}).save(file)
-    with pytest.raises(PaveTwinError, match="tells nothing of entries; fit it to missions"):
+    with pytest.raises(PaveTwinError, match="has no model of entries"):
         flown(tmp_path / "m", fitted=str(file))

@@ -7,7 +7,6 @@ import numpy as np
 import polars as pl
 
 from pavetwin.files import file_sha256
-from pavetwin.sensing.fit.tables import ALARM_SCHEMA, CAPTURE, GROUP, LOOK_COLUMNS, LookSource
 from pavetwin.sensing.fitted_sensor import (
     OF_ALL,
     OF_CLASS,
@@ -19,7 +18,8 @@ from pavetwin.sensing.fitted_sensor import (
     Variable,
     term_names,
 )
-from pavetwin.sensing.looks import Look
+from pavetwin.sensing.frame import Look
+from pavetwin.sensing.look_tables import ALARM_SCHEMA, CAPTURE, GROUP, LOOK_COLUMNS, LookSource
 from scenes import drawn_detector
 
 FILE = Path(__file__).parents[1] / "sensing" / "fitted.json"

@@ -12,7 +12,7 @@ from pavetwin.capture.exif import ImageMetadata
 from pavetwin.capture.platforms import Pose
 from pavetwin.perception.drone_tags import encoded
 from pavetwin.sensing import Frame
-from pavetwin.sensing.registered import trial_frames
+from pavetwin.sensing.sensor import trial_frames
 from pavetwin.uav.cameras import find_camera
 from pavetwin.world.georeference import GeoReference, anchored
 from scenes.spots import Painter, Spot

@@ -21,10 +21,9 @@ from pavetwin.mission.saving import LOOKS, look_table, save_mission
 from pavetwin.perception.model_file import model_path
 from pavetwin.sensing import Outcome, Sighting
 from pavetwin.sensing.calibrated import Calibrated, LookScorer
-from pavetwin.sensing.fitted_sensor import SensorModel
-from pavetwin.sensing.looks import LookMeter
-from pavetwin.sensing.registered import trial_defect, trial_frames
-from pavetwin.sensing.shipped import DEFAULT, sensor_path
+from pavetwin.sensing.fitted_sensor import DEFAULT, SensorModel, sensor_path
+from pavetwin.sensing.frame import LookMeter
+from pavetwin.sensing.sensor import trial_defect, trial_frames
 from scenes import drawn_detector, fitted
 from scenes.fitted import stated
 from scenes.spots import fly_over_spots

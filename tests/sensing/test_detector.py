@@ -24,7 +24,7 @@ from pavetwin.perception.model_file import shipped_models
 from pavetwin.policies import Action, GoOn, Policy, Wait
 from pavetwin.sensing import Frame, Outcome
 from pavetwin.sensing.detector import DetectorSensor
-from pavetwin.sensing.registered import trial_frames
+from pavetwin.sensing.sensor import trial_frames
 from pavetwin.twin import Snapshot
 from pavetwin.world.georeference import from_wgs84
 from scenes import drawn_detector

@@ -15,10 +15,9 @@ from scipy.special import ndtr
 from scipy.stats import chi2
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.sensing.fit.fitting import chances_of, fit_sensor, reliability, repeated_looks
-from pavetwin.sensing.fit.mixed_probit import fit_mixed_probit
 from pavetwin.sensing.fitted_sensor import SensorModel, bend
-from pavetwin.sensing.looks import Look
+from pavetwin.sensing.fitting import chances_of, fit_mixed_probit, fit_sensor, reliability, repeated_looks
+from pavetwin.sensing.frame import Look
 from scenes import drawn_detector
 from scenes.fitted import FILE, drawn_looks, stated
 
@@ -172,8 +171,7 @@ DAMAGED = {
     "cut": (FILE.read_text(encoding="utf-8")[:900], "it is not JSON"),
     "empty": ("", "it is not JSON"),
     "other": ("[1, 2]", "it has no `pavetwin_sensor`"),
-    "earlier": (changed(lambda c: c.update(pavetwin_sensor=2)), "of format 2; this version reads 3"),
-    "later": (changed(lambda c: c.update(pavetwin_sensor=4)), "of format 4; this version reads 3"),
+    "format": (changed(lambda c: c.update(pavetwin_sensor=2)), "has format 2"),
     "lost knots": (changed(lambda c: c["knots"].pop("pothole")), "`knots` are three rising numbers for each class"),
     "falling knots": (changed(lambda c: c["knots"]["pothole"].reverse()), "`knots` are three rising numbers"),
     "lost bend": (changed(lambda c: c["terms"].pop("pothole:bend")), "see 'pothole:bend'"),
@@ -195,15 +193,14 @@ DAMAGED = {
 
 @pytest.mark.parametrize("damage", DAMAGED)
 def test_a_damaged_file_is_one_plain_line(damage: str, tmp_path: Path) -> None:
-    text, told = DAMAGED[damage]
+    text, message = DAMAGED[damage]
     path = tmp_path / "sensor.json"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(PaveTwinError) as error:
         SensorModel.read(path)
     line = str(error.value)
-    assert told in line
+    assert message in line
     assert str(path) in line
-    assert line.endswith("write it again with `pavetwin sensor fit`.")
     assert "\n" not in line
 
 

@@ -14,7 +14,7 @@ from pavetwin.config import load_settings
 from pavetwin.config.mission import SensingSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.sensing import Recall, Sighting
-from pavetwin.sensing.registered import trial_defect, trial_frames
+from pavetwin.sensing.sensor import trial_defect, trial_frames
 
 DEFECTS = 3000
 BLANK = trial_frames(1)[0]

@@ -16,7 +16,7 @@ from pavetwin.defects.pothole import sample_pothole_poses
 from pavetwin.defects.severity import pothole_severity
 from pavetwin.sensing import Detections, Frame, match
 from pavetwin.sensing.matching import iou, placed, shared_extent
-from pavetwin.sensing.registered import trial_defect, trial_frames
+from pavetwin.sensing.sensor import trial_defect, trial_frames
 from pavetwin.world.model import Defect
 
 FRAME: Frame = replace(trial_frames(1)[0], position=(0.0, 0.0), yaw_rad=0.0, altitude_m=10.0)

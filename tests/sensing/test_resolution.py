@@ -19,7 +19,7 @@ from pavetwin.mission.result import result_of
 from pavetwin.mission.saving import defects_table
 from pavetwin.policies import Displace
 from pavetwin.sensing import Recall, Sighting, orientations_of, sighted_share, smallest_extent_m
-from pavetwin.sensing.registered import trial_defect, trial_frames
+from pavetwin.sensing.sensor import trial_defect, trial_frames
 from pavetwin.uav import find_camera
 from pavetwin.world.model import Defect
 from scenes.tiny import Scene, straight, truck_beside_defects

@@ -21,7 +21,7 @@ from pavetwin.sensing import (
     sensor,
     sensor_names,
 )
-from pavetwin.sensing.registered import trial_defect, trial_frames, trial_sighting
+from pavetwin.sensing.sensor import trial_defect, trial_frames, trial_sighting
 from scenes import drawn_detector, fitted
 
 

@@ -11,7 +11,7 @@ from pavetwin.config.settings import Settings
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.mission.planning import ALL, policies_named
 from pavetwin.policies import policy_names
-from pavetwin.sensing.registered import sensor_names
+from pavetwin.sensing.sensor import sensor_names
 from pavetwin.traffic.demand import DEFAULT_TRAFFIC, density_named
 from pavetwin.uav.aircraft import AIRCRAFT
 

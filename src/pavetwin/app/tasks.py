@@ -22,7 +22,7 @@ from pavetwin.mission.inputs import MissionInputs, load_inputs
 from pavetwin.mission.planning import ORDERS, check_reach, choose_targets
 from pavetwin.mission.spec import MissionSpec
 from pavetwin.policies import policy_names
-from pavetwin.sensing.registered import sensor_names
+from pavetwin.sensing.sensor import sensor_names
 from pavetwin.traffic.demand import DEFAULT_MIX, DEFAULT_TRAFFIC, DENSITIES, mix_names
 from pavetwin.uav import AIRCRAFT
 from pavetwin.world.parking.rule import NO_RULE, rule_names

@@ -149,8 +149,8 @@ def _search_photographs(
     show: "Callable[[float, str], None]",
 ) -> "Reading":
     from pavetwin.files import file_sha256
+    from pavetwin.inventory.entry import entry_model
     from pavetwin.inventory.of_photographs import photographed
-    from pavetwin.inventory.probability import entry_model
     from pavetwin.perception.detector import Detector
 
     file = chosen.file
@@ -181,7 +181,7 @@ def _refuse_for_missions(context: typer.Context) -> None:
 def _print_inventory(context: typer.Context, reading: "Reading", observations: int, listed: "Sequence[Entry]") -> None:
     from collections import Counter
 
-    from pavetwin.inventory.condition import LIKELY
+    from pavetwin.inventory.entry import LIKELY
     from pavetwin.labels.class_names import display_name
 
     kinds = [display_name(entry.class_name) for entry in listed]

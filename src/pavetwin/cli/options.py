@@ -534,7 +534,7 @@ class SensorOptions:
         """Raises:
         PaveTwinError: a model is given to a sensor that takes none.
         """
-        from pavetwin.sensing.registered import sensor_class
+        from pavetwin.sensing.sensor import sensor_class
 
         sensor = settings.sensing.sensor
         if self.model is not None and "model" not in sensor_class(sensor).default_options:
@@ -550,8 +550,8 @@ def _sensor_model(model: str, sensor: str) -> dict[str, str]:
         PaveTwinError: there is no such file, and none that ships has this name.
     """
     from pavetwin.perception.model_file import FOLDER
-    from pavetwin.sensing.registered import sensor_class
-    from pavetwin.sensing.shipped import sensor_path
+    from pavetwin.sensing.fitted_sensor import sensor_path
+    from pavetwin.sensing.sensor import sensor_class
 
     if model.endswith(".json") and not Path(model).is_file():
         raise PaveTwinError(

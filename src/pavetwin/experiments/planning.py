@@ -32,7 +32,7 @@ from pavetwin.mission.spec import PolicyInput, files_of_settings
 from pavetwin.mission.versions import packages_in_use
 from pavetwin.plugins import load_plugins, registered_in
 from pavetwin.reports.words import listed
-from pavetwin.sensing.registered import unnamed_models
+from pavetwin.sensing.sensor import unnamed_models
 from pavetwin.traffic.demand import density_named, own_demand
 from pavetwin.traffic.demand_search import within_reach
 from pavetwin.traffic.recording_file import load_recording

@@ -17,7 +17,6 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.inventory.entry import SEVERITIES, entry_of
 from pavetwin.inventory.merging import merged
 from pavetwin.inventory.of_mission import flown
-from pavetwin.inventory.probability import size_px_of
 from pavetwin.labels.class_names import TRAFFIC
 from pavetwin.mission.folder import MissionFolder
 from pavetwin.mission.saving import DEFECTS
@@ -67,7 +66,7 @@ def judged_inventory(folder: Path) -> JudgedInventory:
     rows = []
     for group in merged(reading.detections):
         entry = entry_of(1, reading.detections[group])
-        if (size_px := size_px_of(entry)) is not None:
+        if (size_px := entry.size_px) is not None:
             is_defect = bool(is_matched[group].mean() >= 0.5)
             rows.append(JudgedEntry(entry.class_name, entry.confidence, entry.looks, size_px, is_defect))
     return JudgedInventory(tuple(rows), tuple(there.iter_rows()))

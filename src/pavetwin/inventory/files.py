@@ -1,23 +1,91 @@
-"""The files of an inventory: a table, and where places are known a GeoPackage with its QGIS style and GeoJSON."""
+"""The files of an inventory: a table, crops of the images, and for known places a GeoPackage and GeoJSON."""
 
 import csv
 import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from PIL import Image
 
-from pavetwin.detections import SIZES
+from pavetwin.arrays import UInt8Array
+from pavetwin.detections import SIZES, Detections
+from pavetwin.draw.contact_sheet import CELL_PX, assembled, captioned
+from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
-from pavetwin.inventory.crops import page_names, write_crops
 from pavetwin.inventory.entry import Entry
 from pavetwin.inventory.reading import Reading
 from pavetwin.labels.class_names import display_name
 from pavetwin.labels.classes import categories, category_colours
 from pavetwin.world.georeference import GeoReference
 from pavetwin.world.layers import LayerStyle, Symbol, write_layer, write_styles
+
+A_PAGE: Final = 24
+"""Crops on a page."""
+
+_QUALITY: Final = 88
+
+
+def _write_crops(
+    entries: Sequence[Entry], folder: Path, crop: Callable[[Detections], UInt8Array | None]
+) -> dict[int, str]:
+    """Write the crop of each entry whose image is available, and pages of them; returns the names by entry number.
+
+    Args:
+        crop: the part of an image around a detection (`Reading.crop`).
+
+    Raises:
+        PaveTwinError: a file cannot be written.
+    """
+    names: dict[int, str] = {}
+    cells: list[Image.Image] = []
+    for entry in entries:
+        picture = _crop(entry, crop)
+        if picture is None:
+            continue
+        names[entry.number] = f"crops/{entry.number:04}.jpg"
+        with writing(folder / names[entry.number]) as temporary:
+            picture.save(temporary, "JPEG", quality=_QUALITY)
+        cells.append(_cell(entry, picture))
+    named = sorted({display_name(entry.class_name) for entry in entries if entry.number in names})
+    colour_of = {name: colour for name, colour in category_colours().items() if name in named}
+    for start, page in zip(range(0, len(cells), A_PAGE), _page_names(len(cells)), strict=True):
+        shown = cells[start : start + A_PAGE]
+        title = f"Inventory   {start + 1} to {start + len(shown)} of {len(cells)} entries with a picture"
+        with writing(folder / page) as temporary:
+            assembled(shown, title, colour_of, ignored="").save(temporary, "JPEG", quality=_QUALITY)
+    return names
+
+
+def _page_names(crops: int) -> list[str]:
+    """Files of the pages of so many crops."""
+    return [f"crops-{page + 1:02}.jpg" for page in range(-(-crops // A_PAGE))]
+
+
+def _crop(entry: Entry, crop: Callable[[Detections], UInt8Array | None]) -> Image.Image | None:
+    try:
+        pixels = crop(entry.best)
+    except PaveTwinError:  # the image is gone or damaged since it was searched
+        return None
+    return None if pixels is None else Image.fromarray(pixels)
+
+
+def _cell(entry: Entry, picture: Image.Image) -> Image.Image:
+    size = entry.sizes.get("length_m") or entry.sizes.get("area_m2")
+    unit = "m" if "length_m" in entry.sizes else "m²"
+    words = [f"{size.value:.2f} ± {size.error:.2f} {unit}"] if size else []
+    words += [entry.severity] if entry.severity else []
+    looks = f"{entry.looks} look{'s' * (entry.looks != 1)}"
+    text = ", ".join([*words, looks])
+    sure = f"confidence {entry.confidence:.2f}"
+    if entry.probability is not None:
+        sure += f", a defect: {100 * entry.probability:.0f} %"
+    return captioned(
+        picture.resize((CELL_PX, CELL_PX)), f"{entry.number}: {display_name(entry.class_name)}", text, sure
+    )
+
 
 _COLOURS: Final = {
     category.name: category_colours()[category.name] for category in categories() if category.supercategory == "defect"
@@ -72,7 +140,7 @@ def write_inventory(entries: Sequence[Entry], reading: Reading, folder: Path) ->
         PaveTwinError: a file cannot be written.
     """
     former = _files_of(folder) if (folder / TABLE).is_file() else set()
-    frame, crops = reading.frame, write_crops(entries, folder, reading.crop)
+    frame, crops = reading.frame, _write_crops(entries, folder, reading.crop)
     rows = [_row(entry, frame, crops.get(entry.number, "")) for entry in entries]
     with writing(folder / TABLE) as temporary:
         temporary.write_text(_csv(rows), encoding="utf-8")
@@ -85,7 +153,7 @@ def write_inventory(entries: Sequence[Entry], reading: Reading, folder: Path) ->
         with writing(folder / GEOJSON) as temporary:
             temporary.write_text(_geojson(kept), encoding="utf-8")
         written += [folder / GEOPACKAGE, folder / GEOJSON]
-    pages = (folder / name for name in page_names(len(crops)))
+    pages = (folder / name for name in _page_names(len(crops)))
     for path in former.difference(written, pages, (folder / name for name in crops.values())):
         path.unlink(missing_ok=True)
     return tuple(written)

@@ -12,7 +12,7 @@ import shapely
 
 from pavetwin.detections import NO_DETECTIONS, SIZES, Detections
 from pavetwin.errors import PaveTwinError
-from pavetwin.inventory.probability import entry_model
+from pavetwin.inventory.entry import entry_model
 from pavetwin.inventory.reading import Reading
 from pavetwin.labels.class_names import TRAFFIC
 from pavetwin.mission.folder import MissionFolder, detector_of
@@ -79,7 +79,7 @@ def flown(
         mission: the mission, or its folder.
         position_error_m: standard deviation of the camera's position, east and north each; 0 in the simulation.
         frame: frame of the footprints, such as the world's; by default one with its origin at the first detection.
-        fitted: fitted sensor for the probability of entries, see `pavetwin.inventory.probability.entry_model`.
+        fitted: fitted sensor for the probability of entries, see `pavetwin.inventory.entry.entry_model`.
 
     Raises:
         PaveTwinError: its description, its detections or its table of images are missing or damaged, the error is out

@@ -6,17 +6,23 @@ from typing import Final
 
 import numpy as np
 import shapely
+from PIL import Image, ImageDraw
 
 from pavetwin.arrays import UInt8Array
 from pavetwin.detections import SIZES, Detections
+from pavetwin.draw.contact_sheet import cut_around, draw_box
 from pavetwin.errors import PaveTwinError
-from pavetwin.inventory.crops import around
-from pavetwin.inventory.entry import Entry, entry_of
+from pavetwin.inventory.entry import Entry, entry_of, with_probabilities
 from pavetwin.inventory.merging import merged
-from pavetwin.inventory.probability import with_probabilities
+from pavetwin.labels.boxes import FloatBox
 from pavetwin.perception.photograph import PhotographPose
 from pavetwin.sensing.fitted_sensor import EntryModel
 from pavetwin.world.georeference import GeoReference
+
+_CROP_MARGIN: Final = 1.6
+"""Side of a crop over the longer side of the box."""
+
+_LEAST_CROP_PX: Final = 96
 
 ReadImage = Callable[[], tuple[UInt8Array, PhotographPose | None]]
 """Reads the pixels of an image and its pose."""
@@ -70,14 +76,22 @@ class Reading:
             return None
         pixels, pose = read()
         if not np.isnan(detection.box_px[0, 0]):
-            return around(pixels, detection.box(0))
+            return _around(pixels, detection.box(0))
         if pose is None or self.frame is None:
             return None
         corners = pose.pixels(self.frame.to_wgs84(shapely.get_coordinates(detection.footprint[0])))
         if corners is None:
             return None
         (left, top), (right, bottom) = np.min(corners, axis=0).tolist(), np.max(corners, axis=0).tolist()
-        return around(pixels, (left, top, right, bottom))
+        return _around(pixels, (left, top, right, bottom))
+
+
+def _around(pixels: UInt8Array, box: FloatBox) -> UInt8Array:
+    """(side, side, 3) The square part of an image (height, width, 3) around a box, which is drawn in it; black beyond
+    the image."""
+    part, edges = cut_around(Image.fromarray(pixels), box, margin=_CROP_MARGIN, least_px=_LEAST_CROP_PX)
+    draw_box(ImageDraw.Draw(part), edges, "#FFFFFF")
+    return np.asarray(part)
 
 
 def has_sizes(detections: Detections) -> bool:

@@ -23,8 +23,7 @@ from pavetwin.files import FORMAT, check_format, writing
 from pavetwin.labels import outlines
 from pavetwin.labels.boxes import PixelBox
 from pavetwin.labels.classes import categories
-from pavetwin.labels.safe_xml import Element, XmlError, parse_xml
-from pavetwin.labels.voc import ANNOTATIONS, VocObject, voc_file
+from pavetwin.labels.voc import ANNOTATIONS, Element, VocObject, XmlError, parse_xml, voc_file
 
 Polygon = tuple[tuple[float, float], ...]
 """Corners (column, row) in pixels of the image, whose first pixel reaches from 0 to 1, as in boxes; none is repeated at

@@ -47,9 +47,17 @@ from pavetwin.mission.versions import version_changes
 from pavetwin.perception.model_file import model_path
 from pavetwin.sensing import Outcome
 from pavetwin.sensing.detector import DetectorSensor
-from pavetwin.sensing.fit.tables import ALARM_SCHEMA, CAPTURE, GROUP, LOOK_COLUMNS, LOOK_SCHEMA, POSE_SCHEMA, LookSource
 from pavetwin.sensing.fitted_sensor import FittedDetector
-from pavetwin.sensing.registered import load_sensor, sensor_class
+from pavetwin.sensing.look_tables import (
+    ALARM_SCHEMA,
+    CAPTURE,
+    GROUP,
+    LOOK_COLUMNS,
+    LOOK_SCHEMA,
+    POSE_SCHEMA,
+    LookSource,
+)
+from pavetwin.sensing.sensor import load_sensor, sensor_class
 from pavetwin.world.folder import DESCRIPTION, read_description
 from pavetwin.world.georeference import anchored, from_wgs84
 from pavetwin.world.model import World

@@ -20,7 +20,7 @@ from pavetwin.mission.airspace import Aircraft
 from pavetwin.mission.versions import packages_in_use, software_versions
 from pavetwin.plugins import files_of, plugin_hashes
 from pavetwin.policies import policy_class
-from pavetwin.sensing.registered import with_models
+from pavetwin.sensing.sensor import with_models
 from pavetwin.traffic.area import TrafficArea
 from pavetwin.traffic.demand import DEFAULT_MIX, USER, Density
 from pavetwin.uav.aircraft import camera_name

@@ -13,7 +13,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.navigation.patterns import PATTERNS
 from pavetwin.policies.registered import POLICIES
 from pavetwin.registry import packages_of
-from pavetwin.sensing.registered import SENSORS
+from pavetwin.sensing.sensor import SENSORS
 from pavetwin.uav.aircraft import AIRCRAFT, camera_name
 from pavetwin.uav.cameras import CAMERAS
 from pavetwin.uav.energy import ENERGY_MODELS

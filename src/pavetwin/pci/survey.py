@@ -1,12 +1,12 @@
-"""A survey: the distresses and the condition index of sample units, from defects."""
+"""Surveys by ASTM D6433: sample units, their distresses, and their condition index."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from math import pi
-from typing import Final
+from math import ceil, pi
+from typing import Final, Protocol
 
 import numpy as np
 import shapely
@@ -17,8 +17,43 @@ from pavetwin.defects.registry import DEFECT_CLASSES
 from pavetwin.defects.severity import Distress
 from pavetwin.pci.curves import deduct_value
 from pavetwin.pci.index import Deduct, Rating, pavement_condition_index, rating_of
-from pavetwin.pci.sample_units import SampleUnit
-from pavetwin.world.model import Defect, Severity
+from pavetwin.world.model import Defect, Segment, Severity
+from pavetwin.world.segments import equal_pieces
+
+USUAL_M2: Final = 225.0
+LARGEST_M2: Final = 315.0
+SMALLEST_M2: Final = 135.0
+
+
+@dataclass(frozen=True, slots=True)
+class SampleUnit:
+    """A part of a segment between two cuts across its street."""
+
+    id: str
+    """The segment's and a number along it from 1: `s0007-2`."""
+    segment: Segment
+    polygon: BaseGeometry
+
+    @property
+    def area_m2(self) -> float:
+        return float(self.polygon.area)
+
+    @property
+    def has_usual_size(self) -> bool:
+        """Whether its area is within what the standard names; that of a short segment is below."""
+        return SMALLEST_M2 <= self.area_m2 <= LARGEST_M2
+
+
+def sample_units(segments: Iterable[Segment]) -> tuple[SampleUnit, ...]:
+    """The units of segments, in their order: each segment is cut into equal lengths, as near to 225 m² as can be."""
+    return tuple(unit for segment in segments for unit in _units_of(segment))
+
+
+def _units_of(segment: Segment) -> list[SampleUnit]:
+    number = max(1, round(segment.area_m2 / USUAL_M2), ceil(segment.area_m2 / LARGEST_M2))
+    pieces = equal_pieces(segment.centre_line, segment.polygon, number)
+    return [SampleUnit(f"{segment.id}-{place}", segment, polygon) for place, (_, polygon) in enumerate(pieces, start=1)]
+
 
 WIDE_POTHOLE_M: Final = 0.75
 POTHOLE_AREA_M2: Final = 0.5
@@ -42,7 +77,7 @@ class UnitCondition:
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """What a defect is of a distress in a unit."""
+    """Contribution of a defect to a distress in a unit."""
 
     unit: int
     distress: Distress
@@ -51,12 +86,10 @@ class _Part:
 
 
 class Survey:
-    """The units of segments with all that their defects come to, so that the condition is quick to tell of some of
-    the defects: of those that were found.
+    """Sample units with the quantities of their defects, for a quick condition by any subset of the defects.
 
     A defect that lies in several units counts in each by the share of its outline there; a pothole counts where its
-    centre lies. Defects of classes that stand for no distress or are not registered here, and those of other segments,
-    do not count.
+    centre lies. Classes without a distress or not registered, and defects of other segments, do not count.
     """
 
     def __init__(self, units: Sequence[SampleUnit], defects: Iterable[Defect]) -> None:
@@ -77,7 +110,7 @@ class Survey:
         return tuple(_condition(unit, known) for unit, known in zip(self.units, quantities, strict=True))
 
     def pci(self, found: Iterable[int] | None = None) -> float:
-        """The condition index of all units together, see `mean_pci`; of what is known, as in `conditions`."""
+        """The condition index of all units together (`mean_pci`), by the defects as in `conditions`."""
         return self._whole_pci if found is None else mean_pci(self.conditions(found))
 
     @cached_property
@@ -85,48 +118,58 @@ class Survey:
         return mean_pci(self.conditions())
 
 
-@dataclass(frozen=True, slots=True)
-class MeasuredDefect:
-    """A defect as an inspection measured it."""
+class MeasuredDefect(Protocol):
+    """A defect as an inspection measured it, such as an entry of an inventory."""
 
-    kind: str
-    """Its class, such as `pothole`."""
-    outline: Polygon
-    """World frame, metres."""
-    severities: Mapping[Severity, float]
-    """Those that its images allow, at least one, each with the part of its quantity that counts under it."""
-    length_m: float
-    """Length of a crack."""
-    width_m: float
-    """Mean diameter of a pothole."""
-    area_m2: float
+    @property
+    def class_name(self) -> str: ...
+    @property
+    def outline(self) -> Polygon | None:
+        """World frame, metres; None where the place is not known."""
+        ...
+
+    @property
+    def severities(self) -> Mapping[Severity, float]:
+        """Possible severities, at least one, each with the part of the quantity that counts under it."""
+        ...
+
+    @property
+    def length_m(self) -> float:
+        """Length of a crack."""
+        ...
+
+    @property
+    def width_m(self) -> float:
+        """Mean diameter of a pothole."""
+        ...
+
+    @property
+    def area_m2(self) -> float: ...
 
 
-def measured_conditions(
-    units: Sequence[SampleUnit], defects: Iterable[MeasuredDefect]
-) -> tuple[tuple[UnitCondition, ...], int]:
-    """The condition of units by what was measured, and how many of the defects count in them.
+def measured_conditions(units: Sequence[SampleUnit], defects: Iterable[MeasuredDefect]) -> tuple[UnitCondition, ...]:
+    """The condition of units by measured defects.
 
-    What lies in no unit does not count, nor do classes that stand for no distress. A pothole counts in the unit where
-    the middle of its outline lies, any other by the share of its outline in each unit.
+    Defects outside all units and classes without a distress do not count. A pothole counts in the unit where the
+    middle of its outline lies, any other defect by the share of its outline in each unit.
     """
     quantities: list[dict[tuple[Distress, Severity], float]] = [{} for _ in units]
     tree = shapely.STRtree([unit.polygon for unit in units])
     distresses = {kind.name: kind.distress for kind in DEFECT_CLASSES.values()}
-    counted = 0
     for defect in defects:
-        distress = distresses.get(defect.kind)
-        near = tree.query(defect.outline, predicate="intersects").tolist()
-        if distress is None or not near:
+        distress, outline = distresses.get(defect.class_name), defect.outline
+        if distress is None or outline is None:
             continue
-        shape = defect.outline.centroid if distress.unit == "number" else defect.outline
+        near = tree.query(outline, predicate="intersects").tolist()
+        if not near:
+            continue
+        shape = outline.centroid if distress.unit == "number" else outline
         shares = _shares(shape, [units[number].polygon for number in near])
         quantity = quantity_of(defect, distress)
-        counted += 1
         for (number, share), (severity, part) in product(zip(near, shares, strict=True), defect.severities.items()):
             known = quantities[number]
             known[distress, severity] = known.get((distress, severity), 0.0) + share * part * quantity
-    return tuple(_condition(unit, known) for unit, known in zip(units, quantities, strict=True)), counted
+    return tuple(_condition(unit, known) for unit, known in zip(units, quantities, strict=True))
 
 
 def mean_pci(conditions: Iterable[UnitCondition]) -> float:
@@ -142,8 +185,8 @@ def mean_pci(conditions: Iterable[UnitCondition]) -> float:
     return min(100.0, sum(condition.pci * condition.unit.area_m2 for condition in known) / area)
 
 
-def quantity_of(defect: "Defect | MeasuredDefect", distress: Distress) -> float:
-    """How much of a distress a defect is, in the distress's unit."""
+def quantity_of(defect: Defect | MeasuredDefect, distress: Distress) -> float:
+    """Quantity of a distress that a defect counts as, in the distress's unit."""
     if distress.unit == "m":
         return defect.length_m
     if distress.unit == "number":
@@ -153,7 +196,7 @@ def quantity_of(defect: "Defect | MeasuredDefect", distress: Distress) -> float:
 
 
 def not_counted(defects: Iterable[Defect]) -> dict[str, int]:
-    """How many defects are of classes that stand for no distress or are not registered here, by class."""
+    """Number of defects by class, for classes without a distress and classes that are not registered."""
     counted = {kind.name for kind in DEFECT_CLASSES.values() if kind.distress is not None}
     return dict(sorted(Counter(defect.kind for defect in defects if defect.kind not in counted).items()))
 

@@ -20,10 +20,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.files import FORMAT, check_format
 from pavetwin.labels.class_names import CLASS_LABELS
-
-FORMAT: Final = 1
-"""Of the file's inputs, outputs and properties."""
 
 OUTPUTS: Final = ("image", "boxes", "classes", "detection", "subtype", "masks")
 
@@ -67,28 +65,26 @@ class ModelFacts:
         }
 
     @classmethod
-    def of_properties(cls, told: Mapping[str, str], where: str) -> "ModelFacts":
+    def of_properties(cls, stated: Mapping[str, str], where: str) -> "ModelFacts":
         """What a file's properties say.
 
         Raises:
             PaveTwinError: they are not those of a detector of this version.
         """
-        if "pavetwin_detector" not in told:
+        if "pavetwin_detector" not in stated:
             raise PaveTwinError(f"{where} is an ONNX model, but no detector of this program's (`pavetwin export`).")
-        if told["pavetwin_detector"] != str(FORMAT):
-            raise PaveTwinError(
-                f"{where} is of format {told['pavetwin_detector']}, this version's is {FORMAT}; export it again."
-            )
+        number = stated["pavetwin_detector"]
+        check_format(int(number) if number.isdecimal() else number, where)
         try:
             facts = cls(
-                classes=tuple(json.loads(told["classes"])),
-                image_px=int(told["image_px"]),
-                native=bool(json.loads(told["native"])),
-                stride=int(told["stride"]),
-                mask_px=int(told["mask_px"]),
-                recipe=told["recipe"],
-                licence=told["licence"],
-                architecture=json.loads(told["architecture"]),
+                classes=tuple(json.loads(stated["classes"])),
+                image_px=int(stated["image_px"]),
+                native=bool(json.loads(stated["native"])),
+                stride=int(stated["stride"]),
+                mask_px=int(stated["mask_px"]),
+                recipe=stated["recipe"],
+                licence=stated["licence"],
+                architecture=json.loads(stated["architecture"]),
             )
         except (KeyError, ValueError, TypeError) as error:
             raise PaveTwinError(f"{where} has damaged properties ({error}); export it again.") from error

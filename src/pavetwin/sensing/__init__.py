@@ -4,17 +4,18 @@ from pavetwin.detections import Detections, Outcome
 from pavetwin.sensing.frame import Box, Frame, ImageSource, Sighting
 from pavetwin.sensing.matching import match
 from pavetwin.sensing.recall import Ideal, Recall
-from pavetwin.sensing.registered import (
+from pavetwin.sensing.resolution import orientations_of, sighted_share, smallest_extent_m
+from pavetwin.sensing.sensor import (
     SENSORS,
+    Sensor,
     check_sensor,
     load_sensor,
     reused_sensor,
     sensor,
     sensor_class,
     sensor_names,
+    unknown_class,
 )
-from pavetwin.sensing.resolution import orientations_of, sighted_share, smallest_extent_m
-from pavetwin.sensing.sensor import Sensor, unknown_class
 
 __all__ = [
     "SENSORS",

@@ -19,13 +19,10 @@ from pavetwin.detections import NO_DETECTIONS, Detections
 from pavetwin.files import file_sha256
 from pavetwin.perception.model_file import model_path
 from pavetwin.seeds import Stream, child
-from pavetwin.sensing.fitted_sensor import LEAST, SensorModel, of_defect
-from pavetwin.sensing.frame import Frame, Sighting
-from pavetwin.sensing.looks import Look, LookMeter, inside_share, shape_of
+from pavetwin.sensing.fitted_sensor import DEFAULT, LEAST, SensorModel, of_defect, sensor_path
+from pavetwin.sensing.frame import Frame, Look, LookMeter, Sighting, inside_share, shape_of
 from pavetwin.sensing.recall import look_quantile
-from pavetwin.sensing.registered import sensor
-from pavetwin.sensing.sensor import Sensor
-from pavetwin.sensing.shipped import DEFAULT, sensor_path
+from pavetwin.sensing.sensor import Sensor, sensor
 from pavetwin.uav.cameras import Camera
 
 _MOST_SEEN: Final = 16384
@@ -208,7 +205,7 @@ class Calibrated(Sensor):
         return Detections.concatenated([found, alarms])
 
     def found_by_draws(self, defects: Sequence[int]) -> Float64Array:
-        from pavetwin.sensing.fit.fitting import found_by_draws
+        from pavetwin.sensing.fitting import found_by_draws
 
         looks: dict[int, list[Look]] = {defect: [] for defect in defects}
         for frame in self._shown:

@@ -16,10 +16,8 @@ from pavetwin.config.options import OptionValue
 from pavetwin.detections import SIZES, Detections
 from pavetwin.labels.boxes import ends_at_border
 from pavetwin.perception.model_file import DEFAULT
-from pavetwin.sensing.frame import Frame
-from pavetwin.sensing.looks import seen_camera
-from pavetwin.sensing.registered import sensor
-from pavetwin.sensing.sensor import Sensor
+from pavetwin.sensing.frame import Frame, seen_camera
+from pavetwin.sensing.sensor import Sensor, sensor
 from pavetwin.uav.cameras import Camera
 
 LARGEST_PX: Final = 2048

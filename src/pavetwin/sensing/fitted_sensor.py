@@ -1,4 +1,4 @@
-"""x"""
+"""Fitted sensors: chances of detection that were fitted to one detector, their files, and the ones that ship."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -6,7 +6,7 @@ from functools import cached_property
 from math import exp, log, log2, radians, sin, sqrt
 from pathlib import Path
 from statistics import NormalDist
-from typing import Annotated, Any, Final, Literal, NamedTuple, Self
+from typing import Annotated, Any, Final, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -14,8 +14,9 @@ from pydantic import Field, model_validator
 from pavetwin.arrays import Float64Array
 from pavetwin.config.settings import NonNegative, Positive, Settings, Share
 from pavetwin.errors import PaveTwinError
-from pavetwin.files import file_sha256, writing
-from pavetwin.sensing.looks import Look
+from pavetwin.files import FORMAT, check_format, file_sha256, writing
+from pavetwin.perception import model_file as shipped
+from pavetwin.sensing.frame import Look
 
 
 class FittedNumber(Settings):
@@ -91,9 +92,6 @@ OF_ALL: Final = ("resolution", "visible", "off_centre", "blur", "sun", "clouds")
 
 BEND: Final = "bend"
 """The second term of the size, of each class."""
-
-VERSION: Final = 3
-"""Of the format. Files of version 1 have no `bend`, those of version 2 no `resolution`."""
 
 LEAST: Final = 0.02
 """Shares and pixels below this count as this much: their logarithms stay finite."""
@@ -204,8 +202,7 @@ class FalseAlarms(Settings):
 class SensorModel(Settings):
     """The content of a file of `pavetwin sensor fit`."""
 
-    pavetwin_sensor: Literal[3] = VERSION
-    """Version of the format."""
+    pavetwin_sensor: int = FORMAT
     detector: FittedDetector
     fitted_to: FittedTo
     variables: Mapping[str, Variable]
@@ -364,11 +361,7 @@ class SensorModel(Settings):
             raise PaveTwinError(f"'{path}' is no fitted sensor: it is not JSON ({error}); {again}.") from error
         if not isinstance(content, dict) or "pavetwin_sensor" not in content:
             raise PaveTwinError(f"'{path}' is no fitted sensor: it has no `pavetwin_sensor`; {again}.")
-        if content["pavetwin_sensor"] != VERSION:
-            raise PaveTwinError(
-                f"'{path}' is a fitted sensor of format {content['pavetwin_sensor']!r}; this version reads {VERSION}; "
-                f"{again}."
-            )
+        check_format(content["pavetwin_sensor"], f"The fitted sensor '{path}'")
         try:
             return cls.parse(content, where=f"'{path}'")
         except PaveTwinError as error:
@@ -379,3 +372,44 @@ def term_names(classes: Sequence[str]) -> list[str]:
     """The terms of a model over these classes, in order."""
     own = [term for kind in classes for term in (kind, *(f"{kind}:{name}" for name in (*OF_CLASS, BEND)))]
     return [*own, *OF_ALL]
+
+
+FOLDER: Final = Path(__file__).parent / "fitted"
+
+DEFAULT: Final = shipped.DEFAULT
+"""Where no fitted sensor is named: that of the detector which looks where none is named."""
+
+
+def shipped_sensors() -> list[str]:
+    """Their names."""
+    return sorted(file.stem for file in FOLDER.glob("*.json"))
+
+
+def sensor_of(detector: str) -> Path | None:
+    """The file of the sensor that ships and was fitted to a detector; None where there is none.
+
+    Args:
+        detector: SHA-256 of its model file.
+    """
+    return next((file for name in shipped_sensors() if _is_of(file := FOLDER / f"{name}.json", detector)), None)
+
+
+def _is_of(file: Path, detector: str) -> bool:
+    return bool(json.loads(file.read_bytes())["detector"]["sha256"] == detector)
+
+
+def sensor_path(fitted: str | Path) -> Path:
+    """The file of a fitted sensor: a JSON file, or one that ships, by name. A file comes first.
+
+    Raises:
+        PaveTwinError: there is neither.
+    """
+    file = Path(fitted)
+    if file.is_file():
+        return file
+    if str(fitted) in shipped_sensors():
+        return FOLDER / f"{fitted}.json"
+    raise PaveTwinError(
+        f"There is no fitted sensor '{fitted}': name one that ships ({', '.join(shipped_sensors())}), or a file of "
+        f"`pavetwin sensor fit MISSIONS --output sensor.json`."
+    )

@@ -13,9 +13,8 @@ from pavetwin.detections import Detections
 from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.seeds import Stream, child
 from pavetwin.sensing.frame import Frame, Sighting
-from pavetwin.sensing.registered import sensor
 from pavetwin.sensing.resolution import sighted_share
-from pavetwin.sensing.sensor import Sensor
+from pavetwin.sensing.sensor import Sensor, sensor
 
 _NORMAL: Final = NormalDist()
 _COMMON: Final = 0

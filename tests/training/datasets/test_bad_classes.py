@@ -13,7 +13,7 @@ from PIL import Image
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.common_form import read_images
-from pavetwin.labels.safe_xml import parse_xml
+from pavetwin.labels.voc import parse_xml
 from pavetwin.training.datasets.importing import ImportSummary, convert, import_source
 from pavetwin.training.datasets.layouts.layout import RawImage, RawObject
 from pavetwin.training.datasets.layouts.yolo import names_in

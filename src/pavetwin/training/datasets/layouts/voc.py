@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from pavetwin.labels.safe_xml import Element, XmlError, parse_xml
+from pavetwin.labels.voc import Element, XmlError, parse_xml
 from pavetwin.training.datasets.layouts.layout import SWAPPED, LabelLayout, RawImage, RawObject, paired, unlabelled
 from pavetwin.training.datasets.pictures import PictureIndex, files_in, inside
 from pavetwin.training.datasets.report import Finding, Report
