@@ -6,21 +6,21 @@ import sys
 SCRIPT = """
 import sys
 from pathlib import Path
-from pavetwin.geo_files import pyogrio as own
-assert own() is own()
+from pavetwin.geo_files import load_pyogrio
+assert load_pyogrio() is load_pyogrio()
 assert "pandas" not in sys.modules
 import pyogrio
 import pyogrio._compat
-assert pyogrio is not own()
+assert pyogrio is not load_pyogrio()
 assert pyogrio._compat.pandas is not None and pyogrio._compat.pandas is sys.modules["pandas"]
-assert own().raw is not pyogrio.raw
+assert load_pyogrio().raw is not pyogrio.raw
 from pyogrio.errors import DataSourceError
-for package in (own(), pyogrio):
+for package in (load_pyogrio(), pyogrio):
     try:
         package.raw.read(Path("nowhere.gpkg"))
     except DataSourceError:
         print("refused")
-assert own().errors.DataSourceError is DataSourceError
+assert load_pyogrio().errors.DataSourceError is DataSourceError
 """
 
 
@@ -31,5 +31,5 @@ def test_pandas_is_left_out_and_there_for_others() -> None:
 
 
 def test_who_has_imported_it_before_shares_it() -> None:
-    script = "import pandas, pyogrio; from pavetwin.geo_files import pyogrio as own; assert own() is pyogrio"
+    script = "import pandas, pyogrio; from pavetwin.geo_files import load_pyogrio; assert load_pyogrio() is pyogrio"
     subprocess.run([sys.executable, "-I", "-c", script], check=True)

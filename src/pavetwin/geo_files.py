@@ -17,7 +17,7 @@ _SHARED: Final = "pyogrio.errors"
 
 
 @cache
-def pyogrio() -> ModuleType:
+def load_pyogrio() -> ModuleType:
     """The package, with `raw` and `errors`."""
     known = {*sys.modules}
     hidden = [] if "pyogrio" in known else [name for name in _HIDDEN if name not in known]

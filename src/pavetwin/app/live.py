@@ -80,7 +80,7 @@ class LiveHandler(WebSocketHandler):
         """Missions whose images are being drawn."""
         self._unread = 0
         self._messages: dict[int, Messages] = {}
-        self._unsent: dict[int, dict[str, Any]] = {}
+        self._held_live: dict[int, dict[str, Any]] = {}
         """Unsent states of flights and drives by hand."""
         self._leaving: asyncio.Task[None] | None = None
         self._sending: asyncio.Future[None] | None = None
@@ -160,7 +160,7 @@ class LiveHandler(WebSocketHandler):
         finally:
             del self._tasks[number]
             self._messages.pop(number, None)
-            self._unsent.pop(number, None)
+            self._held_live.pop(number, None)
             self._ready.pop(number, None)
             self._frames.discard(number)
             if self._flight == number:
@@ -199,7 +199,7 @@ class LiveHandler(WebSocketHandler):
             self._ready[number] = report["ready"]
             self._flight = None
         if "live" in report:
-            self._unsent[number] = joined(self._unsent.get(number, {}), report["live"])
+            self._held_live[number] = joined(self._held_live.get(number, {}), report["live"])
         is_ready = self._sending is None or self._sending.done()
         if "live" in report and is_ready:
             self._tell_live(number)
@@ -207,7 +207,7 @@ class LiveHandler(WebSocketHandler):
             self._send({"id": number, **report})
 
     def _tell_live(self, number: int) -> None:
-        if live := self._unsent.pop(number, None):
+        if live := self._held_live.pop(number, None):
             self._send({"id": number, "live": live})
 
     def _send(self, message: dict[str, Any]) -> None:

@@ -11,10 +11,10 @@ import shapely
 from pyproj import Transformer
 from shapely import LineString, Point, STRtree
 
-from pavetwin import geo_files
 from pavetwin.arrays import BoolArray
 from pavetwin.errors import PaveTwinError
 from pavetwin.flightplan.flight_plan import FlightPlan, PlannedFlight, parts_of
+from pavetwin.geo_files import load_pyogrio
 from pavetwin.world.georeference import WGS84, GeoReference, from_wgs84
 from pavetwin.world.model import World
 
@@ -154,7 +154,7 @@ def read_zones(path: Path) -> list[tuple[str, shapely.Geometry]]:
     Raises:
         PaveTwinError: the file cannot be read, has no polygon, other shapes, or coordinates that are not degrees.
     """
-    pyogrio = geo_files.pyogrio()
+    pyogrio = load_pyogrio()
 
     check_file(path)
     zones: list[tuple[str, shapely.Geometry]] = []

@@ -11,13 +11,13 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from pavetwin import geo_files
 from pavetwin.draw import style
 from pavetwin.draw.condition_maps import RATING_COLOURS
 from pavetwin.draw.extent import credit
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing_folder
 from pavetwin.flightplan import PlanFormat, save_plan
+from pavetwin.geo_files import load_pyogrio
 from pavetwin.handover.contents import Handover
 from pavetwin.handover.map import map_figure
 from pavetwin.handover.page import Page, page_of
@@ -38,7 +38,7 @@ def write_workbook(sheets: Mapping[str, pl.DataFrame], path: Path) -> None:
     Raises:
         OSError: the disk is full or the folder cannot be written.
     """
-    pyogrio = geo_files.pyogrio()
+    pyogrio = load_pyogrio()
     path.unlink(missing_ok=True)
     try:
         for name, table in sheets.items():

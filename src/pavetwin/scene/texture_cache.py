@@ -13,10 +13,10 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from pavetwin import seeds
 from pavetwin.arrays import AnyArray
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
+from pavetwin.seeds import __file__ as seeds_file
 from pavetwin.world.cache import texture_folder
 
 _FILES: Final = 3
@@ -46,6 +46,6 @@ def kept(name: str, make: Callable[[], Mapping[str, AnyArray]], variant: int | s
 def code_hash() -> str:
     """Hash of the code of scenes and of NumPy's version."""
     digest = hashlib.sha256(np.__version__.encode())
-    for file in (*sorted(Path(__file__).parent.rglob("*.py")), Path(seeds.__file__)):
+    for file in (*sorted(Path(__file__).parent.rglob("*.py")), Path(seeds_file)):
         digest.update(file.read_bytes())
     return digest.hexdigest()[:16]

@@ -31,7 +31,8 @@ from typing import Any, Final, TypeVar
 import numpy as np
 import shapely
 
-from pavetwin import _core, arrays, seeds
+from pavetwin._core import __file__ as kernel_file
+from pavetwin.arrays import __file__ as arrays_file
 from pavetwin.errors import CacheWarning, PaveTwinError
 from pavetwin.files import file_lock, file_sha256, unwritable, writing
 from pavetwin.world.folder import CACHE_VARIABLE
@@ -259,15 +260,15 @@ def made_by(*folders: str) -> str:
     Args:
         folders: of the package, whose code and data decide.
     """
-    package = Path(str(arrays.__file__)).parent
-    files = [Path(str(module.__file__)) for module in (seeds, arrays)]
+    package = Path(arrays_file).parent
+    files = [package / "seeds.py", Path(arrays_file)]
     for folder in folders:
         found = (package / folder).rglob("*")
         files += sorted(path for path in found if _is_source(path.relative_to(package)) and path.is_file())
     digest = hashlib.sha256()
     for path in files:
         digest.update(f"{path.relative_to(package)} ".encode() + path.read_bytes())
-    digest.update(file_sha256(Path(str(_core.__file__))).encode())
+    digest.update(file_sha256(Path(kernel_file)).encode())
     for library in LIBRARIES:
         digest.update(f"{library} {version(library)} ".encode())
     digest.update(shapely.geos_version_string.encode())

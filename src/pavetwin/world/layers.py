@@ -22,9 +22,9 @@ import shapely
 from shapely import MultiPolygon, Point
 from shapely.geometry.base import BaseGeometry
 
-from pavetwin import geo_files
 from pavetwin.arrays import AnyArray, BoolArray, Float64Array
 from pavetwin.errors import PaveTwinError
+from pavetwin.geo_files import load_pyogrio
 from pavetwin.world.condition import condition_columns
 from pavetwin.world.content import round_to_grid
 from pavetwin.world.folder import GEOPACKAGE, rebuild_hint
@@ -329,7 +329,7 @@ def write_layer(
     Raises:
         OSError: the disk is full or the folder cannot be written.
     """
-    pyogrio = geo_files.pyogrio()
+    pyogrio = load_pyogrio()
 
     projected = np.array([shapely.transform(shape, place.to_projected) for shape in shapes], dtype=object)
     try:
@@ -370,7 +370,7 @@ def _filled(column: "pl.Series") -> AnyArray:
 @contextmanager
 def _gdal_options() -> Iterator[None]:
     """A fixed date instead of today's, and no synchronous writes."""
-    pyogrio = geo_files.pyogrio()
+    pyogrio = load_pyogrio()
 
     options = {"OGR_CURRENT_DATE": STAMP, "OGR_SQLITE_SYNCHRONOUS": "OFF"}
     before = {name: pyogrio.get_gdal_config_option(name) for name in options}
@@ -404,7 +404,7 @@ def lane_kinds(folder: Path) -> frozenset[LaneKind]:
     Raises:
         PaveTwinError: it cannot be read.
     """
-    pyogrio = geo_files.pyogrio()
+    pyogrio = load_pyogrio()
 
     try:
         columns = pyogrio.raw.read(folder / GEOPACKAGE, layer="lanes", columns=["kind"], read_geometry=False)[3]
@@ -414,7 +414,7 @@ def lane_kinds(folder: Path) -> frozenset[LaneKind]:
 
 
 def _read(path: Path, layer: Layer, place: GeoReference, hint: str) -> Sequence[LayerRow]:
-    pyogrio = geo_files.pyogrio()
+    pyogrio = load_pyogrio()
 
     try:
         meta, _, geometry, fields = pyogrio.raw.read(path, layer=layer.name)
