@@ -343,7 +343,7 @@ def used_packages(folder: Path, dotted: str) -> dict[str, set[str]]:
 
 def test_the_packages_of_the_ground_have_no_circle() -> None:
     uses = used_packages(PACKAGE / "scene" / "ground", "pavetwin.scene.ground")
-    assert {"layout", "markings", "distractors"} <= uses["plan"]
+    assert {"layout", "markings", "distractors"} <= uses["ground_plan"]
     assert uses["materials"] == set()
     assert uses["layout"] == {"styles", "materials"}
     assert circle_in(uses) == []

@@ -13,7 +13,7 @@ from pavetwin.scene.light import Light
 from pavetwin.scene.values import TINTS, Instance, Mesh, Model
 from pavetwin.scene.view import look
 from pavetwin.uav.cameras import find_camera
-from scenes.stage import Box, Plane
+from scenes.stage import Box, Plane, light_of
 
 HIGH_SUN = Light(89.0, 180.0)
 UP_M = 3.0
@@ -76,7 +76,7 @@ def test_a_solid_card_hides_all() -> None:
     assert (seen.depth_m < 9.5).sum() / pixels**2 == pytest.approx(1.0, abs=0.02)
 
 
-def test_the_picture_shows_leaves_where_labels_have_them() -> None:
+def test_the_image_shows_leaves_where_labels_have_them() -> None:
     seen = shown("leafy")
     assert seen.depth_m is not None
     leaf = seen.depth_m < 9.5
@@ -101,5 +101,5 @@ def lit_share(model: str | None) -> float:
     """The share of the ground below a card that the sun reaches, seen by a camera just below the card."""
     view = look((0, 0, 5), yaw_rad=0.0, pitch_rad=-pi / 2, size_px=(256, 256), vertical_fov_rad=2 * atan(SIDE_M / 10))
     instances = () if model is None else (placed(model, 5.3),)
-    seen, bare = (renderer().light(view, light=HIGH_SUN, instances=some, truth=False) for some in (instances, ()))
+    seen, bare = (light_of(renderer(), view, light=HIGH_SUN, instances=some, truth=False) for some in (instances, ()))
     return float((seen.radiance[..., 1].astype(float) > 0.6 * bare.radiance[..., 1]).mean())

@@ -7,12 +7,13 @@ import pytest
 from scipy.ndimage import map_coordinates, maximum_filter, uniform_filter
 
 from pavetwin.defects import heightfield_of
-from pavetwin.render.renderer import Renderer, SceneRadiance
+from pavetwin.render.renderer import Renderer
 from pavetwin.scene.ground.materials.compose import surface
 from pavetwin.scene.light import LUMINANCE, Light, harmonics
 from pavetwin.scene.patches import patch_of
 from pavetwin.scene.values import TILE_M, GroundKind, defect_label
 from pavetwin.scene.view import View, look
+from scenes.stage import SeenLight, light_of
 from scenes.strips import ORIGIN, STRIP_M, Strips, axes, finish, grain_xy, pothole, pyramids, rotation
 
 FAR_SIGHT_M = 1e6
@@ -34,7 +35,7 @@ def hole() -> Renderer:
     return Renderer(Strips(pothole()))
 
 
-def points(view: View, seen: SceneRadiance) -> np.ndarray:
+def points(view: View, seen: SeenLight) -> np.ndarray:
     """(height, width, 3) what every pixel shows, world frame; NaN for the sky."""
     assert seen.depth_m is not None
     width, height = view.size_px
@@ -120,7 +121,7 @@ def test_every_kind_of_ground_looks_as_its_formula_says(strips: Renderer, light:
     x, y = ORIGIN[0] + TILE_M / 2, ORIGIN[1] + (kind + 0.5) * STRIP_M
     for height_m, pitch, aside_m in ((1.0, -pi / 2, 4.0), (5.0, -pi / 2, 0.0), (18.0, -pi / 2, 0.0), (4.0, -1.1, 0.0)):
         view = look((x + aside_m, y, height_m), yaw_rad=0.4, pitch_rad=pitch, size_px=(160, 120), vertical_fov_rad=0.9)
-        seen = strips.light(view, light=light)
+        seen = light_of(strips, view, light=light)
         at = points(view, seen)
         border = 0.1 + footprint_m(view, at)
         local = at[..., :2] - ORIGIN
@@ -141,7 +142,7 @@ def test_a_defect_looks_as_its_heightfield_says(hole: Renderer, light: Light) ->
         size_px=(320, 240),
         vertical_fov_rad=1.0,
     )
-    seen = hole.light(view, light=light)
+    seen = light_of(hole, view, light=light)
     shown = seen.labels == defect_label(defect.id)
     at = points(view, seen)[shown]
     own = (at[:, :2] - (defect.centre.x, defect.centre.y)) @ rotation(defect.yaw_rad).T

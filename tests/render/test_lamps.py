@@ -17,7 +17,7 @@ from pavetwin.scene.values import Instance
 from pavetwin.scene.view import View, look
 from pavetwin.traffic.kinds import VEHICLES
 from scenes.recordings import recording
-from scenes.stage import Plane
+from scenes.stage import Plane, light_of
 
 LIGHT = Light(45.0, 200.0)
 RED, AMBER, GREEN = 1, 2, 3
@@ -40,7 +40,7 @@ def towards(x: float, y: float, z: float, *, from_yaw_rad: float, distance_m: fl
 def change(renderer: Renderer, view: View, off: Instance, on: Instance) -> np.ndarray:
     """(height, width, 3) by how much the picture of one thing gets brighter [kcd/m²]."""
     before, after = (
-        renderer.light(view, instances=[each], light=LIGHT, truth=False).radiance[..., :3].astype(float)
+        light_of(renderer, view, instances=[each], light=LIGHT, truth=False).radiance[..., :3].astype(float)
         for each in (off, on)
     )
     return np.asarray(after - before)

@@ -19,7 +19,7 @@ from pavetwin.scene.values import TINTS, Instance
 from pavetwin.scene.view import View, look, nadir
 from pavetwin.uav import find_camera
 from scenes import built
-from scenes.stage import GREY, Box, Plane, plane_renderer
+from scenes.stage import GREY, Box, Plane, light_of, plane_renderer
 
 CAMERA = find_camera("phantom4pro")
 UP = np.array([0.0, 0.0, 1.0])
@@ -31,7 +31,7 @@ SUNS = [Light(60.0, 180.0), Light(35.0, 250.0), Light(15.0, 100.0)]
 
 def radiance(light: Light, boxes: tuple[Box, ...] = (), view: View = ABOVE) -> np.ndarray:
     """(height, width, 3) kcd/m²."""
-    seen = plane_renderer().light(view, light=light, instances=[box.instance for box in boxes], truth=False)
+    seen = light_of(plane_renderer(), view, light=light, instances=[box.instance for box in boxes], truth=False)
     return seen.radiance[..., :3].astype(np.float64)
 
 
@@ -44,7 +44,7 @@ def test_a_grey_plane_sends_back_its_share_of_sun_and_sky(light: Light) -> None:
     assert (seen > GREY / pi * falls * 0.99).all()
 
 
-def test_the_picture_is_as_bright_as_the_exposure_says() -> None:
+def test_the_image_is_as_bright_as_the_exposure_says() -> None:
     light = SUNS[0]
     exposure = Exposure(1 / 1000, 5.6, 100.0)
     plain = ImageProcessing(contrast=1.0, saturation=1.0, adaptation=0.0, sharpening=0.0, blur_px=0.0, vignetting=0.0)
@@ -107,7 +107,7 @@ def test_a_thin_arms_shadow_is_not_broken(azimuth_deg: float) -> None:
     arm = Box(0.0, 0.0, 3.0, 0.06, 0.06, yaw_rad=0.9, z=7.0)
     renderer = plane_renderer()
     bare, seen = (
-        renderer.light(view, light=light, instances=each, truth=False).radiance[..., 1].astype(float)
+        light_of(renderer, view, light=light, instances=each, truth=False).radiance[..., 1].astype(float)
         for each in ((), (arm.instance,))
     )
     along = np.linspace(-1.3, 1.3, 200)[:, None] * [cos(arm.yaw_rad), sin(arm.yaw_rad)]
@@ -181,7 +181,7 @@ def random_views(count: int) -> list[tuple[View, Light]]:
 @pytest.mark.slow
 def test_every_radiance_of_a_town_is_a_number(town_renderer: Renderer) -> None:
     for view, light in random_views(60):
-        seen = town_renderer.light(view, light=light, truth=False).radiance
+        seen = light_of(town_renderer, view, light=light, truth=False).radiance
         assert np.isfinite(seen).all()
         assert (seen >= 0).all()
         assert np.median(seen[..., 1]) > 0.005 * float(light.sky_klux) / pi
@@ -205,7 +205,7 @@ def test_visible_pixels_are_at_most_amodal_pixels(town_renderer: Renderer) -> No
     shown = 0
     for height, pitch in ((1.4, -0.1), (12.0, -0.5), (25.0, -1.2)):
         view = look((start.x, start.y, height), yaw_rad=yaw, pitch_rad=pitch, size_px=(480, 320), vertical_fov_rad=0.9)
-        seen = town_renderer.light(view, light=SUNS[0], instances=cars, amodal=True)
+        seen = light_of(town_renderer, view, light=SUNS[0], instances=cars, amodal=True)
         assert seen.labels is not None
         for label in np.unique(seen.labels[seen.labels > 0]).tolist():
             shown += 1
@@ -249,7 +249,9 @@ def test_boughs_high_up_hide_little_sky_from_the_ground_below(tree: str) -> None
     renderer = Renderer(Plane(models={tree: library()[tree]}))
     trunk = Instance(tree, "trunk", np.eye(4), np.tile(np.float32([1, 1, 1, 0]), (TINTS, 1)))
     view = look((0, -6, 3.0), yaw_rad=pi / 2, pitch_rad=-0.45, size_px=(320, 240), vertical_fov_rad=0.6)
-    bare, seen = (renderer.light(view, light=overcast, instances=instances, truth=True) for instances in ((), (trunk,)))
+    bare, seen = (
+        light_of(renderer, view, light=overcast, instances=instances, truth=True) for instances in ((), (trunk,))
+    )
     share = seen.radiance[..., 1].astype(np.float64) / bare.radiance[..., 1]
     ground = view.ground(np.stack(np.meshgrid(np.arange(320) + 0.5, np.arange(240) + 0.5), axis=-1).reshape(-1, 2))
     away = np.hypot(*ground.T).reshape(240, 320)

@@ -12,11 +12,12 @@ import shapely
 import yaml
 
 from pavetwin.arrays import BoolArray
+from pavetwin.config.named import names_in
 from pavetwin.defects import DefectOptions, place
 from pavetwin.errors import PaveTwinError
 from pavetwin.render.renderer import Renderer
 from pavetwin.scene.ground.styles import DEFAULT_STYLE, style_names
-from pavetwin.scene.ground.styles.pavement import pavement_names
+from pavetwin.scene.ground.styles.pavement import PACKAGE
 from pavetwin.scene.light import Light
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.values import defect_label
@@ -24,6 +25,7 @@ from pavetwin.scene.view import View, nadir
 from pavetwin.uav.cameras import Camera, find_camera
 from pavetwin.world.model import Defect, World
 from scenes import tiny
+from scenes.stage import light_of
 
 ALTITUDE_M: Final = 10.0
 LIGHT: Final = Light(45.0, 140.0)
@@ -79,7 +81,7 @@ def rendered(world: World, style: str, views: Sequence[tuple[Defect, View]]) -> 
     """Each defect in its image."""
     renderer = Renderer(Scene(world, seed=SEED, style=style))
     for defect, view in views:
-        labels = renderer.light(view, light=LIGHT).labels
+        labels = light_of(renderer, view, light=LIGHT).labels
         if labels is None:
             raise PaveTwinError("The renderer gave no labels.")
         columns, rows = np.meshgrid(np.arange(view.size_px[0]) + 0.5, np.arange(view.size_px[1]) + 0.5)
@@ -92,7 +94,7 @@ def rendered(world: World, style: str, views: Sequence[tuple[Defect, View]]) -> 
 def styles(folder: Path) -> Mapping[str, str]:
     """The styles besides the default one by name, and one of each pavement alone."""
     found = {f"style {name}": name for name in style_names() if name != DEFAULT_STYLE}
-    for name in pavement_names():
+    for name in names_in(PACKAGE, "pavements"):
         only = {"title": name, "main": {name: 1}, "other": {name: 1}}
         path = folder / f"{name}.yaml"
         path.write_text(yaml.safe_dump(only | {"stretches": {"pavements": {name: 1}}}), encoding="utf-8")
@@ -126,7 +128,7 @@ def others() -> list[str]:
     """Names as `styles` has them."""
     return [
         *(f"style {name}" for name in style_names() if name != DEFAULT_STYLE),
-        *(f"pavement {name}" for name in pavement_names()),
+        *(f"pavement {name}" for name in names_in(PACKAGE, "pavements")),
     ]
 
 
@@ -140,7 +142,7 @@ def test_masks_hold_the_pixels_whose_middles_lie_in_the_outline() -> None:
 
 
 @pytest.mark.parametrize("name", others())
-def test_a_look_changes_no_pixel_of_a_mask(name: str, tmp_path: Path) -> None:
+def test_a_style_changes_no_pixel_of_a_mask(name: str, tmp_path: Path) -> None:
     found = rendered(street(), styles(tmp_path)[name], views())
     for before, seen in zip(plain(), found, strict=True):
         np.testing.assert_array_equal(seen.mask, before.mask)

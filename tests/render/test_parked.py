@@ -8,7 +8,7 @@ import pytest
 
 from pavetwin.defects import DefectOptions, place
 from pavetwin.mission.environment import FIRST_ID, parked_columns
-from pavetwin.render.renderer import Renderer, SceneRadiance
+from pavetwin.render.renderer import Renderer
 from pavetwin.scene.light import Light
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.values import defect_label, labelled_place, parked_label
@@ -20,6 +20,7 @@ from scenes import tiny
 from scenes.captures import captures, is_whole
 from scenes.parking import FULL, kerb_place, with_places
 from scenes.solids import as_solids, solids
+from scenes.stage import SeenLight, light_of
 
 LIGHT = Light(45.0, 140.0)
 CAMERA = find_camera("paper")
@@ -50,7 +51,7 @@ def renderer() -> Renderer:
     return Renderer(scene)
 
 
-def share(seen: SceneRadiance, number: int) -> float:
+def share(seen: SeenLight, number: int) -> float:
     """Visible pixels of a defect by its amodal ones."""
     label = defect_label(number)
     assert seen.labels is not None
@@ -66,7 +67,7 @@ def shares(renderer: Renderer, altitude_m: float) -> list[tuple[float, float, fl
     for event, _ in captures(scene, 1.0, FULL):
         view = nadir(CAMERA, (*event.position, event.altitude_m), yaw_rad=event.yaw_rad, size_px=(800, 600))
         as_boxes, as_models = (
-            renderer.light(view, instances=drawn, light=LIGHT, amodal=True) for drawn in (boxes, models)
+            light_of(renderer, view, instances=drawn, light=LIGHT, amodal=True) for drawn in (boxes, models)
         )
         for number, by_kernel in event.sightings:
             if is_whole(view, street().defects[number]):
@@ -101,7 +102,7 @@ def test_parked_cars_look_the_same_without_their_back_faces(
     monkeypatch.setattr(whole._gpu_scene.parts, "single_sided", frozenset())
     view = look((6.0, 0.0, 1.2), yaw_rad=0.3, pitch_rad=-0.15, size_px=(500, 360), vertical_fov_rad=0.9)
     drawn = renderer.scene.parked(parked())
-    front, both = (one.light(view, instances=drawn, light=LIGHT, amodal=True) for one in (renderer, whole))
+    front, both = (light_of(one, view, instances=drawn, light=LIGHT, amodal=True) for one in (renderer, whole))
     assert front.labels is not None
     assert both.labels is not None
     cars = np.isin(both.labels, [one.label for one in drawn])
@@ -113,9 +114,9 @@ def test_parked_cars_look_the_same_without_their_back_faces(
         assert pixels >= (front.labels == label).sum()
 
 
-def seen_from_above(renderer: Renderer, stands: ParkedVehicles, x: float, y: float) -> SceneRadiance:
+def seen_from_above(renderer: Renderer, stands: ParkedVehicles, x: float, y: float) -> SeenLight:
     view: View = nadir(CAMERA, (x, y, 6.0), yaw_rad=0.0, size_px=(400, 300))
-    return renderer.light(view, instances=renderer.scene.parked(stands), light=LIGHT, amodal=True)
+    return light_of(renderer, view, instances=renderer.scene.parked(stands), light=LIGHT, amodal=True)
 
 
 def test_under_a_car_nothing_is_left_of_a_defect(renderer: Renderer) -> None:

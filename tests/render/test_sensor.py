@@ -87,7 +87,7 @@ def test_a_mosaic_makes_neighbours_alike_and_noise_reduction_takes_noise_out() -
     assert quiet.mean() == pytest.approx(plain.mean(), abs=1.0)
 
 
-def test_pictures_of_fewer_pixels_than_the_sensor_have_nothing_of_its_mosaic() -> None:
+def test_images_of_fewer_pixels_than_the_sensor_have_nothing_of_its_mosaic() -> None:
     assert np.array_equal(shown(ABOVE, Development(noise_reduction=6.0)), shown(ABOVE, None))
 
 
@@ -97,7 +97,7 @@ def test_corners_are_darker_by_what_the_style_says() -> None:
     assert corners / seen[76:84, 116:124].mean() == pytest.approx(0.7 + 0.3 * 0.05, abs=0.03)
 
 
-def test_light_beyond_what_half_floats_hold_blackens_no_picture() -> None:
+def test_light_beyond_what_half_floats_hold_blackens_no_image() -> None:
     radiance = np.full((160, 240, 4), 1.0, dtype=np.float16)
     radiance[5, 7], radiance[9, 9] = np.nan, np.inf
     settings = Exposure(1 / 1000, 4.0, 100.0)
@@ -121,7 +121,7 @@ def chroma(rgb: np.ndarray) -> float:
 
 @pytest.mark.parametrize("sunlit", [0.4, 0.5, 0.7])
 @pytest.mark.parametrize("elevation_deg", [25.0, 45.0, 60.0])
-def test_sunlit_grey_stays_grey_where_much_of_the_picture_is_in_shade(elevation_deg: float, sunlit: float) -> None:
+def test_sunlit_grey_stays_grey_where_much_of_the_image_is_in_shade(elevation_deg: float, sunlit: float) -> None:
     light, edge = Light(elevation_deg, 180.0), round(240 * sunlit)
     shade = light.sky_irradiance.T @ harmonics(np.array([0.0, 0.0, 1.0]))
     radiance = np.zeros((160, 240, 4), dtype=np.float16)

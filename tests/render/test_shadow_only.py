@@ -13,7 +13,7 @@ from pavetwin.scene.models import library
 from pavetwin.scene.view import look
 from pavetwin.traffic.kinds import VEHICLES, Kind
 from pavetwin.uav.cameras import find_camera
-from scenes.stage import Box, Plane, plane_renderer
+from scenes.stage import Box, Plane, light_of, plane_renderer
 
 VIEW = look((0, 0, 12), yaw_rad=pi / 2, pitch_rad=-pi / 2, size_px=(320, 240), vertical_fov_rad=1.0)
 CAR = Box(1.0, 0.0, 3.8, 1.7, 1.5, label=4)
@@ -24,7 +24,7 @@ def sample(**instances: object):
     return plane_renderer().frame(VIEW, light=Light(LOW, WEST), camera=find_camera("paper"), **instances)
 
 
-def test_it_is_not_in_the_picture_but_its_shadow_is() -> None:
+def test_it_is_not_in_the_image_but_its_shadow_is() -> None:
     empty, shadow_only = sample(), sample(shadow_only=[CAR.instance])
     assert (shadow_only.labels == 0).all()
     assert shadow_only.amodal_px == {}
@@ -56,7 +56,7 @@ def test_before_the_lens_the_own_shadow_has_an_even_edge(azimuth_deg: float) -> 
         vertical_fov_rad=FRONT.camera.fov_rad,
     )
     bare, seen = (
-        renderer.light(view, light=Light(55.0, azimuth_deg), shadow_only=each, truth=False)
+        light_of(renderer, view, light=Light(55.0, azimuth_deg), shadow_only=each, truth=False)
         .radiance[..., 1]
         .astype(float)
         for each in ([], [car])

@@ -19,6 +19,7 @@ from pavetwin.world.model import World
 from scenes import tiny
 from scenes.captures import captures, is_whole, outline_px
 from scenes.solids import as_solids, solids
+from scenes.stage import light_of
 
 LIGHT = Light(45.0, 140.0)
 CAMERA = find_camera("paper")
@@ -65,7 +66,7 @@ def shares(renderer: Renderer, altitude_m: float, seed: int) -> Iterator[Share]:
     for event, trace in captures(scene, north_m=float(rng.uniform(-2, 2))):
         view = nadir(CAMERA, (*event.position, event.altitude_m), yaw_rad=event.yaw_rad)
         agents = as_solids(trace.agents_at(event.time_s))
-        seen = renderer.light(view, instances=agents, light=LIGHT, amodal=True)
+        seen = light_of(renderer, view, instances=agents, light=LIGHT, amodal=True)
         assert seen.labels is not None
         for number, share in event.sightings:
             if is_whole(view, street().defects[number]):
@@ -102,7 +103,7 @@ def test_an_outline_and_its_mask_are_one(renderer: Renderer, size: str, altitude
         if taken.get(defect.kind, 0) >= 3 or not is_whole(view, defect):
             continue
         taken[defect.kind] = taken.get(defect.kind, 0) + 1
-        seen = renderer.light(view, light=LIGHT)
+        seen = light_of(renderer, view, light=LIGHT)
         assert seen.labels is not None
         columns, rows = np.meshgrid(np.arange(view.size_px[0]) + 0.5, np.arange(view.size_px[1]) + 0.5)
         outline = shapely.Polygon(outline_px(view, defect))

@@ -14,7 +14,7 @@ from shapely import Point
 from shapely.affinity import translate
 
 from pavetwin.defects import DefectOptions, place
-from pavetwin.render.renderer import Renderer, SceneRadiance
+from pavetwin.render.renderer import Renderer
 from pavetwin.scene.appearance import tints
 from pavetwin.scene.furniture import stand
 from pavetwin.scene.light import Light
@@ -26,6 +26,7 @@ from pavetwin.world.model import Defect, Furniture, FurnitureKind, World
 from pavetwin.world.solids import furniture_prisms
 from scenes import tiny
 from scenes.captures import captures, is_whole
+from scenes.stage import SeenLight, light_of
 
 LIGHT = Light(45.0, 140.0)
 ALTITUDE_M = 15.0
@@ -113,7 +114,7 @@ def shares() -> np.ndarray:
     for event, _ in captures(tiny.Scene(street(), altitude_m=ALTITUDE_M), north_m=1.0):
         place = (*event.position, event.altitude_m)
         view = nadir(find_camera("paper"), place, yaw_rad=event.yaw_rad, size_px=(635, 475))
-        seen = [renderer.light(view, instances=each, light=LIGHT, amodal=True) for each in (as_prisms, as_models)]
+        seen = [light_of(renderer, view, instances=each, light=LIGHT, amodal=True) for each in (as_prisms, as_models)]
         for number, by_kernel in event.sightings:
             defect = street().defects[number]
             if is_whole(view, defect) and seen[0].amodal_px[defect_label(number)] >= LEAST_PX:
@@ -122,7 +123,7 @@ def shares() -> np.ndarray:
     return np.array(found)
 
 
-def visible(seen: SceneRadiance, label: int) -> float:
+def visible(seen: SeenLight, label: int) -> float:
     assert seen.labels is not None
     return float((seen.labels == label).sum()) / seen.amodal_px[label]
 

@@ -12,7 +12,7 @@ from pavetwin.scene.shafts import WIRE, shafts
 from pavetwin.scene.values import Instance
 from pavetwin.scene.view import look
 from pavetwin.scene.wires import between
-from scenes.stage import Box, Plane, plane_renderer
+from scenes.stage import Box, Plane, light_of, plane_renderer
 
 WEST, HIGH_DEG, UP_M = 270.0, 50.0, 6.0
 SUNNY = Light(HIGH_DEG, WEST)
@@ -42,7 +42,7 @@ def dimmed(pixel_m: float = 0.01, light: Light = SUNNY, boxes: tuple[Box, ...] =
     )
     shown = [box.instance for box in boxes]
     row, bare = (
-        renderer.light(view, light=light, instances=shown, truth=False).radiance[32, :, 1].astype(float)
+        light_of(renderer, view, light=light, instances=shown, truth=False).radiance[32, :, 1].astype(float)
         for renderer in (wired(), plane_renderer())
     )
     return np.asarray(row / bare)
@@ -92,7 +92,7 @@ def test_a_wire_is_seen_but_is_not_in_the_shadow_map() -> None:
     wire = Instance(WIRE, "body", between(row), np.tile(np.float32([1, 1, 1, 0]), (4, 1)))
     view = look((-2.0, 0.5, 12.0), yaw_rad=pi / 2, pitch_rad=-pi / 2, size_px=(640, 64), vertical_fov_rad=0.16)
     with_tube, without = (
-        wired().light(view, light=SUNNY, instances=each, truth=False).radiance[..., 1].astype(float)
+        light_of(wired(), view, light=SUNNY, instances=each, truth=False).radiance[..., 1].astype(float)
         for each in ([wire], [])
     )
     changed = np.flatnonzero(np.abs(with_tube / without - 1).max(axis=0) > 0.02)

@@ -10,6 +10,7 @@ from pavetwin.render.renderer import Renderer
 from pavetwin.scene.light import Light
 from pavetwin.scene.values import DefectPatch, GroundMaps, Mesh, Tile, defect_label
 from pavetwin.scene.view import look
+from scenes.stage import light_of
 from scenes.strips import ORIGIN, Strips, rotation
 
 SLOPE = 1.8
@@ -61,7 +62,7 @@ def test_grain_is_as_fine_down_a_wall_as_along_it(turn_rad: float) -> None:
         size_px=(240, 240),
         vertical_fov_rad=radians(20.0),
     )
-    seen = Renderer(Wall(turn_rad)).light(view, light=OVERCAST, truth=False).radiance[..., 1].astype(np.float64)
+    seen = light_of(Renderer(Wall(turn_rad)), view, light=OVERCAST, truth=False).radiance[..., 1].astype(np.float64)
     along, down = (np.abs(np.diff(seen, axis=axis)).mean() for axis in (1, 0))
     assert seen.min() > 0
     assert 0.7 < along / down < 1.4

@@ -9,7 +9,7 @@ import pytest
 
 from pavetwin.scene.agents import BRAKE_GLOW, Actors, quadrotor
 from pavetwin.scene.appearance import appearance_of, people, vehicle_model
-from pavetwin.scene.models import bounds, library
+from pavetwin.scene.models import library
 from pavetwin.scene.values import Instance, agent_label, labelled_agent
 from pavetwin.traffic.kinds import VEHICLES
 from pavetwin.traffic.recording import Recording
@@ -150,7 +150,7 @@ def test_brake_lamps_follow_deceleration(speed: Callable[[float], float], lit: b
     assert actors(made).at(1.2)[0].tints[1, 3] == (BRAKE_GLOW if lit else 0.0)
 
 
-def test_a_look_depends_on_seed_and_number_alone() -> None:
+def test_a_style_depends_on_seed_and_number_alone() -> None:
     many = recording(["suv"] * 30 + ["man"] * 10, row).agents
     few = many.first(5)
     for agent in range(5):
@@ -177,15 +177,3 @@ def test_the_quadrotor_leans_into_its_acceleration() -> None:
     assert leaning[:, 2] == pytest.approx([np.sqrt(0.5), 0, np.sqrt(0.5)])
     assert leaning.T @ leaning == pytest.approx(np.eye(3))
     assert np.linalg.det(leaning) == pytest.approx(1.0)
-
-
-def test_models_have_unit_normals_and_sane_triangles() -> None:
-    for model in library().values():
-        for mesh in model.parts.values():
-            assert np.abs(np.linalg.norm(mesh.normals, axis=1) - 1).max() < 1e-3
-            assert mesh.colours is not None
-            assert mesh.surface is not None
-            assert 0 <= mesh.colours.min() <= mesh.colours.max() <= 1
-            assert mesh.surface[:, 2].max() <= 4
-            low, high = bounds(mesh)
-            assert (high > low).all()

@@ -21,7 +21,7 @@ def baked() -> BakedTexture:
 
 
 @pytest.mark.parametrize("kind", GroundKind, ids=lambda kind: kind.name)
-def test_grain_is_baked_along_the_pictures_axes_whichever_way_it_lies(kind: GroundKind) -> None:
+def test_grain_is_baked_along_the_images_axes_whichever_way_it_lies(kind: GroundKind) -> None:
     picture = baked()
     side = len(picture.colour)
     x, y = np.meshgrid((np.arange(side) + 0.5) * TILE_M / side, TILE_M - (np.arange(side) + 0.5) * TILE_M / side)

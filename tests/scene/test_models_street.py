@@ -127,8 +127,3 @@ def test_a_sign_shows_its_colours_to_who_comes_towards_it(name: str) -> None:
 def test_a_street_light_shines_down() -> None:
     node = the_node("lamp_head")
     assert node["lens"].positions[:, 2].max() <= min(0.0, float(points(node)[:, 2].mean()))
-
-
-def test_all_models_of_this_file_and_of_people_stay_small() -> None:
-    names = [*TREES, *HEADS, *BESIDE, *(path.stem for path in FOLDER.glob("pedestrian_*.glb"))]
-    assert sum((FOLDER / f"{name}.glb").stat().st_size for name in names) <= 4_718_592

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from pavetwin.scene.agents import ParkedInstances, Wheels
-from pavetwin.scene.models import bounds, library
+from pavetwin.scene.meshes import bounds
+from pavetwin.scene.models import library
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.values import Instance, labelled_agent, labelled_defect, labelled_place, parked_label
 from pavetwin.traffic.kinds import KINDS

@@ -159,9 +159,3 @@ def test_a_part_reaches_over_its_tile_by_less_than_the_maps() -> None:
                 corners = world_corners(part)[..., :2].reshape(-1, 2) - np.array(key) * 32.0
                 assert corners.min() > -0.5
                 assert corners.max() < 32.5
-
-
-def test_the_same_defect_gives_the_same_patch() -> None:
-    again = patch_of(crowded()[0])
-    assert np.array_equal(again.relief, patch(0).relief)
-    assert np.array_equal(again.mesh.positions, patch(0).mesh.positions)

@@ -9,7 +9,7 @@ from shapely import Point
 
 from pavetwin.defects import DefectOptions, place
 from pavetwin.scene.furniture import APART_M, FROM_ROAD_M, HIGHEST_M, StreetObjects
-from pavetwin.scene.models import bounds
+from pavetwin.scene.meshes import bounds
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.shafts import SHAFT
 from pavetwin.scene.values import TILE_M, Instance, Mesh, Tile

@@ -23,7 +23,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.scene.export import tiles_of
 from pavetwin.scene.glb import Glb, from_file_axes
 from pavetwin.scene.light import Light, harmonics
-from pavetwin.scene.models import merged
+from pavetwin.scene.meshes import merged
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.values import TILE_M, Mesh
 from pavetwin.scene.web import WEB_LEVELS, WebLevel, WebTown

@@ -5,10 +5,11 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import product
 from math import cos, floor, sin
+from typing import Any
 
 import numpy as np
 
-from pavetwin.render.renderer import Renderer
+from pavetwin.render.renderer import Renderer, SceneRadiance
 from pavetwin.scene.ground.materials.sampling import srgb_of_linear
 from pavetwin.scene.values import (
     TILE_M,
@@ -176,3 +177,16 @@ def cast(view: View, boxes: Sequence[Box]) -> Cast:
         nearer = met & (enters < depth)
         depth[nearer], labels[nearer] = enters[nearer], box.label
     return Cast(labels, depth, amodal)
+
+
+@dataclass(frozen=True)
+class SeenLight(SceneRadiance):
+    """The light behind a lens with the amodal pixels of each label."""
+
+    amodal_px: dict[int, int]
+
+
+def light_of(renderer: Renderer, view: View, **given: Any) -> SeenLight:
+    """The light that a renderer sees from a view."""
+    seen, count = renderer.radiance(view, **given)
+    return SeenLight(**vars(seen), amodal_px=count.result() if count else {})

@@ -24,15 +24,9 @@ from pavetwin.mission.result import MissionResult
 from pavetwin.mission.timeline import Timeline, TimelineState
 from pavetwin.twin import Place
 
-WIDTH_M = 70.0
-"""Least width of street in the view; more where the camera's footprint is wide."""
-
-SIZE_PX = (896, 504)
-"""Size of the view; the strip of readings is below it."""
-
-SOFTNESS_S = 2.0
-"""The view follows the UAV's path averaged over this time to either side, for a smooth motion."""
-
+WIDTH_M = 70.0  # Least width of street in the view; more where the camera's footprint is wide
+SIZE_PX = (896, 504)  # Size of the view; the strip of readings is below it
+SOFTNESS_S = 2.0  # The view follows the UAV's path averaged over this time to either side, for a smooth motion
 TRAIL_S = 20.0
 
 
@@ -151,11 +145,8 @@ class Film:
             pen.text(xy, words, fill=style.INK, font=font(12), anchor=anchor, stroke_width=2, stroke_fill=style.PAPER)
 
 
-SAMPLES = 12
-"""Frames that the palette of a GIF is chosen from."""
-
-COLOURS = 128
-"""Colours of a GIF's palette: fewer make a smaller file, but banding in translucent areas."""
+SAMPLES = 12  # Frames that the palette of a GIF is chosen from
+COLOURS = 128  # Colours of a GIF's palette: fewer make a smaller file, but banding in translucent areas
 
 
 def save_animation(

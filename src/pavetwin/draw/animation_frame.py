@@ -32,11 +32,8 @@ if TYPE_CHECKING:
     from pavetwin._core import PoseColumns
 
 
-LOWEST_M = 0.1
-"""An agent as tall as the camera is high is cut this far below it: its shadow is then long, but finite."""
-
-TOLERANCE_M = 0.05
-"""Outlines of the seen pavement are simplified by this much."""
+LOWEST_M = 0.1  # An agent as tall as the camera is high is cut this far below it: its shadow is then long, but finite
+TOLERANCE_M = 0.05  # Outlines of the seen pavement are simplified by this much
 
 
 def bodies(agents: "PoseColumns") -> Float64Array:
@@ -97,9 +94,7 @@ class SeenSurface:
         return shapely.difference(seen, shapely.union_all(hidden)) if hidden else seen
 
 
-FLASH_S = 0.8
-"""Duration of the flash of a confirmation, in the animation's own time."""
-
+FLASH_S = 0.8  # Duration of the flash of a confirmation, in the animation's own time
 ARM_M, ROTOR_M = 0.95, 0.55
 """The UAV's symbol; larger than the airframe, so that it can be seen."""
 

@@ -20,9 +20,7 @@ from pavetwin.labels.voc import PICTURES
 CELL_PX: Final = 420
 """Width of one image on the sheet."""
 
-CAPTION_PX: Final = 46
-"""Height of the two lines below an image."""
-
+CAPTION_PX: Final = 46  # Height of the two lines below an image
 _GAP_PX, _MARGIN_PX, _TITLE_PX, _LEGEND_PX = 18, 36, 40, 28
 _HALO, _IGNORED = "#101010", "#E8E8E8"
 _DASH_PX: Final = 5

@@ -18,9 +18,7 @@ from pavetwin.draw.mission_style import rgb
 from pavetwin.draw.world_map import TALL_M, sidewalks
 from pavetwin.world.model import CARRIAGEWAY_LANES, FurnitureKind, World
 
-PixelColour = tuple[int, ...]
-"""Red, green, blue and, where given, opacity; 0 … 255."""
-
+PixelColour = tuple[int, ...]  # Red, green, blue and, where given, opacity; 0 … 255
 SMOOTHING = 2
 """Images are drawn this many times larger and averaged down."""
 

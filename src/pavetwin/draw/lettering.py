@@ -30,9 +30,7 @@ _ID_PT = 4.4
 _FROM_END_PT = 2.0
 """Between the end of a segment and the plate of its id."""
 
-_GAP_M = 45.0
-"""Parts of one street farther apart than this are labelled separately."""
-
+_GAP_M = 45.0  # Parts of one street farther apart than this are labelled separately
 _MAX_TURN = np.radians(75)
 _MAX_TURN_AT_ONCE = np.radians(11)
 _STEEP = np.radians(80)

@@ -105,9 +105,7 @@ WAIT, REVISIT, STEP, BATTERY, AVOID = "#5B2A86", "#0063B1", "#B0307A", "#7A5A00"
 NAMES = ABOVE_WORLD + 13
 """Street names, between the route and the marks on it."""
 
-_LABELLED = 8
-"""At most this many waits are labelled."""
-
+_LABELLED = 8  # At most this many waits are labelled
 _SURFACE, _WINDOWS, _ROUTE, _STAYS, _DEFECTS, _LABELS = (ABOVE_WORLD + 5 * level for level in range(6))
 _PARKED = _WINDOWS + 2
 

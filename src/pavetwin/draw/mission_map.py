@@ -35,9 +35,7 @@ NUMBERS_IN = 3.0
 """Height of numbers and legend where they stand side by side."""
 LEGEND_ROW_IN = 0.182
 
-_AROUND_FRAME_PT = 12.0
-"""Free of street names, for the letter of a frame and for labels of waits."""
-
+_AROUND_FRAME_PT = 12.0  # Free of street names, for the letter of a frame and for labels of waits
 AROUND_M = 25.0
 """Margin around everything that was flown over."""
 

@@ -19,8 +19,7 @@ from pavetwin.uav import camera_of
 
 SAME_WINDOW_M = 0.5
 
-LEAD_S = 4.0
-"""An animation begins this long before the event that it shows."""
+LEAD_S = 4.0  # An animation begins this long before the event that it shows
 
 
 class DefectOutcome(StrEnum):

@@ -14,12 +14,8 @@ from pavetwin.sensing.fitted_sensor import SensorModel
 from pavetwin.sensing.fitting import reliability, repeated_looks
 from pavetwin.sensing.look_tables import GROUP, LookSource
 
-ENOUGH: Final = 30
-"""Defects with as many looks, to show how many of these found them."""
-
-MOST_LOOKS: Final = 10
-"""More looks at one defect than that do not fit the figure."""
-
+ENOUGH: Final = 30  # Defects with as many looks, to show how many of these found them
+MOST_LOOKS: Final = 10  # More looks at one defect than that do not fit the figure
 _PERCENT: Final = PercentFormatter(1.0, decimals=0, symbol=" %")
 
 

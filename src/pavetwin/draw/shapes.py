@@ -36,14 +36,14 @@ def points_per_m(axes: Axes) -> float:
     return float(axes.get_position().width * figure.get_size_inches()[0] * 72 / (east - west))
 
 
-def seen(axes: Axes, shapes: Sequence[Geometry], margin_m: float = 5.0) -> IndexArray:
-    """The indices of the shapes that the map shows, wholly or in part."""
+def seen(axes: Axes, shapes: Sequence[Geometry]) -> IndexArray:
+    """The indices of the shapes within 5 m of the map."""
     if not len(shapes):
         return np.empty(0, dtype=np.intp)
     (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
     boxes = shapely.bounds(np.asarray(shapes, dtype=object))
-    beside = (boxes[:, 0] > east + margin_m) | (boxes[:, 2] < west - margin_m)
-    above = (boxes[:, 1] > north + margin_m) | (boxes[:, 3] < south - margin_m)
+    beside = (boxes[:, 0] > east + 5.0) | (boxes[:, 2] < west - 5.0)
+    above = (boxes[:, 1] > north + 5.0) | (boxes[:, 3] < south - 5.0)
     return np.flatnonzero(~(beside | above) & np.isfinite(boxes[:, 0]))
 
 
@@ -134,8 +134,7 @@ def shadow(bases: Sequence[Polygon], heights_m: Float64Array, east: float, south
     return Outline(sides.reshape(-1, 2), codes)
 
 
-_INSET_M = 0.3
-"""From the end of a crossing's bar to the crossing's side."""
+_INSET_M = 0.3  # From the end of a crossing's bar to the crossing's side
 
 
 def stripes(rectangle: Polygon, width_m: float, gap_m: float) -> list[Float64Array]:

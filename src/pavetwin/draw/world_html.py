@@ -17,15 +17,9 @@ from pavetwin.draw.world_map import TALL_M, defect_words, lane_lines, legend, si
 from pavetwin.files import writing
 from pavetwin.world.model import FurnitureKind, World
 
-_STEPS = 6
-"""Number of shades of buildings by height, one path each."""
-
-_NAMED_AGAIN_M = 90.0
-"""A street's name stands on its longest segment, and on every other one that is longer than this."""
-
-_FINE_M = 0.03
-"""Tolerance of the simplified outlines of defects."""
-
+_STEPS = 6  # Number of shades of buildings by height, one path each
+_NAMED_AGAIN_M = 90.0  # A street's name stands on its longest segment, and on every other one that is longer than this
+_FINE_M = 0.03  # Tolerance of the simplified outlines of defects
 _MASTS = {FurnitureKind.STREET_LIGHT: style.LAMP, FurnitureKind.SIGNAL: style.SIGNAL, FurnitureKind.SIGN: style.SIGN}
 
 

@@ -21,8 +21,7 @@ from pavetwin.draw.style import LegendEntry
 from pavetwin.world.ground import Bounds
 from pavetwin.world.model import Furniture, FurnitureKind, LaneKind, World
 
-_KERB_M = 0.7
-"""Lines closer to the kerb than this are not lane lines."""
+_KERB_M = 0.7  # Lines closer to the kerb than this are not lane lines
 
 
 def sidewalks(world: World) -> BaseGeometry:

@@ -22,8 +22,7 @@ from pavetwin.scene.view import View
 
 _SIDE_PX: Final = 1024
 
-_CLOSE_M: Final = 0.2
-"""Bodies with a corner nearer than this along the camera's axis may reach through the near plane."""
+_CLOSE_M: Final = 0.2  # Bodies with a corner nearer than this along the camera's axis may reach through the near plane
 
 
 @dataclass(frozen=True)

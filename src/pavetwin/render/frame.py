@@ -19,11 +19,8 @@ METERED: Final = 0.185
 roads half a stop brighter: with 0.135 frames had a median lightness L* of 51, 272 photographs of RDD2022's China drone
 subset have 61."""
 
-LONGEST_S: Final = 1 / 400
-"""Longest shutter time in flight: beyond it the ISO is raised instead."""
-
-_HIGHLIGHT: Final = 0.85
-"""The 99.5th percentile of a image is kept below this share of saturation."""
+LONGEST_S: Final = 1 / 400  # Longest shutter time in flight: beyond it the ISO is raised instead
+_HIGHLIGHT: Final = 0.85  # The 99.5th percentile of a image is kept below this share of saturation
 
 
 @dataclass(frozen=True)
@@ -61,10 +58,10 @@ def meter(radiance: Float16Array) -> float:
     return min(METERED / max(mean, 1e-6), 2.5 * METERED / max(mean, 1e-6), _HIGHLIGHT / max(bright, 1e-6))
 
 
-def programme(camera: Camera, share_per_light: float, *, longest_s: float = LONGEST_S) -> Exposure:
+def programme(camera: Camera, share_per_light: float) -> Exposure:
     """Settings that give this share of saturation for each kcd/m², within what the camera can do.
 
-    At its lowest ISO and widest aperture first; where that needs a longer shutter than `longest_s` the ISO goes up,
+    At its lowest ISO and widest aperture first; where that needs a longer shutter than `LONGEST_S` the ISO goes up,
     where it needs a shorter one than the camera has the aperture closes.
     """
     lowest, highest = camera.iso
@@ -72,8 +69,8 @@ def programme(camera: Camera, share_per_light: float, *, longest_s: float = LONG
     shortest = camera.shortest_exposure_s or 1 / 8000
     iso, f_number = float(lowest), widest
     shutter = share_per_light / Exposure(1.0, f_number, iso).share_per_light
-    if shutter > longest_s:
-        iso = min(iso * shutter / longest_s, float(highest))
+    if shutter > LONGEST_S:
+        iso = min(iso * shutter / LONGEST_S, float(highest))
         shutter = share_per_light / Exposure(1.0, f_number, iso).share_per_light
     elif shutter < shortest:
         f_number = min(f_number * math.sqrt(shortest / shutter), narrowest)

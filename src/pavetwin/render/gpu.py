@@ -51,21 +51,16 @@ class Gpu:
         made = self.device.create_texture(size=(*size_px, 1), format=format, usage=_TEXTURE.RENDER_ATTACHMENT | usage)
         return self._hold(made, size_px[0] * size_px[1] * (8 if format == "rgba16float" else 4))
 
-    def texture(
-        self, layers: Sequence[UInt8Array], *, srgb: bool = False, rooted: bool = False, levels: bool = True
-    ) -> Any:
-        """A texture, or an array of them, to sample.
+    def texture(self, layers: Sequence[UInt8Array], *, srgb: bool = False, rooted: bool = False) -> Any:
+        """A texture, or an array of them, to sample, with all halved levels.
 
         Args:
             layers: each (rows, columns, channels) of 1, 2 or 4 channels; row 0 at v = 0.
             srgb: colours are sRGB-coded (a fourth channel never is).
             rooted: so are they, and the texture is to hold their square roots, which the shader squares: lavapipe takes
                 twice as long to sample sRGB.
-            levels: with all its halved levels.
         """
-        if not levels:
-            pyramids = [[layer] for layer in layers]
-        elif len(layers) == 1:
+        if len(layers) == 1:
             pyramids = [halved(layers[0], srgb=srgb, rooted=rooted)]
         else:
             with ThreadPoolExecutor(os.cpu_count()) as pool:  # NumPy leaves the interpreter to others

@@ -20,9 +20,7 @@ from pavetwin.scene.patches import COARSE_PIXEL_M
 from pavetwin.scene.values import Mesh, TileKey
 from pavetwin.scene.view import View
 
-LEVELS: Final = 5
-"""Number of coarser levels."""
-
+LEVELS: Final = 5  # Number of coarser levels
 _CLOSED_SHARE: Final = 0.98
 _CELL_PX: Final = 0.75
 
@@ -66,20 +64,13 @@ def casting(mesh: Mesh, level: int) -> Mesh:
     return thinned(mesh, level, sparser=2) if mesh.uv is not None else coarser(mesh, level)
 
 
-SHADE_FAR_M: Final = 60.0
-"""Objects beyond this distance have no contact shadow."""
-
-SHADOW_TEXELS: Final = 4.0
-"""Details of shadows smaller than this are left out."""
-
+SHADE_FAR_M: Final = 60.0  # Objects beyond this distance have no contact shadow
+SHADOW_TEXELS: Final = 4.0  # Details of shadows smaller than this are left out
 NEAR_PX2: Final = 12.0
 """Models whose mean triangle covers more than this are lit at every pixel, except for their small triangles; others are
 lit at their vertices."""
 
-SMALL_PX2: Final = 24.0
-"""Triangles that cover less than about this are lit at their vertices."""
-
-
+SMALL_PX2: Final = 24.0  # Triangles that cover less than about this are lit at their vertices
 FAR_LEVEL: Final = 2
 """From this level on, with pixels of 4 cm, models that have a part for it are drawn by their part `far`."""
 

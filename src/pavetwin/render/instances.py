@@ -25,9 +25,7 @@ from pavetwin.scene.values import Instance, Mesh, Model
 _LOWEST_SHADE_M: Final = 0.35
 """Lower objects have no contact shadow worth drawing; objects whose underside is higher do not touch the ground [m]."""
 
-_FOOT_M: Final = 1.0
-"""The part of an object below this height is its footprint: of a tree the trunk without its boughs."""
-
+_FOOT_M: Final = 1.0  # The part of an object below this height is its footprint: of a tree the trunk without its boughs
 _WIDE_M: Final = 1.2
 _SHADE_REACH_M: Final = 1.8
 _SLIM_REACH_M: Final = 0.5

@@ -19,7 +19,7 @@ from pavetwin.arrays import (
 )
 from pavetwin.render.gpu import Gpu
 from pavetwin.scene.coarser import triangle_areas_m2
-from pavetwin.scene.models import merged
+from pavetwin.scene.meshes import merged_pieces
 from pavetwin.scene.values import DefectPatch, FacadePiece, Finish, GroundKind, GroundPiece, Mesh
 
 _VERTEX: Final = wgpu.BufferUsage.VERTEX
@@ -118,7 +118,7 @@ def split_by_area(gpu: Gpu, whole: GpuMesh, mesh: Mesh, area_m2: float) -> tuple
 
 def upload_ground(gpu: Gpu, pieces: tuple[GroundPiece, ...]) -> GpuMesh | None:
     """All ground of one tile as one mesh, the kind of each vertex next to its normal."""
-    mesh = _joined(pieces)
+    mesh = merged_pieces(pieces)
     if mesh is None:
         return None
     rows = np.zeros(len(mesh.positions), dtype=_GROUND)
@@ -131,13 +131,13 @@ def upload_ground(gpu: Gpu, pieces: tuple[GroundPiece, ...]) -> GpuMesh | None:
 
 def upload_kerbs(gpu: Gpu, pieces: tuple[GroundPiece, ...]) -> GpuMesh | None:
     """The parts of a tile's ground that cast shadows, such as kerbs."""
-    mesh = _joined([piece for piece in pieces if piece.kind is GroundKind.KERB])
+    mesh = merged_pieces([piece for piece in pieces if piece.kind is GroundKind.KERB])
     return None if mesh is None else _upload(gpu, mesh.positions, np.zeros(1, dtype=_GROUND), mesh.indices)
 
 
 def upload_facades(gpu: Gpu, pieces: tuple[FacadePiece, ...]) -> GpuMesh | None:
     """All buildings of one tile as one mesh."""
-    mesh = _joined(pieces)
+    mesh = merged_pieces(pieces)
     if mesh is None:
         return None
     rows = _model_rows(mesh, _TEXTURED)
@@ -158,11 +158,6 @@ def upload_patch(gpu: Gpu, patch: DefectPatch, mesh: Mesh, origin: tuple[float, 
     if mesh.uv is not None:
         rows["uv"] = mesh.uv
     return _upload(gpu, moved.astype(np.float32), rows, mesh.indices)
-
-
-def _joined(pieces: Sequence[GroundPiece | FacadePiece]) -> Mesh | None:
-    """The meshes of some pieces as one; None if there is no triangle."""
-    return merged([piece.mesh for piece in pieces]) if any(len(piece.mesh.indices) for piece in pieces) else None
 
 
 def _each_vertex(pieces: Sequence[GroundPiece | FacadePiece], what: str) -> Int64Array:

@@ -8,7 +8,7 @@ import numpy as np
 from pavetwin.arrays import Float64Array
 from pavetwin.render.projection import planes, seen_points
 from pavetwin.scene.light import Light
-from pavetwin.scene.values import TILE_M, TileKey
+from pavetwin.scene.values import TILE_M, TileKey, tile_origin
 from pavetwin.scene.view import View
 
 if TYPE_CHECKING:
@@ -24,15 +24,9 @@ CLEAR_SHARE: Final = 0.01
 _STEEP: Final = math.cos(math.radians(50))
 """Cosine to the vertical; ground that is seen at a flatter angle may reflect what is near the horizon."""
 
-_WIDE_M: Final = 40.0
-"""A view with a larger ground radius looks along a street; its shadow casters are in view."""
-
-_CASTERS_UP_TO_M: Final = 20.0
-"""Greatest height of shadow casters outside the image [m]."""
-
-_CASTERS_REACH_M: Final = 48.0
-"""Their greatest distance from the image's edge [m]."""
-
+_WIDE_M: Final = 40.0  # A view with a larger ground radius looks along a street; its shadow casters are in view
+_CASTERS_UP_TO_M: Final = 20.0  # Greatest height of shadow casters outside the image [m]
+_CASTERS_REACH_M: Final = 48.0  # Their greatest distance from the image's edge [m]
 _STEP_M: Final = 12.0
 
 
@@ -52,7 +46,7 @@ def wanted_keys(scene: "Drawable", view: View, light: Light) -> tuple[TileKey, .
     bounds = planes(view)
     x, y = view.position[:2].tolist()
     for key in scene.keys_near(x, y, FAR_M):
-        if tile_seen((key[0] * TILE_M, key[1] * TILE_M), view, bounds):
+        if tile_seen(tile_origin(key), view, bounds):
             found[key] = None
     return tuple(found | dict.fromkeys(scene.keys_near(x, y, _STEP_M)))
 
@@ -93,7 +87,7 @@ def make_missing(scene: "Scene", view: View, light: Light) -> None:
     as it may be at work at the same time."""
     bounds = planes(view)
     for key in reversed(wanted_keys(scene, view, light)):
-        origin = key[0] * TILE_M, key[1] * TILE_M
+        origin = tile_origin(key)
         is_seen = tile_seen(origin, view, bounds) and pavement_seen(origin, view, bounds)
         holes = scene.holes_on(key).items() if is_seen else ()
         scene.make_missing(key, [number for number, box in holes if ground_seen(box, view, bounds)], ground=is_seen)

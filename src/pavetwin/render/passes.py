@@ -13,7 +13,6 @@ from pavetwin.render.pipelines import DEPTH_FORMAT, DISTANCE_FORMAT, LABEL_FORMA
 from pavetwin.render.tile_cache import GpuPatch, GpuPavement, GpuTile
 
 _READ: Final = wgpu.TextureUsage.COPY_SRC
-_SAMPLED: Final = wgpu.TextureUsage.TEXTURE_BINDING
 _NOWHERE: Final = (np.inf, 0.0, 0.0, 0.0)
 
 
@@ -124,11 +123,6 @@ def _padded(row: int) -> int:
     return -(-row // 256) * 256
 
 
-def shadow_map(gpu: Gpu, side_px: int) -> Any:
-    """The texture that the shadow pass draws and the image reads."""
-    return gpu.target((side_px, side_px), DEPTH_FORMAT, usage=_SAMPLED)
-
-
 @dataclass(frozen=True)
 class FramePasses:
     """Records the passes of one frame."""
@@ -181,14 +175,13 @@ class FramePasses:
             render_pass.set_bind_group(2, each.around.shading)
             render_pass.set_bind_group(3, each.patch.shading)
             each.mesh.draw(render_pass, 1, each.record, attributes=True)
-        count, first = self.draws.shades
-        if count:
-            render_pass.set_pipeline(self.pipelines.shade)
-            render_pass.draw(6, count, 0, first)
-        count, first = self.draws.strips
-        if count:
-            render_pass.set_pipeline(self.pipelines.strip)
-            render_pass.draw(6, count, 0, first)
+        for pipeline, (count, first) in (
+            (self.pipelines.shade, self.draws.shades),
+            (self.pipelines.strip, self.draws.strips),
+        ):
+            if count:
+                render_pass.set_pipeline(pipeline)
+                render_pass.draw(6, count, 0, first)
         if self.draws.sky:
             render_pass.set_pipeline(self.pipelines.sky)
             render_pass.draw(3)

@@ -36,8 +36,7 @@ _LIGHT: Final = [
     {"binding": 6, "visibility": _SHADED, "sampler": {"type": "non-filtering"}},
 ]
 
-ByCulling = tuple[Any, Any, Any]
-"""In the order of `FaceCulling`."""
+ByCulling = tuple[Any, Any, Any]  # In the order of `FaceCulling`
 
 
 @dataclass(frozen=True)
@@ -241,5 +240,4 @@ _DIMMED: Final[list[dict[str, Any]]] = [
     *_UNTOUCHED,
 ]
 """Light that is multiplied with what is drawn."""
-_BEHIND: Final[list[dict[str, Any]]] = [{"format": LIGHT_FORMAT}, *_UNTOUCHED]
-"""Light without a label at no distance."""
+_BEHIND: Final[list[dict[str, Any]]] = [{"format": LIGHT_FORMAT}, *_UNTOUCHED]  # Light without a label at no distance

@@ -13,12 +13,8 @@ from pavetwin.scene.view import View
 NEAR_M: Final = 0.1
 """Near plane [m]."""
 
-SHADOW_PX: Final = (512, 2048)
-"""Side of the shadow map at least and at most [texels]."""
-
-SHADOW_STEP_PX: Final = 256
-"""Sides are multiples of this, so that few maps serve all views."""
-
+SHADOW_PX: Final = (512, 2048)  # Side of the shadow map at least and at most [texels]
+SHADOW_STEP_PX: Final = 256  # Sides are multiples of this, so that few maps serve all views
 SHADOW_TEXEL_PX: Final = 1.25
 """Texel of the shadow map that is fine enough, in pixels of the image where the ground is nearest: 2 cm from 10 m,
 half of what the sun's disc blurs of a leaf 5 m up."""
@@ -28,9 +24,7 @@ _TURN_DEG: Final = 7.5
 _MARGIN_M: Final = 0.25
 """Margin around the view for a camera that moves during the exposure [m]."""
 
-SHADOW_REACH_M: Final = 60.0
-"""Level views have shadows up to this distance [m]."""
-
+SHADOW_REACH_M: Final = 60.0  # Level views have shadows up to this distance [m]
 _HARMONICS: Final = np.array([0.282095, *[0.488603] * 3, 1.092548, 1.092548, 0.315392, 1.092548, 0.546274])
 """Factors of the real spherical harmonics, next to their polynomials in the normal."""
 

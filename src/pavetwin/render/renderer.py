@@ -1,7 +1,7 @@
 """Frames of a scene: rendered by the device under sun and sky, and imaged by a camera model."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
@@ -16,8 +16,8 @@ from pavetwin.render.frame import Exposure, RenderedFrame, meter, programme
 from pavetwin.render.gpu import Gpu
 from pavetwin.render.gpu_scene import GpuScene
 from pavetwin.render.instances import InstanceBatch, InstanceBuffer, instance_rows
-from pavetwin.render.passes import DrawList, FramePasses, Materials, RenderTargets, shadow_map
-from pavetwin.render.pipelines import compile_pipelines
+from pavetwin.render.passes import DrawList, FramePasses, Materials, RenderTargets
+from pavetwin.render.pipelines import DEPTH_FORMAT, compile_pipelines
 from pavetwin.render.projection import FRAME_INFO, NEAR_M, corners, fit_shadow, frame_info
 from pavetwin.render.sensor import SHARP_PX, ImageProcessing, farthest_motion_px, picture, white_balance
 from pavetwin.render.tile_cache import Drawable, group
@@ -59,7 +59,6 @@ class SceneRadiance:
     """(height, width, 4) linear RGB, kcd/m²; and by what the defect there multiplies its luminance, 1 elsewhere."""
     depth_m: Float32Array | None
     labels: UInt32Array | None
-    amodal_px: dict[int, int]
 
 
 class Renderer:
@@ -121,7 +120,7 @@ class Renderer:
         """
         moving = velocities or {}
         drifts = bool(moving) or bool(np.any(view.velocity_mps))
-        seen, count = self._drawn(
+        seen, count = self.radiance(
             view,
             instances=instances,
             shadow_only=shadow_only,
@@ -192,7 +191,8 @@ class Renderer:
     def _lit(self, light: Light, shadow_px: int) -> tuple[Any, Any]:
         """The shadow map of that side, and the bind group of the frame under a light with it."""
         if shadow_px not in self._shadows:
-            self._shadows[shadow_px] = shadow_map(self.gpu, shadow_px)
+            sampled = wgpu.TextureUsage.TEXTURE_BINDING
+            self._shadows[shadow_px] = self.gpu.target((shadow_px, shadow_px), DEPTH_FORMAT, usage=sampled)
         if self._sky is None or self._sky[0] != light:
             if self._sky is not None:
                 self.gpu.free(self._sky[1])
@@ -212,7 +212,7 @@ class Renderer:
             groups[shadow_px] = group(self.gpu, self._pipelines.light_layout, resources)
         return self._shadows[shadow_px], groups[shadow_px]
 
-    def light(
+    def radiance(
         self,
         view: View,
         *,
@@ -223,33 +223,12 @@ class Renderer:
         readout_s: float = 0.0,
         truth: bool = True,
         amodal: bool = False,
-    ) -> SceneRadiance:
-        """The light that reaches the sensor."""
-        seen, count = self._drawn(
-            view,
-            instances=instances,
-            shadow_only=shadow_only,
-            light=light,
-            velocities=velocities,
-            readout_s=readout_s,
-            truth=truth,
-            amodal=amodal,
-        )
-        return replace(seen, amodal_px=count.result()) if count else seen
-
-    def _drawn(
-        self,
-        view: View,
-        *,
-        instances: Sequence[Instance],
-        shadow_only: Sequence[Instance],
-        light: Light,
-        velocities: Mapping[int, npt.ArrayLike] | None,
-        readout_s: float,
-        truth: bool,
-        amodal: bool,
     ) -> tuple[SceneRadiance, AmodalCount | None]:
-        """The light that reaches the sensor, and the count of amodal pixels, started, where it is asked for."""
+        """The light that reaches the sensor, and the started count of amodal pixels, where it is asked for.
+
+        Args:
+            truth: whether depth and labels are returned.
+        """
         targets, shadow = self._sized(view.size_px), fit_shadow(view, light)
         records = InstanceBuffer(view.position)
         agents = InstanceBatch.of(instances, self._gpu_scene.parts, velocities)
@@ -272,7 +251,7 @@ class Renderer:
             speed = float(np.linalg.norm(view.velocity_mps)) + float(np.abs(agents.velocity).sum(axis=1).max(initial=0))
             margin = 2 + speed * readout_s * view.focal_px / 2
             count = self._atlas.count(self._amodal_objects(view.position, agents, draws), view, self._frame, margin)
-        seen = SceneRadiance(*targets.read(truth=truth), {})
+        seen = SceneRadiance(*targets.read(truth=truth))
         if count:
             count.start()
         self._gpu_scene.tiles.trim(len(draws.tiles), len(draws.grounds))

@@ -20,17 +20,13 @@ FULL_WELL_PER_UM2: Final = 2600.0
 """Electrons that a pixel holds for each µm² of its area: 15,000 on the 2.4 µm pixels of 1" sensors of the Phantom 4
 Pro's kind (Sony IMX183, as camera makers measure it by EMVA 1288)."""
 
-READ_NOISE: Final = 2.5
-"""Read noise of such a pixel in electrons, from the same measurements."""
-
+READ_NOISE: Final = 2.5  # Read noise of such a pixel in electrons, from the same measurements
 _READ_PITCH_UM: Final = 2.4
 
 NATIVE: Final = 1.4
 """A pixel of a image that covers fewer of the sensor's than this, along a side, counts as one of the sensor's."""
 
-_PAVEMENT_WARMTH: Final = 0.08
-"""Logarithm of red over blue of aged asphalt and concrete under white light."""
-
+_PAVEMENT_WARMTH: Final = 0.08  # Logarithm of red over blue of aged asphalt and concrete under white light
 SHARP_PX: Final = 0.3
 """Images in which nothing moves farther than this during the exposure get no motion blur."""
 

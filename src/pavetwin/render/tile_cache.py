@@ -18,12 +18,8 @@ from pavetwin.render.instances import InstanceBatch, PartTable
 from pavetwin.render.meshes import GpuMesh, upload_facades, upload_ground, upload_kerbs, upload_patch
 from pavetwin.scene.values import DefectPatch, Detail, GroundKind, GroundMaps, Model, Tile, TileKey
 
-TILES_HELD: Final = 192
-"""Tiles on the device, each of 1 MB at most."""
-
-PAVEMENTS_HELD: Final = 64
-"""Their maps and defects, each of some 12 MB."""
-
+TILES_HELD: Final = 192  # Tiles on the device, each of 1 MB at most
+PAVEMENTS_HELD: Final = 64  # Their maps and defects, each of some 12 MB
 Held = TypeVar("Held")
 
 

@@ -23,11 +23,8 @@ BRAKING_MPS2: Final = 0.7
 STANDING_MPS: Final = 0.2
 """Slower vehicles stand with the brake on; slower people stand."""
 
-BRAKE_GLOW: Final = 1.5
-"""See `Instance.tints`."""
-
-_LAMP_REAR: Final = 2
-"""Slot of the rear lamps."""
+BRAKE_GLOW: Final = 1.5  # See `Instance.tints`
+_LAMP_REAR: Final = 2  # Slot of the rear lamps
 
 
 class Actors:
@@ -136,9 +133,7 @@ def quadrotor(position: npt.ArrayLike, yaw_rad: float, acceleration_mps2: npt.Ar
     return Instance("quadrotor", BODY, matrix, tints())
 
 
-TOUCHING_M: Final = 0.02
-"""Vertices of a model below this height are where its tyres touch the ground."""
-
+TOUCHING_M: Final = 0.02  # Vertices of a model below this height are where its tyres touch the ground
 NARROW_M: Final = 0.3
 """Models whose tyres lie within this width stand on their side stand (`lean_deg`), whatever slopes below."""
 

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from pavetwin.arrays import Float32Array, Float64Array
-from pavetwin.scene.models import bounds
+from pavetwin.scene.meshes import bounds
 from pavetwin.scene.palettes import BOTTOMS, BUS_PAINTS, HAIR, PAINTS, SKIN, TOPS, WORK_PAINTS, Colour, Tone, drawn
 from pavetwin.scene.values import TINTS, Model
 from pavetwin.seeds import Stream, child

@@ -13,7 +13,8 @@ from typing import Final
 import numpy as np
 
 from pavetwin.arrays import Float64Array
-from pavetwin.scene.models import BODY, merged
+from pavetwin.scene.meshes import merged
+from pavetwin.scene.models import BODY
 from pavetwin.scene.shafts import THIN, rod
 from pavetwin.scene.values import Mesh, Model
 from pavetwin.scene.wires import between
@@ -31,8 +32,7 @@ SHOOTS: Final = (4, 3)
 SLIMMEST: Final = 0.0022
 BARK: Final = (0.13, 0.115, 0.10)
 
-KEY: Final = 102
-"""Key of the child of the scene's random stream that the forms are drawn from."""
+KEY: Final = 102  # Key of the child of the scene's random stream that the forms are drawn from
 
 
 @cache

@@ -19,22 +19,16 @@ import numpy as np
 from pavetwin.arrays import AnyArray, Float64Array, UInt8Array
 from pavetwin.scene.texture_cache import kept
 
-SIDE_PX: Final = 512
-"""Side of the atlas [texels]; it has 2 × 2 cells."""
-
+SIDE_PX: Final = 512  # Side of the atlas [texels]; it has 2 × 2 cells
 CUT: Final = 0.5
 """Threshold of the alpha test."""
 
-SPRAY: Final = 3
-"""The cell filled with leaves, for the inside of a crown. The cells before it are twigs."""
-
+SPRAY: Final = 3  # The cell filled with leaves, for the inside of a crown. The cells before it are twigs.
 _CELL_PX: Final = SIDE_PX // 2
 _FINE: Final = 2
 """Texels are means of so many by so many samples."""
 
-_LEVELS: Final = 6
-"""Mip levels down to cells of 8 texels, before leaves bleed into neighbouring cells."""
-
+_LEVELS: Final = 6  # Mip levels down to cells of 8 texels, before leaves bleed into neighbouring cells
 _SEED: Final = 5
 
 

@@ -13,7 +13,9 @@ from shapely import Point, STRtree
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.agents import upright
 from pavetwin.scene.appearance import tints
-from pavetwin.scene.models import BODY, bounds
+from pavetwin.scene.ground.layout.surfaces import strips_of
+from pavetwin.scene.meshes import bounds
+from pavetwin.scene.models import BODY
 from pavetwin.scene.palettes import PAINTS, drawn
 from pavetwin.scene.shafts import SHAFT
 from pavetwin.scene.values import Instance, Model
@@ -21,9 +23,7 @@ from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Furniture, FurnitureKind, Lane, LaneKind, World
 from pavetwin.world.parking import ParkingPosition
 
-FURNITURE_KEY: Final = 5
-"""Key of this module's child of the scene's random stream."""
-
+FURNITURE_KEY: Final = 5  # Key of this module's child of the scene's random stream
 GALVANISED: Final = (0.36, 0.37, 0.38)
 PAINTED: Final = ((0.36, 0.37, 0.38), (0.06, 0.07, 0.065), (0.17, 0.18, 0.19), (0.03, 0.055, 0.04))
 """Colours of lamp posts in different streets."""
@@ -33,9 +33,7 @@ ARM_RADIUS_M: Final = {FurnitureKind.STREET_LIGHT: 0.035, FurnitureKind.SIGNAL: 
 LAMP_M: Final = 0.62
 """Length of a lamp's head."""
 
-SIGN_FACE_M: Final = 0.35
-"""From the top of a sign's post down to the middle of its plate."""
-
+SIGN_FACE_M: Final = 0.35  # From the top of a sign's post down to the middle of its plate
 SIGNS: Final = ("sign_triangle", "sign_octagon", "sign_round")
 SIGN_SHARES: Final = (0.5, 0.2, 0.3)
 """Signs at unsignalled approaches: give way, stop, or speed limit. Ours."""
@@ -132,18 +130,13 @@ def _plate(item: Furniture, rng: np.random.Generator) -> Iterator[Instance]:
     yield Instance(name, BODY, upright(x, y, facing, z_m=item.height_m - SIGN_FACE_M), tints())
 
 
-EXTRAS_KEY: Final = 6
-"""Key of this module's child of the scene's random stream."""
-
+EXTRAS_KEY: Final = 6  # Key of this module's child of the scene's random stream
 HIGHEST_M: Final = 1.2
 SPACING_M: Final = (9.0, 26.0)
 """Distance along a sidewalk between two candidate places."""
 
-FROM_ROAD_M: Final = 0.6
-"""Least distance from the carriageway: the clearance that posts keep from roads."""
-
-APART_M: Final = 1.4
-"""Least distance between middles, also from the world's furniture."""
+FROM_ROAD_M: Final = 0.6  # Least distance from the carriageway: the clearance that posts keep from roads
+APART_M: Final = 1.4  # Least distance between middles, also from the world's furniture
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,8 +256,7 @@ class StreetObjects:
 
     @cached_property
     def _walks(self) -> STRtree:
-        lanes = self._world.lanes_of(LaneKind.SIDEWALK)
-        return STRtree([lane.centre_line.buffer(lane.width_m / 2, cap_style="flat") for lane in lanes])
+        return STRtree(strips_of(self._world.lanes_of(LaneKind.SIDEWALK)))
 
 
 def _distance(tree: STRtree, point: Point) -> float:

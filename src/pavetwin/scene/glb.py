@@ -114,9 +114,9 @@ class GlbWriter:
         }
         return _appended(self._lists["accessors"], accessor | ({"normalized": True} if normalized else {}))
 
-    def texture(self, picture: bytes, mime: str, *, clamped: bool = False) -> int:
-        """A new texture from a image as it is in its file; it repeats unless it is clamped at its edges."""
-        image = _appended(self._lists["images"], {"bufferView": self._view(picture, None), "mimeType": mime})
+    def texture(self, content: bytes, mime: str, *, clamped: bool = False) -> int:
+        """A new texture from an image file; it repeats unless it is clamped at its edges."""
+        image = _appended(self._lists["images"], {"bufferView": self._view(content, None), "mimeType": mime})
         return _appended(self._lists["textures"], {"source": image, "sampler": int(clamped)})
 
     def mesh(self, name: str, primitives: Sequence[Mapping[str, Any]]) -> int:

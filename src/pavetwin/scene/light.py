@@ -78,9 +78,7 @@ LUMINANCE: Final = np.array([0.2126, 0.7152, 0.0722])
 SUN_RADIUS_RAD: Final = math.radians(0.533 / 2)
 """The sun's mean angular radius."""
 
-_SOLAR_KLUX: Final = 127.5
-"""Illuminance of the sun above the atmosphere (IES)."""
-
+_SOLAR_KLUX: Final = 127.5  # Illuminance of the sun above the atmosphere (IES)
 # IES: extinction c of the sun's beam, then A, B and C of the sky's horizontal illuminance A + B·sin(elevation)^C in
 # kilolux, for a clear, a partly cloudy and a cloudy sky.
 _CLOUD_COVERS: Final = (0.0, 0.5, 1.0)

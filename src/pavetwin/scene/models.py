@@ -14,8 +14,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from pavetwin.arrays import Float64Array
 from pavetwin.scene.glb import Glb, from_file_axes, read_glb
+from pavetwin.scene.meshes import merged
 from pavetwin.scene.values import Mesh, Model
 
 SLOTS: Final[Mapping[str, int]] = MappingProxyType(
@@ -62,36 +62,12 @@ def load_model(path: Path) -> Model:
             key: float(value) for key, value in holder.get("extras", {}).items() if isinstance(value, int | float)
         }
     person = str(glb.document["asset"].get("extras", {}).get("kind", ""))
-    parts = {name: _merged(glb, node["mesh"]) for name, node in zip(names, nodes, strict=True)}
+    meshes = [glb.document["meshes"][node["mesh"]]["primitives"] for node in nodes]
+    parts = {
+        name: merged([_primitive(glb, each) for each in primitives])
+        for name, primitives in zip(names, meshes, strict=True)
+    }
     return Model(path.stem, MappingProxyType(parts), MappingProxyType(extras), person=person)
-
-
-def bounds(mesh: Mesh) -> tuple[Float64Array, Float64Array]:
-    """Lowest and highest corner (3,) of a mesh."""
-    return mesh.positions.min(axis=0).astype(np.float64), mesh.positions.max(axis=0).astype(np.float64)
-
-
-def _merged(glb: Glb, mesh: int) -> Mesh:
-    meshes = [_primitive(glb, primitive) for primitive in glb.document["meshes"][mesh]["primitives"]]
-    return merged(meshes)
-
-
-def merged(meshes: list[Mesh]) -> Mesh:
-    """Several meshes with the same attributes as one."""
-    starts = np.cumsum([0, *(len(mesh.positions) for mesh in meshes[:-1])])
-
-    def joined(name: str) -> Any:
-        arrays = [getattr(mesh, name) for mesh in meshes]
-        return None if any(array is None for array in arrays) else np.concatenate(arrays)
-
-    return Mesh(
-        positions=joined("positions"),
-        normals=joined("normals"),
-        indices=np.concatenate([mesh.indices + np.uint32(start) for mesh, start in zip(meshes, starts, strict=True)]),
-        colours=joined("colours"),
-        surface=joined("surface"),
-        uv=joined("uv"),
-    )
 
 
 def _primitive(glb: Glb, primitive: Mapping[str, Any]) -> Mesh:

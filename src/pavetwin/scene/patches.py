@@ -20,15 +20,14 @@ from pavetwin.defects import Heightfield, albedo_factor, heightfield_of, lost_su
 from pavetwin.defects.maps import distances_px
 from pavetwin.defects.registry import failures_named
 from pavetwin.scene.agents import upright
+from pavetwin.scene.meshes import upward_normals
 from pavetwin.scene.values import PLAIN_FINISH, TILE_M, DefectPatch, Finish, GroundKind, Mesh, defect_label
 from pavetwin.world.model import Defect
 
 BESIDE_M: Final = 0.04
 """Distance of a hole's ring from its defect's outline; less than half the least distance between two defects."""
 
-SMOOTHED_M: Final = 0.004
-"""The outline is simplified within this."""
-
+SMOOTHED_M: Final = 0.004  # The outline is simplified within this
 RING_M: Final = 0.006
 """And the hole's ring within this: together with `BESIDE_M` half the least distance between two defects."""
 
@@ -36,9 +35,7 @@ BAY_M: Final = 0.05
 """Radius of a disc: where none reaches from outside is hole. One around a point of another defect reaches all of that
 one's hole without touching this one."""
 
-TOLERANCE_M: Final = 0.005
-"""Tolerance of the mesh; finer relief is in the normal map."""
-
+TOLERANCE_M: Final = 0.005  # Tolerance of the mesh; finer relief is in the normal map
 MOST_VERTICES: Final = 1_500
 
 COARSE_M: Final = 0.012
@@ -50,9 +47,7 @@ COARSE_PIXEL_M: Final = 0.008
 """Pixels of this side on the ground and larger show no difference: 35° off the vertical 12 mm of height lie 8 mm
 aside."""
 
-MOST_TEXELS: Final = 1_500_000
-"""Larger maps are averaged down by whole factors: 6 × 4 m at 4 mm."""
-
+MOST_TEXELS: Final = 1_500_000  # Larger maps are averaged down by whole factors: 6 × 4 m at 4 mm
 LUMINANCE: Final = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 
 
@@ -129,7 +124,7 @@ def _mesh(defect: Defect, field: Heightfield, ring: Float64Array, tolerance_m: f
     if made is None:
         raise ValueError(f"the outline of defect {defect.id} crosses itself")
     positions, indices, _ = made
-    upright = np.tile(np.array([0, 0, 1], dtype=np.float32), (len(positions), 1))  # the map holds the whole slope
+    upright = upward_normals(len(positions))  # the map holds the whole slope
     return Mesh(positions, upright, indices, uv=field.uv(positions[:, :2].astype(np.float64)))
 
 

@@ -54,6 +54,9 @@ from pavetwin.scene.values import (
     Model,
     Tile,
     TileKey,
+    tile_at,
+    tile_bounds,
+    tile_origin,
 )
 from pavetwin.scene.wires import Wires, shaded_strips, wire_instances, wires_of
 from pavetwin.traffic.parked import ParkedVehicles
@@ -135,9 +138,7 @@ SCENE_SEED: Final = 0
 """Seed of what a world leaves open, such as colours of cars and stains of roads: a world looks the same in every
 dataset and mission."""
 
-TILES_KEPT: Final = 8
-"""Tiles in memory; renderers keep their own copies on the device."""
-
+TILES_KEPT: Final = 8  # Tiles in memory; renderers keep their own copies on the device
 PATCHES_KEPT: Final = 96
 """Whole patches in memory, some MB each at most, since the other parts of one lie on the next tiles."""
 
@@ -282,8 +283,7 @@ class Scene:
 
     def houses_on(self, key: TileKey, detail: HouseDetail) -> tuple[FacadePiece, ...]:
         """The houses of a tile at a level of detail, in its frame."""
-        origin = key[0] * TILE_M, key[1] * TILE_M
-        made = [self._builder.pieces(number, origin, detail) for number in self._buildings.get(key, [])]
+        made = [self._builder.pieces(number, tile_origin(key), detail) for number in self._buildings.get(key, [])]
         return tuple(piece for pieces in made for piece in pieces)
 
     def standing_on(self, key: TileKey) -> tuple[Instance, ...]:
@@ -465,7 +465,7 @@ def _by_tile(places: Sequence[tuple[float, float]]) -> Mapping[TileKey, list[int
     """Indices of places by the tile that they lie in."""
     found: defaultdict[TileKey, list[int]] = defaultdict(list)
     for index, (x, y) in enumerate(places):
-        found[math.floor(x / TILE_M), math.floor(y / TILE_M)].append(index)
+        found[tile_at(x, y)].append(index)
     return dict(found)
 
 
@@ -473,11 +473,6 @@ def keys_of(bounds: Bounds) -> Iterator[TileKey]:
     """The tiles that a box meets, row by row."""
     west, south, east, north = (math.floor(value / TILE_M) for value in bounds)
     return ((column, row) for row in range(south, north + 1) for column in range(west, east + 1))
-
-
-def tile_bounds(key: TileKey) -> Bounds:
-    """A tile's square, in metres of the world frame."""
-    return key[0] * TILE_M, key[1] * TILE_M, (key[0] + 1) * TILE_M, (key[1] + 1) * TILE_M
 
 
 def _wider(bounds: Bounds, by_m: float) -> Bounds:

@@ -36,25 +36,15 @@ from pavetwin.world.model import (
 VEHICLES: Final = "signal_head"
 WALKERS: Final = "signal_pedestrian"
 
-LOW_HEAD_M: Final = 2.95
-"""Middle of the head on a mast: its underside is at 2.4 m (RiLSA 2015: at least 2.1 m)."""
-
-BEHIND_KERB_M: Final = 0.5
-"""From the carriageway to a pole (RASt 06: half a metre next to it is kept free)."""
-
-REACH_M: Final = 6.0
-"""A crossing that ends farther from any kerb has no pole there: it ends between the lanes."""
-
+LOW_HEAD_M: Final = 2.95  # Middle of the head on a mast: its underside is at 2.4 m (RiLSA 2015: at least 2.1 m)
+BEHIND_KERB_M: Final = 0.5  # From the carriageway to a pole (RASt 06: half a metre next to it is kept free)
+REACH_M: Final = 6.0  # A crossing that ends farther from any kerb has no pole there: it ends between the lanes
 WALKER_HEAD_M: Final = 2.4
 WALKER_POLE_M: Final = 2.9
 """Middle of the heads at crossings, and height of their poles."""
 
-DARK: Final = 0.22
-"""Colour of a lamp that is off, as a share of its lens."""
-
-GLOW: Final = 3.0
-"""See `Instance.tints`."""
-
+DARK: Final = 0.22  # Colour of a lamp that is off, as a share of its lens
+GLOW: Final = 3.0  # See `Instance.tints`
 _LIT: Final[Mapping[str, tuple[int, ...]]] = {
     "r": (1,), "s": (1,), "u": (1, 2), "y": (2,), "Y": (2,), "g": (3,), "G": (3,),
 }  # fmt: skip

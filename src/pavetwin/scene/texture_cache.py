@@ -19,8 +19,7 @@ from pavetwin.files import writing
 from pavetwin.seeds import __file__ as seeds_file
 from pavetwin.world.cache import texture_folder
 
-_FILES: Final = 3
-"""Files kept of one name, the last made, for other variants and earlier code."""
+_FILES: Final = 3  # Files kept of one name, the last made, for other variants and earlier code
 
 
 def kept(name: str, make: Callable[[], Mapping[str, AnyArray]], variant: int | str = 0) -> Mapping[str, AnyArray]:

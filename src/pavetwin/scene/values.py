@@ -9,6 +9,7 @@ tile's south-west corner, which keeps 32-bit coordinates exact; a model's frame 
 on the ground below the middle of its footprint.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -214,7 +215,7 @@ class Tile:
     """The static objects of one square of the world. Its ground's maps and defects are made separately: they take most
     of the time, and are needed only when the ground is in view."""
 
-    key: tuple[int, int]
+    key: TileKey
     """Column and row: its south-west corner is key × TILE_M in the world frame."""
     ground: tuple[GroundPiece, ...]
     facades: tuple[FacadePiece, ...]
@@ -226,7 +227,22 @@ class Tile:
     @property
     def origin(self) -> tuple[float, float]:
         """The south-west corner in the world frame, in metres."""
-        return self.key[0] * TILE_M, self.key[1] * TILE_M
+        return tile_origin(self.key)
+
+
+def tile_origin(key: TileKey) -> tuple[float, float]:
+    """The south-west corner of a tile in the world frame, in metres."""
+    return key[0] * TILE_M, key[1] * TILE_M
+
+
+def tile_bounds(key: TileKey) -> tuple[float, float, float, float]:
+    """A tile's square: west, south, east, north in metres of the world frame."""
+    return key[0] * TILE_M, key[1] * TILE_M, (key[0] + 1) * TILE_M, (key[1] + 1) * TILE_M
+
+
+def tile_at(x_m: float, y_m: float) -> TileKey:
+    """The tile that a place of the world frame lies in."""
+    return math.floor(x_m / TILE_M), math.floor(y_m / TILE_M)
 
 
 def agent_label(agent: int) -> int:

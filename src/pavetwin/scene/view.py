@@ -76,11 +76,11 @@ class View:
         plane = (np.asarray(pixels, dtype=np.float64) - self.principal_px) / self.focal_px
         return np.asarray(np.concatenate([plane, np.ones((*plane.shape[:-1], 1))], axis=-1) @ self.rotation.T)
 
-    def ground(self, pixels: npt.ArrayLike, height_m: float = 0.0) -> Float64Array:
-        """Where the rays through pixels (..., 2) meet the plane z = `height_m`: (..., 2), NaN where they do not."""
+    def ground(self, pixels: npt.ArrayLike) -> Float64Array:
+        """Where the rays through pixels (..., 2) meet the level ground: (..., 2), NaN where they do not."""
         rays = self.rays(pixels)
         with np.errstate(divide="ignore", invalid="ignore"):
-            reach = (height_m - self.position[2]) / rays[..., 2]
+            reach = (0.0 - self.position[2]) / rays[..., 2]
         reach = np.where(reach > 0, reach, np.nan)
         return np.asarray(self.position[:2] + rays[..., :2] * reach[..., None])
 

@@ -20,14 +20,9 @@ from pavetwin.scene.values import Instance
 from pavetwin.seeds import Stream, child
 from pavetwin.world.model import Furniture, FurnitureKind, World
 
-STEP_M: Final = 0.25
-"""Strips follow the height of the ground in steps of this length."""
-
-FARTHEST_M: Final = 60.0
-"""Shadows farther from their segments are left out: the sun's disc has blurred them away."""
-
-LEVEL_M: Final = 0.004
-"""Ground that differs by less is level."""
+STEP_M: Final = 0.25  # Strips follow the height of the ground in steps of this length
+FARTHEST_M: Final = 60.0  # Shadows farther from their segments are left out: the sun's disc has blurred them away
+LEVEL_M: Final = 0.004  # Ground that differs by less is level
 
 
 def shaded_strips(
@@ -69,12 +64,8 @@ def shaded_strips(
 KEY: Final = 14
 """Key of this module's children of the scene's random stream."""
 
-SPANS_M: Final = (10.0, 58.0)
-"""Least and greatest distance of two poles with wires between them."""
-
-PIECE_M: Final = 3.0
-"""Length of the straight pieces of a sagging wire."""
-
+SPANS_M: Final = (10.0, 58.0)  # Least and greatest distance of two poles with wires between them
+PIECE_M: Final = 3.0  # Length of the straight pieces of a sagging wire
 ARM_M: Final = 0.9
 """Width of the cross-arm that the upper wires are tied to; those of telephones are tied to the pole below it."""
 

@@ -54,7 +54,7 @@ def test_a_street_has_one_paving_on_both_sides_and_streets_differ() -> None:
 
 
 @pytest.mark.parametrize("paving", SidewalkPaving)
-def test_a_look_paves_sidewalks(paving: SidewalkPaving) -> None:
+def test_a_style_paves_sidewalks(paving: SidewalkPaving) -> None:
     where = plan(with_sidewalks(pavings={paving.value: 1}))
     x, y = where.sidewalk_lines[0].interpolate(0.4, normalized=True).coords[0]
     pieces = ground_pieces(where, (int(x // TILE_M), int(y // TILE_M)))

@@ -22,14 +22,9 @@ from pavetwin.world.model import World
 KEY: Final = 4
 """Key of this module's child of the scene's random stream."""
 
-TOUCHES_M: Final = 0.3
-"""Walls nearer to another building than this are party walls."""
-
-FRONT_M: Final = 25.0
-"""A wall faces the street if the street is nearer than this and on its side."""
-
-SMOOTHED_M: Final = 0.12
-"""Tolerance of the simplified footprint."""
+TOUCHES_M: Final = 0.3  # Walls nearer to another building than this are party walls
+FRONT_M: Final = 25.0  # A wall faces the street if the street is nearer than this and on its side
+SMOOTHED_M: Final = 0.12  # Tolerance of the simplified footprint
 
 
 class Buildings:

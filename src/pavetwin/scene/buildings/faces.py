@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from pavetwin.arrays import Float64Array, GeometryArray
+from pavetwin.arrays import Float64Array
 from pavetwin.scene.buildings.layers import FacadeTexture
-from pavetwin.scene.models import merged
+from pavetwin.scene.meshes import corners_of, merged
 from pavetwin.scene.palettes import Colour
 from pavetwin.scene.values import Mesh
 from pavetwin.world.model import Surface
@@ -130,11 +130,6 @@ class Faces:
             layer: merged([_flattened(of[layer], corners) for of, corners in batches if layer in of])
             for layer in layers
         }
-
-
-def corners_of(triangles: shapely.Geometry | GeometryArray) -> Float64Array:
-    """(n, 3, 2) corners of all triangles in a collection, or in an array of them."""
-    return shapely.get_coordinates(shapely.get_parts(triangles)).reshape(-1, 4, 2)[:, :3]
 
 
 def _at(points: Float64Array, height_m: float) -> Float64Array:

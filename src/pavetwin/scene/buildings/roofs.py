@@ -16,9 +16,10 @@ from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from pavetwin.arrays import Float64Array
-from pavetwin.scene.buildings.faces import Faces, corners_of
+from pavetwin.scene.buildings.faces import Faces
 from pavetwin.scene.buildings.layers import FacadeTexture
 from pavetwin.scene.buildings.styles import TOWER, FacadeStyle, HouseDetail, Roof
+from pavetwin.scene.meshes import corners_of
 from pavetwin.scene.palettes import Colour
 
 STEP_M: Final = 0.35
@@ -33,9 +34,7 @@ OVERHANG_M: Final = 0.30
 CORNER_M: Final = 0.25
 """A footprint that misses more than this share of its bounding rectangle is not a rectangle."""
 
-PARAPET_M: Final = (0.35, 0.95)
-"""Parapet heights of small and of large flat roofs; the latter hide the equipment."""
-
+PARAPET_M: Final = (0.35, 0.95)  # Parapet heights of small and of large flat roofs; the latter hide the equipment
 LARGE_M2: Final = 260.0
 PARAPET_THICK_M: Final = 0.28
 CHIMNEY_M: Final = 0.6

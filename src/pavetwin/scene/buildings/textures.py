@@ -1,7 +1,8 @@
 """Façade textures: walls and roofs that repeat, openings in cells, and all of them as one array."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -13,21 +14,20 @@ from pavetwin.scene.texture_cache import kept
 from pavetwin.seeds import Stream, child
 
 
-def noise(rng: np.random.Generator, wavelength_px: float, *, along: float = 1.0, size: int = FACADE_PX) -> Float32Array:
-    """Smooth periodic noise (size, size), mean 0 and deviation 1; `along` above 1 stretches it along rows."""
-    spectrum = np.fft.rfft2(rng.standard_normal((size, size), dtype=np.float32))
-    fx = np.fft.rfftfreq(size)[None, :] * along
-    fy = np.fft.fftfreq(size)[:, None]
+def noise(rng: np.random.Generator, wavelength_px: float, *, along: float = 1.0) -> Float32Array:
+    """Smooth periodic noise (FACADE_PX, FACADE_PX), mean 0 and deviation 1; `along` above 1 stretches it along rows."""
+    spectrum = np.fft.rfft2(rng.standard_normal((FACADE_PX, FACADE_PX), dtype=np.float32))
+    fx, fy = np.fft.rfftfreq(FACADE_PX)[None, :] * along, np.fft.fftfreq(FACADE_PX)[:, None]
     spectrum *= np.exp(-0.5 * (np.hypot(fx, fy) * wavelength_px) ** 2)
     spectrum[0, 0] = 0
-    waves = np.fft.irfft2(spectrum, s=(size, size))
+    waves = np.fft.irfft2(spectrum, s=(FACADE_PX, FACADE_PX))
     return np.asarray(waves / waves.std(), dtype=np.float32)
 
 
-def fractal(rng: np.random.Generator, coarsest_px: float, *, octaves: int = 5, along: float = 1.0) -> Float32Array:
-    """Noise over several octaves, each half as strong as the coarser one; deviation about 1."""
-    parts = [0.5**k * noise(rng, coarsest_px / 2**k, along=along) for k in range(octaves)]
-    return np.asarray(sum(parts) / np.sqrt(sum(0.25**k for k in range(octaves))), dtype=np.float32)
+def fractal(rng: np.random.Generator, coarsest_px: float, *, along: float = 1.0) -> Float32Array:
+    """Noise over five octaves, each half as strong as the coarser one; deviation about 1."""
+    parts = [0.5**k * noise(rng, coarsest_px / 2**k, along=along) for k in range(5)]
+    return np.asarray(sum(parts) / np.sqrt(sum(0.25**k for k in range(5))), dtype=np.float32)
 
 
 def grid() -> tuple[Float32Array, Float32Array]:
@@ -98,22 +98,8 @@ GLASS_ROUGH = 0.04
 Painter = Callable[[np.random.Generator, int], TextureCanvas]
 
 
-def windows(rng: np.random.Generator) -> Float32Array:
-    """(k, k, 4): cells 0 … 7 have white frames, 8 … 11 dark, 12 … 15 wooden ones."""
-    return _atlas(rng, _window)
-
-
-def glazing(rng: np.random.Generator) -> Float32Array:
-    """(k, k, 4): cells 0 … 7 are panes of offices, 8 … 15 shop windows."""
-    return _atlas(rng, lambda own, number: _office(own) if number < 8 else _shop(own))
-
-
-def doors(rng: np.random.Generator) -> Float32Array:
-    """(k, k, 4): cells 0 … 7 are house doors, 8 … 11 garage doors, 12 … 15 roller shutters."""
-    return _atlas(rng, _door)
-
-
-def _atlas(rng: np.random.Generator, paint: Painter) -> Float32Array:
+def _atlas(paint: Painter, rng: np.random.Generator) -> Float32Array:
+    """(k, k, 4) of all cells."""
     cells = [paint(own, number).pixels for number, own in enumerate(rng.spawn(CELLS * CELLS))]
     rows = [np.concatenate(cells[row * CELLS : (row + 1) * CELLS], axis=1) for row in range(CELLS)]
     return np.concatenate(rows, axis=0)
@@ -127,6 +113,7 @@ def _room(cell: TextureCanvas, rng: np.random.Generator) -> None:
 
 
 def _window(rng: np.random.Generator, number: int) -> TextureCanvas:
+    """Cells 0 … 7 have white frames, 8 … 11 dark, 12 … 15 wooden ones."""
     cell = TextureCanvas(CELL_PX)
     _room(cell, rng)
     kind = rng.integers(6)
@@ -179,6 +166,11 @@ def _pots(cell: TextureCanvas, rng: np.random.Generator) -> None:
         cell.rectangle((x - 0.07, x + 0.07), (0.14, 0.14 + high), (0.03, 0.07, 0.02), 0.7, opacity=0.8)
 
 
+def _glazing(rng: np.random.Generator, number: int) -> TextureCanvas:
+    """Cells 0 … 7 are panes of offices, 8 … 15 shop windows."""
+    return _office(rng) if number < 8 else _shop(rng)
+
+
 def _office(rng: np.random.Generator) -> TextureCanvas:
     cell = TextureCanvas(CELL_PX)
     base = np.array([0.018, 0.026, 0.032], dtype=np.float32) * float(rng.uniform(0.8, 1.5))
@@ -213,6 +205,7 @@ def _shop(rng: np.random.Generator) -> TextureCanvas:
 
 
 def _door(rng: np.random.Generator, number: int) -> TextureCanvas:
+    """Cells 0 … 7 are house doors, 8 … 11 garage doors, 12 … 15 roller shutters."""
     if number >= 8:
         return _gate(rng, shutter=number >= 12)
     cell = TextureCanvas(CELL_PX)
@@ -366,10 +359,8 @@ def felt(rng: np.random.Generator) -> Float32Array:
     return layer_of(np.asarray(face, dtype=np.float32), 0.88)
 
 
-KEY = 3
-"""Key of this module's child of the scene's random stream."""
-
-MAKERS = {
+KEY = 3  # Key of this module's child of the scene's random stream
+MAKERS: Mapping[FacadeTexture, Callable[[np.random.Generator], Float32Array]] = {
     FacadeTexture.RENDER: render,
     FacadeTexture.BRICK: brick,
     FacadeTexture.CONCRETE: concrete,
@@ -380,9 +371,9 @@ MAKERS = {
     FacadeTexture.SEAMS: seams,
     FacadeTexture.GRAVEL: gravel,
     FacadeTexture.FELT: felt,
-    FacadeTexture.WINDOWS: windows,
-    FacadeTexture.GLAZING: glazing,
-    FacadeTexture.DOORS: doors,
+    FacadeTexture.WINDOWS: partial(_atlas, _window),
+    FacadeTexture.GLAZING: partial(_atlas, _glazing),
+    FacadeTexture.DOORS: partial(_atlas, _door),
 }
 
 

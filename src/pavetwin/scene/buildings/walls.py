@@ -11,9 +11,7 @@ from pavetwin.scene.buildings.faces import Faces
 from pavetwin.scene.buildings.layers import CELL_M, CELLS, FACADE_REPEAT_M, FacadeTexture
 from pavetwin.scene.buildings.styles import FacadeStyle, GroundFloor, HouseDetail, Windows
 
-SHORTEST_M = 1.3
-"""A shorter wall has no openings."""
-
+SHORTEST_M = 1.3  # A shorter wall has no openings
 MARGIN_M, MARGIN_SHARE = 0.35, 0.12
 """Width of plain wall at a wall's ends; for a short wall this share of it."""
 
@@ -21,9 +19,7 @@ PLINTH_M = 0.45
 SILL_M = (0.06, 0.05)
 """Projection of a window sill, and its thickness."""
 
-PROUD_M = 0.03
-"""How far openings lie before their wall where it has no reveals."""
-
+PROUD_M = 0.03  # How far openings lie before their wall where it has no reveals
 BLANK_SHADE = 0.85
 """Factor on a wall that stands for one with openings: a fifth of it is panes, which reflect a quarter as much."""
 

@@ -15,8 +15,7 @@ from pavetwin.scene.ground.materials.sampling import srgb_of_linear
 from pavetwin.scene.patches import averaged
 from pavetwin.scene.values import PLAIN_FINISH, TILE_M, DefectPatch, GroundKind, GroundPiece, Tile
 
-MOST_POINTS = 1 << 19
-"""Texels baked at once: some 200 MB."""
+MOST_POINTS = 1 << 19  # Texels baked at once: some 200 MB
 
 
 @dataclass(frozen=True)
@@ -33,6 +32,13 @@ def jpeg(pixels: UInt8Array, quality: int, subsampling: str = "4:4:4") -> bytes:
     """The bytes of a JPEG file of (rows, cols, 3)."""
     stream = BytesIO()
     Image.fromarray(pixels).save(stream, "JPEG", quality=quality, subsampling=subsampling, optimize=True)
+    return stream.getvalue()
+
+
+def png(image: Image.Image) -> bytes:
+    """The bytes of a PNG file."""
+    stream = BytesIO()
+    image.save(stream, "PNG", optimize=True)
     return stream.getvalue()
 
 
@@ -85,8 +91,7 @@ def bake_patch(patch: DefectPatch, origin: tuple[float, float], maps: MapPyramid
     own = np.stack(np.meshgrid(x, y), axis=-1)
     turn = patch.transform[:2, :2]
     world = own @ turn.T + patch.transform[:2, 3]
-    footprint_m = float((high[0] - low[0]) / cols)
-    lost = relief[..., 4] / 255
+    footprint_m, lost = float((high[0] - low[0]) / cols), relief[..., 4] / 255
     seen = surface(patch.kind, world, world - origin, origin, maps, footprint_m, patch.finish, lost)
     bent = (relief[..., :2] - 128) / 127
     slope = bent / np.sqrt(np.maximum(1e-3, 1 - (bent**2).sum(axis=-1, keepdims=True)))

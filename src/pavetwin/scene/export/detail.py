@@ -13,8 +13,7 @@ FINEST_TEXEL_M, COARSEST_TEXEL_M = 0.005, 0.5
 PATCH_FINER: Final = 0.2
 """Texels of defects are this share of the ground's, down to those of their maps."""
 
-DEFECT_M2: Final = 5.2
-"""Mean texture area of a defect: its maps' rectangle."""
+DEFECT_M2: Final = 5.2  # Mean texture area of a defect: its maps' rectangle
 
 
 @dataclass(frozen=True)

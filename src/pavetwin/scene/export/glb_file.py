@@ -1,6 +1,5 @@
 """A world as one binary glTF file: ground, defects, buildings, furniture, parked vehicles, traffic at one moment."""
 
-import math
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,17 +14,14 @@ from pavetwin.files import writing
 from pavetwin.scene.export.detail import USUAL, Estimate, estimated, level_named
 from pavetwin.scene.export.glb_parts import Job, SceneWriter, TilePiece, make_pieces
 from pavetwin.scene.glb import LARGEST, GlbWriter
-from pavetwin.scene.scene import Scene, keys_of, tile_bounds
-from pavetwin.scene.values import TILE_M, Instance, TileKey
+from pavetwin.scene.scene import Scene, keys_of
+from pavetwin.scene.values import TILE_M, Instance, TileKey, tile_at, tile_bounds
 from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.traffic.recording import Recording
 from pavetwin.world.ground import Bounds
 
-LEAST_TILES: Final = 12
-"""Start-up time of a process: making the world's plan and textures takes as long."""
-
-AROUND_M: Final = 40.0
-"""Land farther than this from any street is left out."""
+LEAST_TILES: Final = 12  # Start-up time of a process: making the world's plan and textures takes as long
+AROUND_M: Final = 40.0  # Land farther than this from any street is left out
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,8 +185,4 @@ def _agents(
     found = scene.agents(moment.recording if moment else None, moment.time_s if moment else 0.0)
     found += () if parked is None else scene.parked(parked)
     on = set(keys)
-    return [
-        instance
-        for instance in found
-        if (math.floor(instance.transform[0, 3] / TILE_M), math.floor(instance.transform[1, 3] / TILE_M)) in on
-    ]
+    return [instance for instance in found if tile_at(*instance.transform[:2, 3]) in on]

@@ -2,20 +2,19 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from io import BytesIO
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from PIL import Image
 
 from pavetwin.arrays import BoolArray, Float32Array, FloatArray, UInt8Array, UInt32Array
+from pavetwin.scene.export.baking import png
 from pavetwin.scene.foliage import CUT, leaf_atlas
 from pavetwin.scene.glb import INDICES, GlbWriter, to_file_axes
 from pavetwin.scene.ground.materials.sampling import srgb_of_linear
 from pavetwin.scene.values import Instance, Mesh, Model
 
-TINT_STEPS: Final = 64
-"""Colours of individuals are rounded to this many steps, so that many share a mesh."""
+TINT_STEPS: Final = 64  # Colours of individuals are rounded to this many steps, so that many share a mesh
 
 
 class _Group(NamedTuple):
@@ -80,8 +79,8 @@ class SharedModels:
         uv = None if mesh.uv is None else mesh.uv[used]
         attributes = attributes_of(self.writer, piece, uv=uv, colours=colours[used] / brightest)
         rough, metallic, slot = (int(value) for value in finish)
-        finish_of = (rough, metallic, slot)
-        return _Group(attributes, indices_of(self.writer, piece.indices), finish_of, uv is not None, brightest)
+        indices_ = indices_of(self.writer, piece.indices)
+        return _Group(attributes, indices_, (rough, metallic, slot), uv is not None, brightest)
 
     def _material(self, group: _Group, tint: Float32Array | None) -> int:
         colour = group.colour if tint is None else group.colour * tint[:3]
@@ -108,12 +107,15 @@ class SharedModels:
 
     def _leaf_texture(self) -> int:
         if self._leaves is None:
-            atlas = leaf_atlas()
-            coded = np.round(255 * srgb_of_linear(atlas[..., :3] / 255)).astype(np.uint8)
-            stream = BytesIO()
-            Image.fromarray(np.concatenate([coded, atlas[..., 3:]], axis=-1)).save(stream, "PNG", optimize=True)
-            self._leaves = self.writer.texture(stream.getvalue(), "image/png")
+            self._leaves = self.writer.texture(png(leaves_image()), "image/png")
         return self._leaves
+
+
+def leaves_image() -> Image.Image:
+    """The leaf atlas, sRGB-coded, with the alpha that cuts it out; row 0 is v = 0."""
+    atlas = leaf_atlas()
+    coded = np.round(255 * srgb_of_linear(atlas[..., :3] / 255)).astype(np.uint8)
+    return Image.fromarray(np.concatenate([coded, atlas[..., 3:]], axis=-1))
 
 
 def attributes_of(
@@ -128,7 +130,7 @@ def attributes_of(
 
     Args:
         mesh: in our axes.
-        uv: (n, 2) as glTF has it: (0, 0) is a image's upper left corner.
+        uv: (n, 2) as glTF has it: (0, 0) is the image's upper left corner.
         colours: (n, 3) linear.
         has_tangents: for a normal map seen from above, which has x to the right and y up the image.
     """

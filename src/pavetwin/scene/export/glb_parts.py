@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from io import BytesIO
 from typing import Any, Final
 
 import numpy as np
@@ -13,23 +12,22 @@ from pavetwin.arrays import Float64Array, FloatArray, UInt8Array, UInt32Array
 from pavetwin.errors import PaveTwinError
 from pavetwin.plugins import load_plugins
 from pavetwin.scene.buildings import FACADE_REPEAT_M, FacadeTexture
-from pavetwin.scene.export.baking import BakedTexture, bake_patch, bake_tile, jpeg
+from pavetwin.scene.export.baking import BakedTexture, bake_patch, bake_tile, jpeg, png
 from pavetwin.scene.export.detail import PATCH_FINER, LevelOfDetail
 from pavetwin.scene.export.glb_models import SharedModels, attributes_of, indices_of
 from pavetwin.scene.glb import TO_FILE, GlbWriter
 from pavetwin.scene.ground.materials.compose import MapPyramids
-from pavetwin.scene.models import merged
+from pavetwin.scene.meshes import merged
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.values import TILE_M, Instance, Mesh, Model, Tile, TileKey, labelled_defect
 from pavetwin.workers import OnTick, WorkerPool
 from pavetwin.world.model import Defect, World
 
-RUN: Final = 6
-"""Neighbouring tiles that a process makes in one task: they share patches at their borders."""
+RUN: Final = 6  # Neighbouring tiles that a process makes in one task: they share patches at their borders
 
 
 @dataclass(frozen=True)
-class Picture:
+class SurfaceImages:
     """A surface's images as JPEG files."""
 
     colour: bytes
@@ -44,7 +42,7 @@ class PatchPiece:
     mesh: Mesh
     transform: Float64Array
     """(4, 4) from the defect's frame to the world's."""
-    picture: Picture
+    images: SurfaceImages
 
 
 @dataclass(frozen=True)
@@ -52,7 +50,7 @@ class TilePiece:
     """One tile."""
 
     tile: Tile
-    ground: Picture
+    ground: SurfaceImages
     patches: tuple[PatchPiece, ...]
 
 
@@ -127,16 +125,16 @@ def _piece(scene: Scene, key: TileKey, job: Job) -> TilePiece:
             patch.label,
             patch.mesh if level.has_fine_defects else patch.coarse,
             patch.transform,
-            _picture(bake_patch(patch, tile.origin, maps, job.texel_m * PATCH_FINER), level),
+            _images(bake_patch(patch, tile.origin, maps, job.texel_m * PATCH_FINER), level),
         )
         for patch in scene.patches_on(key)
     )
-    return TilePiece(tile, _picture(bake_tile(tile, maps, job.texel_m), level), patches)
+    return TilePiece(tile, _images(bake_tile(tile, maps, job.texel_m), level), patches)
 
 
-def _picture(baked: BakedTexture, level: LevelOfDetail) -> Picture:
+def _images(baked: BakedTexture, level: LevelOfDetail) -> SurfaceImages:
     normal = jpeg(baked.normal, level.quality + 2, level.subsampling) if level.has_normals else None
-    return Picture(jpeg(baked.colour, level.quality, level.subsampling), normal)
+    return SurfaceImages(jpeg(baked.colour, level.quality, level.subsampling), normal)
 
 
 _ROUGH_GROUND: Final = 0.92
@@ -175,23 +173,22 @@ class SceneWriter:
         number = labelled_defect(patch.label)
         assert number is not None
         name = f"defect {number}"
-        mesh = self._seen_from_above(name, patch.mesh, patch.mesh.uv * (1, -1) + (0, 1), patch.picture)
+        mesh = self._seen_from_above(name, patch.mesh, patch.mesh.uv * (1, -1) + (0, 1), patch.images)
         extras = {"label": patch.label} | self.defects[number].facts
         return self.writer.node(name=name, mesh=mesh, matrix=self._matrix(patch.transform), extras=extras)
 
     def instance(self, instance: Instance) -> int:
         """The node of an instance; its mesh is shared with all instances of the same appearance."""
         mesh = self._shared.mesh(instance)
-        extras = {"label": instance.label} if instance.label else {}
-        values: dict[str, Any] = {"extras": extras} if extras else {}
+        values: dict[str, Any] = {"extras": {"label": instance.label}} if instance.label else {}
         matrix = self._matrix(instance.transform)
         return self.writer.node(name=f"{instance.model} {instance.part}", mesh=mesh, matrix=matrix, **values)
 
-    def _ground(self, tile: Tile, picture: Picture) -> int:
+    def _ground(self, tile: Tile, images: SurfaceImages) -> int:
         mesh = merged([piece.mesh for piece in tile.ground])
         uv = np.stack([mesh.positions[:, 0] / TILE_M, 1 - mesh.positions[:, 1] / TILE_M], axis=1)
         name = f"ground {tile.key[0]} {tile.key[1]}"
-        index = self._seen_from_above(name, mesh, uv, picture)
+        index = self._seen_from_above(name, mesh, uv, images)
         return self.writer.node(name=name, mesh=index, translation=self._place(*tile.origin))
 
     def _facades(self, tile: Tile) -> list[int]:
@@ -200,9 +197,8 @@ class SceneWriter:
         primitives = []
         for layer in layers:
             mesh = merged([piece.mesh for piece in tile.facades if piece.layer == layer])
-            attributes = attributes_of(
-                self.writer, mesh, uv=_facade_uv(mesh) if layer >= 0 else None, colours=mesh.colours
-            )
+            uv = mesh.uv * (1, -1) / FACADE_REPEAT_M + (0, 1) if layer >= 0 and mesh.uv is not None else None
+            attributes = attributes_of(self.writer, mesh, uv=uv, colours=mesh.colours)
             primitives.append(self._primitive(attributes, mesh.indices, self._facade_material(layer)))
         if not primitives:
             return []
@@ -218,23 +214,22 @@ class SceneWriter:
                 values["baseColorTexture"] = {"index": self.writer.texture(jpeg(texture[..., :3], 90), "image/jpeg")}
                 if layer in _GLASSY:
                     values["roughnessFactor"] = 1.0
-                    values["metallicRoughnessTexture"] = {
-                        "index": self.writer.texture(_roughness(texture), "image/png")
-                    }
+                    rough = self.writer.texture(_roughness(texture), "image/png")
+                    values["metallicRoughnessTexture"] = {"index": rough}
             name = FacadeTexture(layer).name.lower()
             self._layers[layer] = self.writer.material(name=f"facade {name}", pbrMetallicRoughness=values)
         return self._layers[layer]
 
-    def _seen_from_above(self, name: str, mesh: Mesh, uv: FloatArray, picture: Picture) -> int:
-        """A mesh with a image of it from above."""
+    def _seen_from_above(self, name: str, mesh: Mesh, uv: FloatArray, images: SurfaceImages) -> int:
+        """A mesh with an image of it from above."""
         values: dict[str, Any] = {}
-        if picture.normal is not None:
-            normal = self.writer.texture(picture.normal, "image/jpeg", clamped=True)
+        if images.normal is not None:
+            normal = self.writer.texture(images.normal, "image/jpeg", clamped=True)
             values["normalTexture"] = {"index": normal}
         pbr: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": _ROUGH_GROUND}
-        pbr["baseColorTexture"] = {"index": self.writer.texture(picture.colour, "image/jpeg", clamped=True)}
+        pbr["baseColorTexture"] = {"index": self.writer.texture(images.colour, "image/jpeg", clamped=True)}
         material = self.writer.material(name=name, pbrMetallicRoughness=pbr, **values)
-        attributes = attributes_of(self.writer, mesh, uv=uv, has_tangents=picture.normal is not None)
+        attributes = attributes_of(self.writer, mesh, uv=uv, has_tangents=images.normal is not None)
         return self.writer.mesh(name, [self._primitive(attributes, mesh.indices, material)])
 
     def _primitive(self, attributes: dict[str, int], indices: UInt32Array, material: int) -> dict[str, Any]:
@@ -252,16 +247,8 @@ class SceneWriter:
         return values
 
 
-def _facade_uv(mesh: Mesh) -> FloatArray:
-    if mesh.uv is None:
-        raise ValueError("a façade has no uv")
-    return mesh.uv * (1, -1) / FACADE_REPEAT_M + (0, 1)
-
-
 def _roughness(texture: UInt8Array) -> bytes:
     """A PNG whose green channel is the roughness, as glTF has it."""
-    pixels = np.zeros_like(texture[..., :3])
+    pixels = np.zeros(texture[..., :3].shape, dtype=np.uint8)
     pixels[..., 1] = texture[..., 3]
-    stream = BytesIO()
-    Image.fromarray(np.ascontiguousarray(pixels)).save(stream, "PNG", optimize=True)
-    return stream.getvalue()
+    return png(Image.fromarray(pixels))

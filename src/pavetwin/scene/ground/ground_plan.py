@@ -21,7 +21,7 @@ from pavetwin.scene.ground.layout.kerbside import GAP_M, bays_of, in_bays
 from pavetwin.scene.ground.layout.lines import boxes_of
 from pavetwin.scene.ground.layout.paved import PLAIN, PavedSurface
 from pavetwin.scene.ground.layout.streets import StreetPlan, streets_of
-from pavetwin.scene.ground.layout.surfaces import SpatialIndex, SurfaceLayout, Wear
+from pavetwin.scene.ground.layout.surfaces import SpatialIndex, SurfaceLayout, Wear, strips_of
 from pavetwin.scene.ground.markings.painter import Paint, standard_of
 from pavetwin.scene.ground.markings.placement import markings
 from pavetwin.scene.ground.styles import DEFAULT_STYLE, StreetStyle, street_style
@@ -34,9 +34,7 @@ FORMER_M: Final = 0.012
 LAST_PART: Final = "paint"
 """The name of the part of a plan that is made from the others."""
 
-WIDENED_M: Final = 3.0
-"""Carriageway within this distance of a street or junction counts to it."""
-
+WIDENED_M: Final = 3.0  # Carriageway within this distance of a street or junction counts to it
 Value = TypeVar("Value")
 
 
@@ -88,8 +86,7 @@ class GroundPlan(SurfaceLayout):
 
     @cached_property
     def gutters(self) -> SpatialIndex:
-        """As in `GroundLayout`."""
-        return SpatialIndex(self.kept("gutters", self._gutters))
+        return SpatialIndex(self.kept("gutters", self.made_gutters))
 
     @cached_property
     def fixture_index(self) -> SpatialIndex:
@@ -144,7 +141,7 @@ class GroundPlan(SurfaceLayout):
 
     @cached_property
     def lane_index(self) -> SpatialIndex:
-        return SpatialIndex([lane.centre_line.buffer(lane.width_m / 2, cap_style="flat") for lane, _ in self.lanes])
+        return SpatialIndex(strips_of(lane for lane, _ in self.lanes))
 
     @cached_property
     def path_index(self) -> SpatialIndex:

@@ -94,7 +94,7 @@ class PackedFile:
         uv: FloatArray | None = None,
         facade_uv: FloatArray | None = None,
         layers: UInt8Array | None = None,
-        picture: bytes | None = None,
+        image: bytes | None = None,
         extras: Mapping[str, Any] | None = None,
     ) -> None:
         """Add a mesh as a node of its own.
@@ -129,7 +129,7 @@ class PackedFile:
         primitive = {
             "attributes": attributes,
             "indices": indices_of(self.writer, mesh.indices),
-            "material": self._material(name, picture),
+            "material": self._material(name, image),
         }
         x, y, z = place_m
         values: dict[str, Any] = {"extras": dict(extras)} if extras else {}
@@ -145,10 +145,10 @@ class PackedFile:
         self.writer.finish(target, self._spool, self._roots, asset, ("KHR_mesh_quantization",))
         return gzip.compress(target.getvalue(), _PACK, mtime=0)
 
-    def _material(self, name: str, picture: bytes | None) -> int:
+    def _material(self, name: str, image: bytes | None) -> int:
         pbr: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": 0.9}
-        if picture is not None:
-            texture = {"index": self.writer.texture(picture, "image/jpeg", clamped=True)}
+        if image is not None:
+            texture = {"index": self.writer.texture(image, "image/jpeg", clamped=True)}
             return self.writer.material(name=name, pbrMetallicRoughness={**pbr, "baseColorTexture": texture})
         if self._plain is None:
             self._plain = self.writer.material(name="plain", pbrMetallicRoughness=pbr)

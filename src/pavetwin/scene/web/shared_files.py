@@ -1,7 +1,6 @@
 """Files that all tiles of a town share: models at three levels, textures of façades and leaves, and the light."""
 
 from collections.abc import Iterable
-from io import BytesIO
 from itertools import chain
 from typing import Any, Final
 
@@ -10,9 +9,9 @@ from PIL import Image
 
 from pavetwin.scene.appearance import PARKED
 from pavetwin.scene.coarser import FINEST_M, closed, coarser, foliage_px2
-from pavetwin.scene.export.baking import jpeg
-from pavetwin.scene.foliage import CUT, leaf_atlas
-from pavetwin.scene.ground.materials.sampling import srgb_of_linear
+from pavetwin.scene.export.baking import jpeg, png
+from pavetwin.scene.export.glb_models import leaves_image
+from pavetwin.scene.foliage import CUT
 from pavetwin.scene.light import LUMINANCE, Light, harmonics
 from pavetwin.scene.models import SHADOW
 from pavetwin.scene.scene import Scene
@@ -30,9 +29,8 @@ _SKY_STEPS: Final = (0, 3, 8, 18, 35, 60, 90)
 
 def models_file(scene: Scene) -> bytes:
     """All models as one gzipped file, from the cache: it is the same in every world."""
-    return kept("web-models", lambda: {"packed": np.frombuffer(_models_file(scene), dtype=np.uint8)})[
-        "packed"
-    ].tobytes()
+    found = kept("web-models", lambda: {"packed": np.frombuffer(_models_file(scene), dtype=np.uint8)})
+    return found["packed"].tobytes()
 
 
 def _models_file(scene: Scene) -> bytes:
@@ -47,24 +45,16 @@ def _models_file(scene: Scene) -> bytes:
             if part == SHADOW or mesh.colours is None or mesh.surface is None:
                 continue
             light = scene.models.get(f"{name}{PARKED}", model).parts.get(part, mesh)
-            best = (
-                light if light.surface is not None and light.surface[:, 2].max() == mesh.surface[:, 2].max() else mesh
-            )
+            is_alike = light.surface is not None and light.surface[:, 2].max() == mesh.surface[:, 2].max()
+            best = light if is_alike else mesh
             for level, most in enumerate(CROWN_TRIANGLES if mesh.uv is not None else MODEL_TRIANGLES):
                 made = _within(best, most)
                 assert made.colours is not None
                 assert made.surface is not None
                 uv = None if made.uv is None else made.uv * (1, -1) + (0, 1)
                 zero = (0.0, 0.0, 0.0)
-                file.add(
-                    f"{name}:{part}:{level}",
-                    made,
-                    zero,
-                    zero,
-                    colours=made.colours,
-                    layers=made.surface[:, 2],
-                    uv=uv,
-                )
+                layers = made.surface[:, 2]
+                file.add(f"{name}:{part}:{level}", made, zero, zero, colours=made.colours, layers=layers, uv=uv)
     extras = {name: dict(model.extras) for name, model in scene.models.items() if "stride_m" in model.extras}
     return file.packed({"people": extras})
 
@@ -87,18 +77,14 @@ def facades_file(scene: Scene) -> tuple[bytes, int]:
     """The textures of façades below each other as a JPEG file, the first on top, and their number. Row 0 is v = 1."""
     layers = []
     for texture in scene.facade_textures:
-        picture = Image.fromarray(np.ascontiguousarray(texture[::-1, :, :3]))
-        layers.append(np.asarray(picture.resize((_FACADE_PX, _FACADE_PX), Image.Resampling.BOX)))
+        image = Image.fromarray(np.ascontiguousarray(texture[::-1, :, :3]))
+        layers.append(np.asarray(image.resize((_FACADE_PX, _FACADE_PX), Image.Resampling.BOX)))
     return jpeg(np.concatenate(layers), 82, "4:2:0"), len(layers)
 
 
 def leaves_file() -> bytes:
     """The leaf atlas as a PNG file: sRGB, and alpha that cuts it out."""
-    atlas = leaf_atlas()[::-1]
-    coded = np.concatenate([np.round(255 * srgb_of_linear(atlas[..., :3] / 255)), atlas[..., 3:]], axis=-1)
-    stream = BytesIO()
-    Image.fromarray(coded.astype(np.uint8)).quantize(256).save(stream, "PNG", optimize=True)
-    return stream.getvalue()
+    return png(leaves_image().transpose(Image.Transpose.FLIP_TOP_BOTTOM).quantize(256))
 
 
 def light_values(light: Light) -> dict[str, Any]:

@@ -13,8 +13,8 @@ from pavetwin.arrays import Float32Array, FloatArray, UInt8Array
 from pavetwin.scene.export.baking import bake_patch, bake_tile, jpeg
 from pavetwin.scene.glb import TO_FILE
 from pavetwin.scene.ground.materials.compose import MapPyramids, mean_reflectance
-from pavetwin.scene.models import bounds, merged
-from pavetwin.scene.scene import Scene, tile_bounds
+from pavetwin.scene.meshes import anticlockwise, bounds, corners_of, merged, merged_pieces, normals_of, upward_normals
+from pavetwin.scene.scene import Scene
 from pavetwin.scene.values import (
     TILE_M,
     DefectPatch,
@@ -26,18 +26,20 @@ from pavetwin.scene.values import (
     Tile,
     TileKey,
     labelled_defect,
+    tile_at,
+    tile_bounds,
+    tile_origin,
 )
 from pavetwin.scene.web.packing import DEFECT_TEXEL_M, DEFECTS_A_PART, PackedFile, WebLevel
 from pavetwin.world.model import Defect
 
 DEFECT_SHADE: Final = 0.62
-"""Mean reflectance of a defect over that of the road, where a image of the ground stands for its relief."""
+"""Mean reflectance of a defect over that of the road, where an image of the ground stands for its relief."""
 
-_FINER: Final = 4
-"""Samples along a texel for the outlines of defects."""
+_FINER: Final = 4  # Samples along a texel for the outlines of defects
 
 
-def ground_picture(scene: Scene, key: TileKey, maps: MapPyramids, texel_m: float) -> UInt8Array:
+def ground_image(scene: Scene, key: TileKey, maps: MapPyramids, texel_m: float) -> UInt8Array:
     """(k, k, 3) sRGB: a tile's ground from above, north at the top, with its defects as darker outlines."""
     whole = Tile(key, scene.level_ground(key), (), ())
     colour = bake_tile(whole, maps, texel_m).colour
@@ -61,23 +63,25 @@ def fills(scene: Scene, key: TileKey) -> Mesh | None:
     """Level ground in the holes of a tile, to be shown until the relief of its defects is there; tile's frame."""
     holes = [scene.hole(number) for number in scene.holes_on(key)]
     inside = shapely.intersection(shapely.union_all(holes), shapely.box(*tile_bounds(key)))
-    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(inside))
-    if not len(triangles):
+    corners = anticlockwise(corners_of(shapely.constrained_delaunay_triangles(inside)))
+    if not len(corners):
         return None
-    corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
-    (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
-    clockwise = ax * by - ay * bx < 0
-    corners[clockwise] = corners[clockwise][:, ::-1]
     flat, indices = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
     positions = np.column_stack([flat - tile_bounds(key)[:2], scene.heights(flat)])
-    upright = np.tile(np.array([0, 0, 1], dtype=np.float32), (len(flat), 1))
-    return Mesh(positions.astype(np.float32), upright, np.asarray(indices, dtype=np.uint32).reshape(-1, 3))
+    return Mesh(
+        positions.astype(np.float32), upward_normals(len(flat)), np.asarray(indices, dtype=np.uint32).reshape(-1, 3)
+    )
 
 
-def over_picture(mesh: Mesh) -> Float32Array:
+def _over_ground(mesh: Mesh) -> Float32Array:
     """(n, 2): where the vertices of a tile's ground lie in its image."""
-    x, y = mesh.positions[:, 0] / TILE_M, 1 - mesh.positions[:, 1] / TILE_M
-    return np.stack([x, y], axis=1)
+    return np.stack([mesh.positions[:, 0] / TILE_M, 1 - mesh.positions[:, 1] / TILE_M], axis=1)
+
+
+def _middle(key: TileKey) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """The middle of a tile in its frame and in the world's."""
+    x, y = tile_origin(key)
+    return (TILE_M / 2, TILE_M / 2, 0.0), (x + TILE_M / 2, y + TILE_M / 2, 0.0)
 
 
 def ground_colours(pieces: Sequence[GroundPiece]) -> FloatArray:
@@ -90,16 +94,10 @@ def ground_colours(pieces: Sequence[GroundPiece]) -> FloatArray:
     return np.concatenate(rows)
 
 
-def joined(pieces: Sequence[GroundPiece | FacadePiece]) -> Mesh | None:
-    """The meshes of some pieces as one; None if there is no triangle."""
-    return merged([piece.mesh for piece in pieces]) if any(len(piece.mesh.indices) for piece in pieces) else None
-
-
 def layers_of(pieces: Sequence[FacadePiece]) -> UInt8Array:
     """(n,) the texture of each vertex, 1 for the first, 0 for none."""
-    return np.repeat([piece.layer + 1 for piece in pieces], [len(piece.mesh.positions) for piece in pieces]).astype(
-        np.uint8
-    )
+    counts = [len(piece.mesh.positions) for piece in pieces]
+    return np.repeat([piece.layer + 1 for piece in pieces], counts).astype(np.uint8)
 
 
 def shifted(mesh: Mesh, x_m: float, y_m: float) -> Mesh:
@@ -136,8 +134,7 @@ JPEG_QUALITY: Final = 78
 MAPS_KEPT: Final = 4
 """A tile's levels and defects share its maps."""
 
-_GAP_PX: Final = 4
-"""Between the images of two defects."""
+_GAP_PX: Final = 4  # Between the images of two defects
 
 
 class TileFiles:
@@ -148,12 +145,11 @@ class TileFiles:
         self._maps = lru_cache(MAPS_KEPT)(lambda key: MapPyramids.of(scene.maps(key)))
         self._heads: dict[TileKey, list[Instance]] = {}
         for head in scene.agents(None, 0.0):
-            column, row = (int(np.floor(head.transform[axis, 3] / TILE_M)) for axis in (0, 1))
-            self._heads.setdefault((column, row), []).append(head)
+            self._heads.setdefault(tile_at(*head.transform[:2, 3]), []).append(head)
 
     def tile(self, level: WebLevel, key: TileKey) -> bytes:
         """A tile as a gzipped file: one of its level's squares, by column and row."""
-        return self._coarse(level, key) if level.texel_m is None else self._pictured(level, key, level.texel_m)
+        return self._coarse(level, key) if level.texel_m is None else self._with_image(level, key, level.texel_m)
 
     def parts(self, key: TileKey) -> int:
         """Number of files that hold the relief of a tile's defects."""
@@ -166,56 +162,42 @@ class TileFiles:
         patches = [patch for patch in found if patch is not None]
         file = PackedFile()
         if patches:
-            origin = key[0] * TILE_M, key[1] * TILE_M
-            maps = self._maps(key)
-            pictures = [bake_patch(patch, origin, maps, DEFECT_TEXEL_M).colour for patch in patches]
-            picture, boxes = _stacked(pictures)
+            origin, maps = tile_origin(key), self._maps(key)
+            image, boxes = _stacked([bake_patch(patch, origin, maps, DEFECT_TEXEL_M).colour for patch in patches])
             mesh = merged([_in_tile(patch, origin) for patch in patches])
             uv = np.concatenate([_over(patch.coarse, box) for patch, box in zip(patches, boxes, strict=True)])
-            centre = TILE_M / 2, TILE_M / 2, 0.0
-            place = origin[0] + centre[0], origin[1] + centre[1], 0.0
             which = np.repeat(np.arange(len(patches)), [len(patch.coarse.positions) for patch in patches])
-            coded = jpeg(picture, JPEG_QUALITY, "4:2:0")
-            file.add("defects", mesh, centre, place, uv=uv, layers=which.astype(np.uint8), picture=coded)
+            coded = jpeg(image, JPEG_QUALITY, "4:2:0")
+            file.add("defects", mesh, *_middle(key), uv=uv, layers=which.astype(np.uint8), image=coded)
         labels = [labelled_defect(patch.label) for patch in patches]
         return file.packed({"tile": list(key), "part": part, "defects": labels})
 
-    def _pictured(self, level: WebLevel, key: TileKey, texel_m: float) -> bytes:
-        """A tile whose ground has a image."""
+    def _with_image(self, level: WebLevel, key: TileKey, texel_m: float) -> bytes:
+        """A tile whose ground has an image."""
         scene, file = self._scene, PackedFile()
-        origin = key[0] * TILE_M, key[1] * TILE_M
-        centre = TILE_M / 2, TILE_M / 2, 0.0
-        place = origin[0] + centre[0], origin[1] + centre[1], 0.0
+        centre, place = _middle(key)
         finest = scene.tile(key) if level.number == 0 else None
         pieces = scene.level_ground(key) if finest is None else finest.ground
-        ground = joined(pieces)
+        ground = merged_pieces(pieces)
         if ground is not None:
-            picture = jpeg(ground_picture(scene, key, self._maps(key), texel_m), JPEG_QUALITY, "4:2:0")
-            file.add("ground", ground, centre, place, uv=over_picture(ground), picture=picture)
+            image = jpeg(ground_image(scene, key, self._maps(key), texel_m), JPEG_QUALITY, "4:2:0")
+            file.add("ground", ground, centre, place, uv=_over_ground(ground), image=image)
         filled = None if finest is None else fills(scene, key)
         if filled is not None:
-            file.add("fills", filled, centre, place, uv=over_picture(filled))
+            file.add("fills", filled, centre, place, uv=_over_ground(filled))
         facades = scene.houses_on(key, level.houses) if finest is None else finest.facades
-        houses = joined(facades)
+        houses = merged_pieces(facades)
         if houses is not None:
             half = round(float(houses.positions[:, 2].max()) / 2)
-            file.add(
-                "houses",
-                houses,
-                (*centre[:2], half),
-                (*place[:2], half),
-                colours=houses.colours,
-                facade_uv=houses.uv,
-                layers=layers_of(facades),
-            )
-        return file.packed(
-            {
-                "level": level.number,
-                "tile": list(key),
-                "instances": placed(self._standing(key), scene.models, level.smallest_m),
-                "defects": self._outlines(key) if level.number == 0 else [],
-            }
-        )
+            spots = (*centre[:2], half), (*place[:2], half)
+            file.add("houses", houses, *spots, colours=houses.colours, facade_uv=houses.uv, layers=layers_of(facades))
+        return self._packed(file, level, key, self._standing(key), self._outlines(key) if level.number == 0 else [])
+
+    def _packed(
+        self, file: PackedFile, level: WebLevel, key: TileKey, standing: Sequence[Instance], outlines: list[Any]
+    ) -> bytes:
+        instances = placed(standing, self._scene.models, level.smallest_m)
+        return file.packed({"level": level.number, "tile": list(key), "instances": instances, "defects": outlines})
 
     def _coarse(self, level: WebLevel, key: TileKey) -> bytes:
         """A square of several tiles as one mesh with a colour at each vertex."""
@@ -226,7 +208,7 @@ class TileFiles:
         for each in [(column + east, row + north) for north in range(level.side) for east in range(level.side)]:
             pieces, facades = scene.level_ground(each), scene.houses_on(each, level.houses)
             move = (each[0] - column) * TILE_M, (each[1] - row) * TILE_M
-            ground, houses = joined(pieces), joined(facades)
+            ground, houses = merged_pieces(pieces), merged_pieces(facades)
             if ground is not None:
                 meshes.append(shifted(_bare(ground), *move))
                 colours.append(ground_colours(pieces))
@@ -239,22 +221,10 @@ class TileFiles:
             instances += self._standing(each)
         if meshes:
             half = level.side_m / 2
-            file.add(
-                "town",
-                merged(meshes),
-                (half, half, 0.0),
-                (column * TILE_M + half, row * TILE_M + half, 0.0),
-                colours=np.concatenate(colours),
-                layers=np.concatenate(layers),
-            )
-        return file.packed(
-            {
-                "level": level.number,
-                "tile": list(key),
-                "instances": placed(instances, scene.models, level.smallest_m),
-                "defects": [],
-            }
-        )
+            place = column * TILE_M + half, row * TILE_M + half, 0.0
+            colour, layer = np.concatenate(colours), np.concatenate(layers)
+            file.add("town", merged(meshes), (half, half, 0.0), place, colours=colour, layers=layer)
+        return self._packed(file, level, key, instances, [])
 
     def _standing(self, key: TileKey) -> Sequence[Instance]:
         return (*self._scene.standing_on(key), *self._heads.get(key, ()))
@@ -278,29 +248,22 @@ def _in_tile(patch: DefectPatch, origin: tuple[float, float]) -> Mesh:
     """The coarse mesh of a patch in a tile's frame, its normals those of its triangles."""
     mesh = patch.coarse
     moved = mesh.positions @ patch.transform[:3, :3].T + patch.transform[:3, 3] - (*origin, 0.0)
-    corners = moved[mesh.indices]
-    faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    summed = np.zeros_like(moved)
-    for corner in range(3):
-        np.add.at(summed, mesh.indices[:, corner], faces)
-    normals = summed / np.maximum(np.linalg.norm(summed, axis=1, keepdims=True), 1e-12)
-    return Mesh(moved.astype(np.float32), normals.astype(np.float32), mesh.indices)
+    return Mesh(moved.astype(np.float32), normals_of(moved, mesh.indices), mesh.indices)
 
 
-def _stacked(pictures: Sequence[UInt8Array]) -> tuple[UInt8Array, list[tuple[float, float, float, float]]]:
+def _stacked(images: Sequence[UInt8Array]) -> tuple[UInt8Array, list[tuple[float, float, float, float]]]:
     """Images below each other in one, and of each its left, top, width and height in shares of it."""
-    wide = max(picture.shape[1] for picture in pictures)
-    tall = sum(picture.shape[0] for picture in pictures) + _GAP_PX * (len(pictures) - 1)
-    most = max(wide, tall)
-    scale = min(1.0, 2048 / most)
+    wide = max(image.shape[1] for image in images)
+    tall = sum(image.shape[0] for image in images) + _GAP_PX * (len(images) - 1)
+    scale = min(1.0, 2048 / max(wide, tall))
     sheet = Image.new("RGB", (wide, tall))
     boxes, top = [], 0
-    for picture in pictures:
-        padded = np.pad(picture, ((0, 0), (0, wide - picture.shape[1]), (0, 0)), mode="edge")
+    for image in images:
+        padded = np.pad(image, ((0, 0), (0, wide - image.shape[1]), (0, 0)), mode="edge")
         below = np.repeat(padded[-1:], _GAP_PX, axis=0)
         sheet.paste(Image.fromarray(np.concatenate([padded, below])), (0, top))
-        boxes.append((0.0, top / tall, picture.shape[1] / wide, picture.shape[0] / tall))
-        top += picture.shape[0] + _GAP_PX
+        boxes.append((0.0, top / tall, image.shape[1] / wide, image.shape[0] / tall))
+        top += image.shape[0] + _GAP_PX
     if scale < 1:
         sheet = sheet.resize((max(1, round(wide * scale)), max(1, round(tall * scale))), Image.Resampling.BOX)
     return np.asarray(sheet), boxes

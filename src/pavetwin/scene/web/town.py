@@ -22,7 +22,7 @@ from pavetwin.scene.ground.styles import street_style
 from pavetwin.scene.light import Light, centre_lonlat
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.texture_cache import code_hash
-from pavetwin.scene.values import TILE_M, TileKey
+from pavetwin.scene.values import TileKey, tile_at
 from pavetwin.scene.web.packing import DEFECTS_TO_M, FACADE_STEPS, FORMAT, WEB_LEVELS, WebLevel
 from pavetwin.scene.web.shared_files import LEAVES_CUT, facades_file, leaves_file, light_values, models_file
 from pavetwin.scene.web.tiles import TileFiles
@@ -183,7 +183,7 @@ class WebTown:
         standing = [(each.polygon.centroid, each.height_m) for each in self.scene.world.buildings]
         standing += [(each.position, each.height_m) for each in self.scene.world.furniture]
         for point, height in standing:
-            key = int(point.x // TILE_M), int(point.y // TILE_M)
+            key = tile_at(point.x, point.y)
             tops[key] = max(tops.get(key, 0.0), height)
         return tops
 
@@ -244,8 +244,7 @@ def _under(level: WebLevel, key: TileKey) -> Iterator[TileKey]:
     return ((column + east, row + north) for north in range(level.side) for east in range(level.side))
 
 
-RUN: Final = 12
-"""Files that a process makes in one task: neighbours, which share maps and defects."""
+RUN: Final = 12  # Files that a process makes in one task: neighbours, which share maps and defects
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,22 +1,20 @@
 """Painted marks and other distractors from data files: as often as a style says, and never labelled."""
 
-import re
 from collections import Counter
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
 
-from pavetwin.errors import PaveTwinError
+from pavetwin.config.named import names_in
 from pavetwin.scene.ground import GroundPlan, fixture_models, fixtures, plan_ground
 from pavetwin.scene.ground.distractors.fixtures import LEAVES, LITTER, REACH_M
 from pavetwin.scene.ground.distractors.marks import marks
 from pavetwin.scene.ground.markings.painter import Paint, paint
 from pavetwin.scene.ground.markings.placement import markings
 from pavetwin.scene.ground.styles import mark, street_style
-from pavetwin.scene.ground.styles.marking_standard import mark_names
+from pavetwin.scene.ground.styles.pavement import PACKAGE
 from pavetwin.scene.values import TILE_M
 from scenes import built, tiny
 
@@ -41,8 +39,8 @@ def marked(**rates: float) -> Paint:
     return marks(plan(**rates), standard_paint())
 
 
-@pytest.mark.parametrize("name", mark_names())
-def test_every_mark_is_in_the_look_and_can_be_painted(name: str) -> None:
+@pytest.mark.parametrize("name", names_in(PACKAGE, "marks"))
+def test_every_mark_is_in_the_style_and_can_be_painted(name: str) -> None:
     assert street_style("varied").marks[name] > 0
     if mark(name).position != "bicycle":  # this town has no bicycle lanes on its carriageways
         assert len(marked(**{name: 20.0}).bars) > 5
@@ -103,7 +101,7 @@ def test_litter_and_leaves_are_of_many_forms_and_leaves_drift_to_kerbs() -> None
     assert all(plan().road.contains(shapely.Point(each.x, each.y)) for each in drifts)
 
 
-def test_water_runs_along_kerbs_as_often_as_the_look_says() -> None:
+def test_water_runs_along_kerbs_as_often_as_the_style_says() -> None:
     world = tiny.straight(length_m=400.0)
     varied = street_style("varied")
     dry, wet = (
@@ -113,31 +111,3 @@ def test_water_runs_along_kerbs_as_often_as_the_look_says() -> None:
     assert len(many) > len(few) + 100
     damp = many[many[:, 2] > 0.04]
     assert (np.abs(damp[:, 1]) > 2.5).mean() > 0.6
-
-
-@pytest.mark.parametrize(
-    ("change", "told"),
-    [
-        ("position: roof", "position: "),
-        ("wear: {least: 0.1, most: 1.5}", "wear: least and most lie between 0 and 0.95"),
-        ("colours: {pink: 1}", "colours.pink"),
-        ("strokes: [[[0, 0]]]", "strokes.1"),
-        ("strokes: [[[0, 0], [1, 0, 0]]]", "strokes.1.2: give at most 2, not 3."),
-        ("strokes: 0.1", "strokes: it must be a list (got 0.1)."),
-    ],
-)
-def test_a_mistake_in_a_mark_is_one_line_with_its_place(tmp_path: Path, change: str, told: str) -> None:
-    keys = {
-        "title": "title: mine",
-        "colours": "colours: {red: 1}",
-        "strokes": "strokes: [[[0, 0], [1, 0]]]",
-        "width_m": "width_m: 0.1",
-        "position": "position: anywhere",
-        "wear": "wear: {least: 0.1, most: 0.5}",
-    }
-    path = tmp_path / "mine.yaml"
-    path.write_text("\n".join((keys | {change.partition(":")[0]: change}).values()))
-    with pytest.raises(PaveTwinError) as caught:
-        mark(str(path))
-    assert re.match(rf"mark '{re.escape(str(path))}', line \d: {re.escape(told)}", str(caught.value))
-    assert "\n" not in str(caught.value)

@@ -8,9 +8,8 @@ import pytest
 import shapely
 import yaml
 
-from pavetwin.errors import PaveTwinError
 from pavetwin.scene.ground import GroundPlan, ground_pieces, plan_ground
-from pavetwin.scene.ground.styles import pavement, street_style, style_sha256
+from pavetwin.scene.ground.styles import pavement, street_style
 from pavetwin.scene.ground.styles.street_style import RepairMaterials
 from pavetwin.scene.patches import holes_of
 from pavetwin.scene.values import GroundKind
@@ -73,36 +72,6 @@ def test_cold_patches_are_as_many_as_their_rate_says() -> None:
         for rate in (12.0, 48.0)
     )
     assert 2 * few < many < 12 * few
-
-
-def test_the_hash_of_a_look_covers_what_repairs_are_made_of(tmp_path: Path) -> None:
-    hashes = set()
-    for weight in (1, 2):
-        style = tmp_path / f"{weight}.yaml"
-        style.write_text(
-            "title: one\nmain: {concrete: 1}\nother: {concrete: 1}\nstretches: {share: 0, pavements: {overlay: 1}}\n"
-            f"repairs: {{patches: {{own: 1, overlay: {weight}}}}}\n"
-        )
-        hashes.add(style_sha256(str(style)))
-    assert len(hashes) == 2
-
-
-@pytest.mark.parametrize(
-    ("repairs", "told"),
-    [
-        ("{patches: {tar: 1}}", r"repairs\.patches: no pavement 'tar'"),
-        ("{patches: {own: 0}}", r"repairs\.patches: the weights sum to 0"),
-        ("{renewed: 2}", r"repairs\.renewed: "),
-    ],
-)
-def test_a_mistake_in_repairs_is_one_line_with_its_place(tmp_path: Path, repairs: str, told: str) -> None:
-    style = tmp_path / "style.yaml"
-    style.write_text(
-        "title: one\nmain: {concrete: 1}\nother: {concrete: 1}\nstretches: {share: 0, pavements: {overlay: 1}}\n"
-        f"repairs: {repairs}\n"
-    )
-    with pytest.raises(PaveTwinError, match=rf"^street style '.*style\.yaml', line 5: {told}[^\n]*$"):
-        street_style(str(style))
 
 
 def test_sealed_cracks_are_as_many_as_the_rate_of_the_pavement_says(tmp_path: Path) -> None:

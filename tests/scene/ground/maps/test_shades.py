@@ -12,13 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import Polygon, affinity
 
+from pavetwin.config.named import names_in
 from pavetwin.scene.ground import GroundPlan, ground_maps, ground_pieces, plan_ground
 from pavetwin.scene.ground.distractors.segment_marks import Repairs
 from pavetwin.scene.ground.layout.paved import REFLECTANCES, PavedSurface
 from pavetwin.scene.ground.maps.raster import RasterGrid, filled
 from pavetwin.scene.ground.materials.compose import surface
 from pavetwin.scene.ground.styles import pavement, street_style
-from pavetwin.scene.ground.styles.pavement import pavement_names
+from pavetwin.scene.ground.styles.pavement import PACKAGE
 from pavetwin.scene.scene import Scene
 from pavetwin.scene.values import MAP_MARGIN_M, MAP_PX, TILE_M
 from scenes import tiny
@@ -42,7 +43,7 @@ def one_pavement(name: str, folder: Path) -> GroundPlan:
     return found
 
 
-@pytest.mark.parametrize("name", pavement_names())
+@pytest.mark.parametrize("name", names_in(PACKAGE, "pavements"))
 def test_a_street_is_as_bright_as_its_pavement(name: str, tmp_path: Path) -> None:
     plan = one_pavement(name, tmp_path)
     (street,) = plan.streets

@@ -1,14 +1,11 @@
 """Hatched areas, boxes and rumble strips: where they belong, as the marking standard says."""
 
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
-import yaml
 
-from pavetwin.errors import PaveTwinError
 from pavetwin.scene.ground import GroundPlan, plan_ground
 from pavetwin.scene.ground.markings.areas import corners, islands
 from pavetwin.scene.ground.markings.painter import Paint
@@ -100,19 +97,3 @@ def test_milled_strips_are_grooves_and_no_paint() -> None:
     milled = drawn(rumble=RumbleStrips.model_validate(RUMBLE | {"kind": "milled"}))
     np.testing.assert_array_equal(milled.bars[~milled.is_former], without().bars[~without().is_former])
     assert len(milled.scars) - len(without().scars) >= 10
-
-
-@pytest.mark.parametrize(
-    ("change", "told"),
-    [
-        ("hatching: {angle_deg: 90}", r"hatching\.angle_deg: "),
-        ("box: {every_m: 1}", r"box\.share: "),
-        ("rumble: {kind: glued, bar_m: [0.1, 0.1], bars: 3}", r"rumble\.kind: "),
-    ],
-)
-def test_a_mistake_is_one_line_with_its_place(tmp_path: Path, change: str, told: str) -> None:
-    path = tmp_path / "mine.yaml"
-    values = marking_standard("germany").model_dump(mode="json") | yaml.safe_load(change)
-    path.write_text(yaml.safe_dump(values))
-    with pytest.raises(PaveTwinError, match=rf"^marking standard '.*mine\.yaml', line \d+: {told}[^\n]*$"):
-        marking_standard(str(path))

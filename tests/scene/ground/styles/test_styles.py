@@ -1,20 +1,22 @@
-"""Looks of streets from data files: what a street is paved with, and what is wrong with a file in one line."""
+"""Styles of streets from data files: what a street is paved with, and what is wrong with a file in one line."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
+from pavetwin.config.named import names_in
 from pavetwin.errors import PaveTwinError
 from pavetwin.scene.ground import GroundPlan, ground_pieces, plan_ground
 from pavetwin.scene.ground.layout.relief import Relief
 from pavetwin.scene.ground.layout.surfaces import tile_box
 from pavetwin.scene.ground.mesh.ground_mesh import faces_of
-from pavetwin.scene.ground.styles import pavement, street_style, style_names, style_sha256
-from pavetwin.scene.ground.styles.pavement import pavement_names
+from pavetwin.scene.ground.styles import mark, pavement, street_style, style_names, style_sha256
+from pavetwin.scene.ground.styles.marking_standard import marking_standard
+from pavetwin.scene.ground.styles.pavement import PACKAGE
 from pavetwin.scene.ground.styles.street_style import RepairMaterials
 from pavetwin.scene.patches import holes_of
 from pavetwin.scene.scene import Scene
@@ -29,7 +31,7 @@ BLUE = {
     "tint": {"red": 0.7, "blue": 1.4, "spread": 0.0},
     "grain": {"least": 0.5, "most": 0.5},
 }
-LOOK = {"title": "one", "main": {"concrete": 1}, "other": {"concrete": 1}}
+STYLE = {"title": "one", "main": {"concrete": 1}, "other": {"concrete": 1}}
 STRETCHES = {"share": 0.0, "pavements": {"overlay": 1}}
 
 
@@ -40,7 +42,7 @@ def written(path: Path, values: dict[str, object]) -> str:
 
 def style_of(folder: Path, name: str) -> str:
     """A style with one pavement everywhere."""
-    values = LOOK | {"main": {name: 1}, "other": {name: 1}, "stretches": STRETCHES}
+    values = STYLE | {"main": {name: 1}, "other": {name: 1}, "stretches": STRETCHES}
     return written(folder / "style.yaml", values)
 
 
@@ -82,7 +84,9 @@ def test_a_street_without_slabs_gets_another_of_the_pavements_if_there_is_one(ma
 
 
 def test_pavements_range_from_near_black_to_pale() -> None:
-    middles = {name: pavement(name).reflectance.at(pavement(name).age.at(0.5), 0.5) for name in pavement_names()}
+    middles = {
+        name: pavement(name).reflectance.at(pavement(name).age.at(0.5), 0.5) for name in names_in(PACKAGE, "pavements")
+    }
     assert min(middles.values()) < 0.08
     assert max(middles[name] for name in middles if pavement(name).material == "asphalt") > 0.18
     assert {pavement(name).material.ground for name in middles} >= {GroundKind.CHIP_SEAL, GroundKind.SLABS}
@@ -123,7 +127,7 @@ def test_they_agree_where_one_pavement_covers_all_of_another() -> None:
     assert agreed(differing, [(0, 0)]) == 1
 
 
-def test_a_look_may_name_a_pavement_beside_it(tmp_path: Path) -> None:
+def test_a_style_may_name_a_pavement_beside_it(tmp_path: Path) -> None:
     written(tmp_path / "blue.yaml", BLUE)
     found = plan(style_of(tmp_path, "blue.yaml"))
     (piece,) = (each for each in ground_pieces(found, tile_on_street()) if each.kind is GroundKind.ASPHALT)
@@ -140,7 +144,7 @@ def test_the_pavement_around_a_defect_is_that_of_its_street(tmp_path: Path) -> N
     assert patch.kind is GroundKind.SLABS
 
 
-def test_a_look_changes_no_label() -> None:
+def test_a_style_changes_no_label() -> None:
     """Repairs, markings and what hangs over a street leave holes and masks of defects as they are."""
     there = tiny.straight(*((6.0 + 5.0 * k, (k % 3 - 1) * 2.0) for k in range(10)))
     scenes = [Scene(there, seed=3, style=style) for style in ("uniform", "varied")]
@@ -153,53 +157,65 @@ def test_a_look_changes_no_label() -> None:
             assert len(masks) in (0, 2)
 
 
-def test_the_hash_of_a_look_covers_its_pavements(tmp_path: Path) -> None:
-    hashes = set()
-    for number, red in enumerate((0.7, 0.8)):
-        folder = tmp_path / str(number)
-        folder.mkdir()
-        written(folder / "blue.yaml", BLUE | {"tint": {"red": red}})
-        hashes.add(style_sha256(style_of(folder, "blue.yaml")))
-    assert len(hashes) == 2
+def test_a_file_that_does_not_end_in_yaml_is_named_with_what_would(tmp_path: Path) -> None:
+    with pytest.raises(PaveTwinError, match=r"no street style '.*style\.txt'; known are .*name ends in \.yaml\.$"):
+        street_style(written(tmp_path / "style.txt", STYLE))
+
+
+def test_the_hash_of_a_style_covers_the_files_that_it_names_and_not_their_folder(tmp_path: Path) -> None:
+    standard = marking_standard("germany").model_dump(mode="json")
+
+    def hash_of(folder: str, red: float = 0.7, colour: str = "white", weight: int = 1) -> str:
+        (tmp_path / folder).mkdir(exist_ok=True)
+        written(tmp_path / folder / "blue.yaml", BLUE | {"tint": {"red": red}})
+        written(tmp_path / folder / "mine.yaml", standard | {"centre_colour": colour})
+        parts = {"repairs": {"patches": {"own": 1, "overlay": weight}}, "markings": "mine.yaml"}
+        values = STYLE | {"main": {"blue.yaml": 1}, "stretches": STRETCHES} | parts
+        return style_sha256(written(tmp_path / folder / "style.yaml", values))
+
+    assert hash_of("here") == hash_of("there")
+    assert len({hash_of("0"), hash_of("1", red=0.8), hash_of("2", colour="red"), hash_of("3", weight=2)}) == 4
+
+
+MARK = {"title": "mine", "colours": {"red": 1}, "strokes": [[[0, 0], [1, 0]]], "width_m": 0.1, "position": "anywhere"}
+MARK |= {"wear": {"least": 0.1, "most": 0.5}}
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("kind", "change", "message"),
     [
-        ({"materiel": "asphalt"}, "unknown key 'materiel' (did you mean 'material'?)"),
-        ({"material": "gravel"}, "material: "),
-        ({"reflectance": {"new": 0.9, "aged": 0.1}}, "reflectance.new: "),
-        ({"age": {"least": 0.9, "most": 0.2}}, "age: least 0.9 is larger than most 0.2"),
-        ({"grain": {"least": 0.1, "most": 3.0}}, "grain: least and most lie between 0 and 1.9"),
+        (pavement, {"materiel": "asphalt"}, "unknown key 'materiel' (did you mean 'material'?)"),
+        (pavement, {"material": "gravel"}, "material: "),
+        (pavement, {"reflectance": {"new": 0.9, "aged": 0.1}}, "reflectance.new: "),
+        (pavement, {"age": {"least": 0.9, "most": 0.2}}, "age: least 0.9 is larger than most 0.2"),
+        (pavement, {"grain": {"least": 0.1, "most": 3.0}}, "grain: least and most lie between 0 and 1.9"),
+        (mark, {"position": "roof"}, "position: "),
+        (mark, {"wear": {"least": 0.1, "most": 1.5}}, "wear: least and most lie between 0 and 0.95"),
+        (mark, {"colours": {"pink": 1}}, "colours.pink"),
+        (mark, {"strokes": [[[0, 0]]]}, "strokes.1"),
+        (mark, {"strokes": [[[0, 0], [1, 0, 0]]]}, "strokes.1.2: give at most 2, not 3."),
+        (mark, {"strokes": 0.1}, "strokes: it must be a list (got 0.1)."),
+        (marking_standard, {"line_m": 12}, "line_m: "),
+        (marking_standard, {"hatching": {"angle_deg": 90}}, "hatching.angle_deg: "),
+        (marking_standard, {"box": {"every_m": 1}}, "box.share: "),
+        (marking_standard, {"rumble": {"kind": "glued", "bar_m": [0.1, 0.1], "bars": 3}}, "rumble.kind: "),
+        (street_style, {"main": {"tarmac": 1}}, "main: no pavement 'tarmac'"),
+        (street_style, {"repairs": {"patches": {"tar": 1}}}, "repairs.patches: no pavement 'tar'"),
+        (street_style, {"repairs": {"patches": {"own": 0}}}, "repairs.patches: the weights sum to 0"),
+        (street_style, {"repairs": {"renewed": 2}}, "repairs.renewed: "),
+        (street_style, {"overhead": {"wires": {"least": 1.5, "most": 2}}}, "least and most are whole numbers."),
+        (street_style, {"markings": "atlantis"}, "'atlantis'"),
     ],
 )
-def test_a_mistake_in_a_pavement_is_one_line_with_its_place(
-    tmp_path: Path, change: dict[str, object], told: str
+def test_a_mistake_in_a_file_is_one_line_with_its_place(
+    tmp_path: Path, kind: Callable[[str], object], change: dict[str, object], message: str
 ) -> None:
-    path = written(tmp_path / "mine.yaml", BLUE | change)
+    standard = marking_standard("germany").model_dump(mode="json")
+    whole = {pavement: BLUE, mark: MARK, marking_standard: standard, street_style: STYLE | {"stretches": STRETCHES}}
+    path = written(tmp_path / "mine.yaml", whole[kind] | change)
     with pytest.raises(PaveTwinError) as caught:
-        pavement(path)
-    message = str(caught.value)
-    assert path in message
-    assert told in message
-    assert "\n" not in message
-
-
-def test_a_number_of_wires_is_whole(tmp_path: Path) -> None:
-    with pytest.raises(PaveTwinError, match=r"overhead\.wires: least and most are whole numbers\.$"):
-        street_style(
-            written(
-                tmp_path / "style.yaml",
-                LOOK | {"stretches": STRETCHES, "overhead": {"wires": {"least": 1.5, "most": 2}}},
-            )
-        )
-
-
-def test_a_file_that_does_not_end_in_yaml_is_named_with_what_would(tmp_path: Path) -> None:
-    with pytest.raises(PaveTwinError, match=r"no street style '.*style\.txt'; known are .*name ends in \.yaml\.$"):
-        street_style(written(tmp_path / "style.txt", LOOK))
-
-
-def test_a_look_says_which_of_its_pavements_is_not_known(tmp_path: Path) -> None:
-    with pytest.raises(PaveTwinError, match=r"style\.yaml', line 3: main: no pavement 'tarmac'[^`]*$"):
-        street_style(style_of(tmp_path, "tarmac"))
+        kind(path)
+    text = str(caught.value)
+    assert f"{path}', line " in text
+    assert message in text
+    assert "\n" not in text

@@ -15,12 +15,8 @@ from pavetwin.world.model import Defect, Segment
 from pavetwin.world.pavement_joints import joints_across, joints_along, lane_joints
 from pavetwin.world.segments import direction_at, point_at
 
-KEY: Final = 16
-"""Key of this module's children of the scene's random stream."""
-
-SAME_JOINT_M: Final = 0.3
-"""Cracks nearer to each other than this lie along one joint."""
-
+KEY: Final = 16  # Key of this module's children of the scene's random stream
+SAME_JOINT_M: Final = 0.3  # Cracks nearer to each other than this lie along one joint
 GAP_M: Final = 0.06
 """From the outline of a crack to the model that it starts at: that must not touch the patch of the crack."""
 

@@ -24,14 +24,9 @@ from pavetwin.world.segments import segment_key
 MODULE_M: Final = 0.5
 """Length of one module of a steel joint across the street."""
 
-PLUG_HALF_M: Final = 0.25
-"""Half the width of a plug joint. Ours."""
-
-PLUG_TONE: Final = 0.55
-"""Factor on the reflectance where it lies: much binder. Ours."""
-
-END_M: Final = 2.0
-"""A bridge that ends nearer to a junction has its joint in there, where none is drawn."""
+PLUG_HALF_M: Final = 0.25  # Half the width of a plug joint. Ours.
+PLUG_TONE: Final = 0.55  # Factor on the reflectance where it lies: much binder. Ours.
+END_M: Final = 2.0  # A bridge that ends nearer to a junction has its joint in there, where none is drawn
 
 
 def joints(plan: SurfaceLayout) -> Iterator[tuple[JointName, Float64Array, float, float]]:
@@ -95,38 +90,24 @@ REACH_M: Final = {
 }
 """Radius of each model."""
 
-COVERS_M: Final = 42.0
-"""Mean distance between manholes along a street; sewers have one each 40 to 60 m (DWA-A 157)."""
-
-GRATES_M: Final = 32.0
-"""Mean distance between gullies on one side; each drains about 400 m² (RAS-Ew)."""
-
-
-GRATE_AT_M: Final = {"grate": 0.155, "grate_slots": 0.205}
-"""From a grate's middle to the kerb, which its frame touches."""
-
-MOST_COVERS: Final = 0.6
-"""Share of a town's covers that are of its usual kind; the others are of any."""
-
+COVERS_M: Final = 42.0  # Mean distance between manholes along a street; sewers have one each 40 to 60 m (DWA-A 157)
+GRATES_M: Final = 32.0  # Mean distance between gullies on one side; each drains about 400 m² (RAS-Ew)
+GRATE_AT_M: Final = {"grate": 0.155, "grate_slots": 0.205}  # From a grate's middle to the kerb, which its frame touches
+MOST_COVERS: Final = 0.6  # Share of a town's covers that are of its usual kind; the others are of any
 LEAVES: Final = ("leaves", "leaves_few")
 LITTER: Final = ("litter", "litter_paper", "litter_bag", "litter_tyre", "litter_small")
 
 LOOSE: Final = frozenset({*LEAVES, "leaf_drift", *LITTER, "joint_comb", "joint_strip"})
 """Fixtures that may lie on others, or next to their own kind."""
 
-DRIFTS: Final = 0.6
-"""Share of trees with leaves along the kerb next to them. Ours."""
-
+DRIFTS: Final = 0.6  # Share of trees with leaves along the kerb next to them. Ours.
 DRIFT_REACH_M: Final = 6.0
 DRIFT_HALF_M: Final = 1.5
 STRAIGHT_M: Final = 0.04
 """A tree's distance from the kerb, and half the length of kerb that must be straight to so much, for leaves there."""
 
-DRIFT_KEY: Final = 15
-"""Key of their child of the scene's random stream."""
-
-LITTER_KEY: Final = 13
-"""Key of litter's children of the scene's random stream."""
+DRIFT_KEY: Final = 15  # Key of their child of the scene's random stream
+LITTER_KEY: Final = 13  # Key of litter's children of the scene's random stream
 
 
 @dataclass(frozen=True)

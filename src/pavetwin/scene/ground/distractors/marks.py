@@ -7,8 +7,7 @@ from typing import Final
 import numpy as np
 from shapely import LineString, MultiLineString, Polygon, STRtree
 
-from pavetwin.arrays import Float64Array
-from pavetwin.scene.ground.layout.lines import LineFrame
+from pavetwin.scene.ground.layout.lines import LineFrame, rotated
 from pavetwin.scene.ground.layout.streets import StreetPlan
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
 from pavetwin.scene.ground.markings.painter import Paint, Painter, paint
@@ -20,20 +19,11 @@ from pavetwin.world.ground import Nearby
 from pavetwin.world.model import Lane, LaneKind, Segment
 from pavetwin.world.segments import segment_key
 
-KEY: Final = 12
-"""Key of this module's children of the scene's random stream."""
-
-LAP: Final = 0.35
-"""By this share of their width strokes reach beyond their corners, so that no gap shows there."""
-
-APART_M: Final = 0.55
-"""Least distance of a mark's strokes from the middle lines of paint of another colour."""
-
-PARKED_M: Final = 3.0
-"""Least distance of a mark at the kerb from the middle of a parking place."""
-
-END_FREE_M: Final = 1.0
-"""Marks lie this far from the ends of a segment."""
+KEY: Final = 12  # Key of this module's children of the scene's random stream
+LAP: Final = 0.35  # By this share of their width strokes reach beyond their corners, so that no gap shows there
+APART_M: Final = 0.55  # Least distance of a mark's strokes from the middle lines of paint of another colour
+PARKED_M: Final = 3.0  # Least distance of a mark at the kerb from the middle of a parking place
+END_FREE_M: Final = 1.0  # Marks lie this far from the ends of a segment
 
 
 def marks(plan: SurfaceLayout, markings: Paint) -> Paint:
@@ -70,7 +60,7 @@ class _Placing:
         scale, wear = kind.scale.at(float(rng.random())), kind.wear.at(float(rng.random()))
         colour = pick(kind.colours, float(rng.random()))
         turn = float(rng.uniform(0.0, 2 * np.pi)) if kind.turned else 0.0
-        strokes = [_turned(np.array(stroke) * scale, turn) for stroke in kind.strokes]
+        strokes = [rotated(np.array(stroke) * scale, turn) for stroke in kind.strokes]
         everything = np.concatenate(strokes)
         begin, end = everything[:, 0].min(), everything[:, 0].max()
         half = float(np.abs(everything[:, 1]).max())
@@ -128,8 +118,3 @@ def _lanes(plan: SurfaceLayout, street: StreetPlan, segment: Segment, position: 
     if position is MarkPosition.LANE:
         return list(street.lanes)
     return [lane for edge in segment.edges for lane in plan.world.lanes_on(edge, LaneKind.BICYCLE)]
-
-
-def _turned(stroke: Float64Array, turn_rad: float) -> Float64Array:
-    cos, sin = np.cos(turn_rad), np.sin(turn_rad)
-    return np.asarray(stroke @ np.array([[cos, sin], [-sin, cos]]))

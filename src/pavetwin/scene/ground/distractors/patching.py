@@ -11,6 +11,7 @@ from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float64Array
 from pavetwin.scene.ground.distractors.segment_marks import SEAM_HALF_M, SegmentMarks, wander
+from pavetwin.scene.ground.layout.lines import rotated
 from pavetwin.scene.ground.layout.paved import PavedSurface
 from pavetwin.scene.ground.layout.surfaces import SurfaceLayout
 from pavetwin.scene.ground.styles import pavement
@@ -24,19 +25,13 @@ ALONG_M: Final = 170.0
 PATCH_M: Final = 45.0
 """Mean distances between trenches across and along a street, and between patches on a street of medium age. Ours."""
 
-CONNECTIONS_M: Final = (7.0, 16.0)
-"""Between connections of houses along a trench: the width of a house. Ours."""
-
+CONNECTIONS_M: Final = (7.0, 16.0)  # Between connections of houses along a trench: the width of a house. Ours.
 SEALED_PATCHES: Final = 0.4
 SEALED_EDGES: Final = 0.45
 """Shares of patches, and of long edges of trenches, that are sealed. Ours."""
 
-CLEAR_M: Final = 0.05
-"""Repairs of another material end this far from the patch of a defect."""
-
-
-SLIVER_M2: Final = 0.01
-"""Smaller pieces of a repair are left out."""
+CLEAR_M: Final = 0.05  # Repairs of another material end this far from the patch of a defect
+SLIVER_M2: Final = 0.01  # Smaller pieces of a repair are left out
 
 
 @dataclass(frozen=True)
@@ -159,9 +154,8 @@ class Patching:
 
     def _cover(self, middle: Float64Array, turn_rad: float, long: float, wide: float, fill: _Fill) -> Float64Array:
         """A rectangle of a material; returns its ring (5, 2)."""
-        cos, sin = np.cos(turn_rad), np.sin(turn_rad)
-        corner = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1], [1, 1]]) * (long, wide)
-        ring: Float64Array = corner @ np.array([[cos, sin], [-sin, cos]]) + middle
+        corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1], [1, 1]]) * (long, wide)
+        ring: Float64Array = rotated(corners, turn_rad) + middle
         cut = fill.cut and self._is_clear(Polygon(ring))
         if cut:
             self._cut(Polygon(ring), fill.surface)
@@ -179,11 +173,8 @@ class Patching:
         return not self.at.plan.holes.near(shape, CLEAR_M)
 
 
-PATCH_M2: Final = 170.0
-"""Carriageway area per repaired rectangle."""
-
-SEALED_M2: Final = 110.0
-"""Carriageway area per sealed crack."""
+PATCH_M2: Final = 170.0  # Carriageway area per repaired rectangle
+SEALED_M2: Final = 110.0  # Carriageway area per sealed crack
 
 
 def junction_repairs(layout: SurfaceLayout, junction: Junction) -> tuple[list[tuple[float, ...]], list[Float64Array]]:

@@ -19,36 +19,21 @@ from pavetwin.world.model import Defect, Segment
 from pavetwin.world.pavement_joints import joints_across, joints_along
 from pavetwin.world.segments import segment_key
 
-EDGE_KEY: Final = 18
-"""Key of this module's children of the scene's random stream."""
-
-GROWS_FROM_AGE: Final = 0.35
-"""Least age of a street's surface; on newer ones nothing has taken root."""
-
+EDGE_KEY: Final = 18  # Key of this module's children of the scene's random stream
+GROWS_FROM_AGE: Final = 0.35  # Least age of a street's surface; on newer ones nothing has taken root
 AT_KERBS_PER_100_M: Final = 45.0
 """Mean number of tufts along both kerbs of 100 m of a street that is due for renewal. Ours, as all numbers here."""
 
-IN_JOINTS_PER_100_M: Final = 60.0
-"""On 100 m of joints between slabs of such a street."""
-
-ON_MAIN_STREETS: Final = 0.25
-"""Main streets are swept, and wheels run close to their kerbs: × the number on others."""
-
-CROWD_M: Final = 1.6
-"""Standard deviation of the way along a joint or kerb within a crowd of about five."""
-
-EDGE_TUFT_M: Final = (0.04, 0.34)
-"""Length along the joint or kerb."""
-
+IN_JOINTS_PER_100_M: Final = 60.0  # On 100 m of joints between slabs of such a street
+ON_MAIN_STREETS: Final = 0.25  # Main streets are swept, and wheels run close to their kerbs: × the number on others
+CROWD_M: Final = 1.6  # Standard deviation of the way along a joint or kerb within a crowd of about five
+EDGE_TUFT_M: Final = (0.04, 0.34)  # Length along the joint or kerb
 EDGE_WIDTH_M: Final = (0.015, 0.075)
 IN_JOINT_M: Final = 0.045
 """Greatest width in a joint."""
 
-KERB_WITHIN_M: Final = 0.5
-"""Farther from the edge of the segment there is a bay, not a kerb."""
-
-CLEAR_M: Final = 0.1
-"""Least distance from the patch of a defect, which plants must not hide."""
+KERB_WITHIN_M: Final = 0.5  # Farther from the edge of the segment there is a bay, not a kerb
+CLEAR_M: Final = 0.1  # Least distance from the patch of a defect, which plants must not hide
 
 
 def edge_plants(layout: SurfaceLayout) -> Iterator[tuple[tuple[float, ...], np.random.Generator]]:
@@ -121,25 +106,16 @@ def _tuft(rng: np.random.Generator, widest_m: float) -> tuple[float, float]:
     return long, float(np.clip(long * rng.uniform(0.25, 0.8), EDGE_WIDTH_M[0], widest_m))
 
 
-CRACK_KEY: Final = 17
-"""Key of this module's children of the scene's random stream."""
-
-LEAST: Final = 0.03
-"""Cracks with less of their length overgrown have no plant large enough to be seen."""
-
+CRACK_KEY: Final = 17  # Key of this module's children of the scene's random stream
+LEAST: Final = 0.03  # Cracks with less of their length overgrown have no plant large enough to be seen
 CRACK_TUFT_M: Final = (0.03, 0.16)
 """Length of a tuft along its crack; its width is a third to the whole of it, 1.4 to 5 cm. Ours."""
 
 CRACK_WIDTH_M: Final = (0.014, 0.05)
 
-STEP_M: Final = 0.05
-"""Distance of the points in which a crack's course is known."""
-
-APART_M: Final = 0.4
-"""Least distance of a plant from the middle lines of paint."""
-
-KINDS: Final = ("moss", "grass", "straw")
-"""Among `PAINTS`; those of one crack are of one kind."""
+STEP_M: Final = 0.05  # Distance of the points in which a crack's course is known
+APART_M: Final = 0.4  # Least distance of a plant from the middle lines of paint
+KINDS: Final = ("moss", "grass", "straw")  # Among `PAINTS`; those of one crack are of one kind
 
 
 def plants(layout: SurfaceLayout, painted: Paint) -> Paint:

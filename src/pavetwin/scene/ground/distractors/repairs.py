@@ -33,18 +33,12 @@ from pavetwin.world.model import Lane
 from pavetwin.world.pavement_joints import joints_across, joints_along
 from pavetwin.world.segments import polygons_of, surface_of
 
-PUDDLES_M: Final = 28.0
-"""Mean distance along a street between marks of puddles, both sides together; ours."""
-
+PUDDLES_M: Final = 28.0  # Mean distance along a street between marks of puddles, both sides together; ours
 RUNNELS_M: Final = 90.0
 """Mean distance along a street between damp courses of water along a kerb, both sides together; ours."""
 
-APART_TONE: Final = 0.06
-"""Lanes that were paved apart differ in reflectance by up to this share; ours."""
-
-SEALED_APART: Final = 0.6
-"""Share of streets paved apart whose joint was sealed where it opened; ours."""
-
+APART_TONE: Final = 0.06  # Lanes that were paved apart differ in reflectance by up to this share; ours
+SEALED_APART: Final = 0.6  # Share of streets paved apart whose joint was sealed where it opened; ours
 CLEAR_OF_JOINT_M: Final = 0.35
 """Sealed cracks along slabs keep this far from the joints: nearer ones end there, as corner breaks do. Ours."""
 

@@ -28,8 +28,7 @@ edges, and 4 cm around them. Of two real towns' 1157 single cracks 97 in 100 are
 RUNS_ON_M: Final = 0.35
 """A seal runs on over a single crack that it crosses within this length: a road's joints do not end at every crack."""
 
-SHORTEST_M: Final = 0.4
-"""Shorter remains are left out."""
+SHORTEST_M: Final = 0.4  # Shorter remains are left out
 
 
 def clear_of_defects(plan: SurfaceLayout, line: Float64Array) -> Iterator[Float64Array]:

@@ -15,9 +15,7 @@ from pavetwin.world.model import Segment, World
 from pavetwin.world.parking import ParkingPosition
 from pavetwin.world.pavement_joints import GUTTER_M, has_gutter
 
-MARGIN_M: Final = 0.2
-"""A bay reaches this far beyond its places: ours."""
-
+MARGIN_M: Final = 0.2  # A bay reaches this far beyond its places: ours
 GAP_M: Final = 2.0
 """Bays are joined to the carriageway and to each other over gaps of up to this width: ours."""
 
@@ -65,15 +63,9 @@ def _areas(shape: BaseGeometry) -> BaseGeometry:
     return shapely.intersection(shape.buffer(-0.1).buffer(0.12, join_style="mitre"), shape)
 
 
-LEAST_M2: Final = 0.9
-"""A shorter piece of gutter is not built."""
-
-TAPER_M: Final = 2.2
-"""Where a gutter ends it narrows over this length along the kerb."""
-
-CORNER_M: Final = 40.0
-"""A kerb around a corner is shorter."""
-
+LEAST_M2: Final = 0.9  # A shorter piece of gutter is not built
+TAPER_M: Final = 2.2  # Where a gutter ends it narrows over this length along the kerb
+CORNER_M: Final = 40.0  # A kerb around a corner is shorter
 _NEAR_M: Final = 0.5
 _LAP_M: Final = 0.4
 

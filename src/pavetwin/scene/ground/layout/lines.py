@@ -17,12 +17,18 @@ def ways_along(coords: Float64Array) -> Float64Array:
     return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(coords, axis=0).T))])
 
 
-def direction(line: LineString, station_m: float, over_m: float = 1.0) -> tuple[float, float]:
-    """Unit direction (dx, dy) of a line at a station."""
-    low = max(0.0, min(station_m - over_m / 2, line.length - over_m))
-    a, b = line.interpolate(low), line.interpolate(min(line.length, low + over_m))
+def direction(line: LineString, station_m: float) -> tuple[float, float]:
+    """Unit direction (dx, dy) of a line at a station, over one metre."""
+    low = max(0.0, min(station_m - 0.5, line.length - 1.0))
+    a, b = line.interpolate(low), line.interpolate(min(line.length, low + 1.0))
     length = float(np.hypot(b.x - a.x, b.y - a.y)) or 1.0
     return (b.x - a.x) / length, (b.y - a.y) / length
+
+
+def rotated(points: Float64Array, turn_rad: float) -> Float64Array:
+    """Points (n, 2) turned anticlockwise about the origin."""
+    cos, sin = np.cos(turn_rad), np.sin(turn_rad)
+    return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]))
 
 
 def boxes_of(lines: Iterable[Float64Array]) -> tuple[Float64Array, Float64Array]:
@@ -50,8 +56,7 @@ class LineFrame:
         return np.asarray(foot + np.stack([-unit[..., 1], unit[..., 0]], axis=-1) * d[..., None])
 
 
-_CHUNK: Final = 12
-"""Segments of an edge that are indexed together."""
+_CHUNK: Final = 12  # Segments of an edge that are indexed together
 
 
 class Edges:

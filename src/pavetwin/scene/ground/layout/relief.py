@@ -19,9 +19,7 @@ KERB_WIDTH_M: Final = 0.15
 PROFILE: Final = ((0.0, 0.0, 0.0), (0.012, 0.80, 0.097), (0.034, 0.985, 0.128), (KERB_WIDTH_M, 1.0, 0.244))
 """A kerb's section with its rounded edge: distance from the carriageway [m], share of the height, way along it [m]."""
 
-DROPPED: Final = 0.16
-"""Share of the height that a dropped kerb keeps: 2 cm (DIN 32984: at most 3)."""
-
+DROPPED: Final = 0.16  # Share of the height that a dropped kerb keeps: 2 cm (DIN 32984: at most 3)
 DROP_NEAR_M: Final = 0.3
 DROP_FAR_M: Final = 1.5
 """A kerb is dropped within the first of a crossing and at full height beyond the second."""

@@ -17,22 +17,16 @@ from pavetwin.scene.ground.layout.lines import Edges
 from pavetwin.scene.ground.layout.paved import Ageing, PavedSurface, ageing
 from pavetwin.scene.ground.layout.streets import Approach, Path, StreetPlan, paths_of
 from pavetwin.scene.ground.styles import Pavement, StreetStyle
-from pavetwin.scene.values import TILE_M, Finish, GroundKind
+from pavetwin.scene.values import TILE_M, Finish, GroundKind, tile_bounds
 from pavetwin.world.model import Direction, FurnitureKind, Lane, LaneKind, Segment, World
 from pavetwin.world.pavement_joints import SLAB_SHARE, has_slabs
 
-CORNERS_TOUCH_M: Final = 0.6
-"""A junction this near to a sidewalk has paved corners."""
-
-LARGEST_LOT_M2: Final = 2500.0
-"""Land farther from a house than this is not its yard."""
-
-
+CORNERS_TOUCH_M: Final = 0.6  # A junction this near to a sidewalk has paved corners
+LARGEST_LOT_M2: Final = 2500.0  # Land farther from a house than this is not its yard
 NETWORK: Final = "crocodile_crack"
 """The class of defects that slabs of concrete do not have: ASTM D6433 lists alligator cracking for asphalt only."""
 
-GUTTERED_NEAR_M: Final = 0.5
-"""Kerbs this near to a sidewalk or to a corner with sidewalks may have a gutter."""
+GUTTERED_NEAR_M: Final = 0.5  # Kerbs this near to a sidewalk or to a corner with sidewalks may have a gutter
 
 
 class SpatialIndex:
@@ -49,10 +43,8 @@ class SpatialIndex:
         """Indices of shapes that come within a distance of a place, ascending."""
         if not len(self):
             return []
-        found = (
-            self._tree.query(where, "dwithin", distance=within_m) if within_m else self._tree.query(where, "intersects")
-        )
-        return sorted(int(index) for index in found)
+        how = {"predicate": "dwithin", "distance": within_m} if within_m else {"predicate": "intersects"}
+        return sorted(int(index) for index in self._tree.query(where, **how))
 
     def at(self, where: BaseGeometry, within_m: float = 0.0) -> list[BaseGeometry]:
         """The shapes that come within a distance of a place, in their order."""
@@ -103,9 +95,7 @@ class SurfaceLayout:
     @cached_property
     def sidewalks(self) -> SpatialIndex:
         """Strips of sidewalk lanes, in the order of `sidewalk_lines`."""
-        return SpatialIndex(
-            [lane.centre_line.buffer(lane.width_m / 2, cap_style="flat") for lane in self._sidewalk_lanes]
-        )
+        return SpatialIndex(strips_of(self._sidewalk_lanes))
 
     @cached_property
     def on_sidewalks(self) -> SpatialIndex:
@@ -125,12 +115,9 @@ class SurfaceLayout:
         """Material of each sidewalk, in the order of `sidewalk_lines`; the same along a street."""
         streets = {edge: street.street.name for street in self.streets for edge in street.street.edges}
         names = [streets.get(lane.edge, lane.edge) for lane in self._sidewalk_lanes]
+        surface = self.style.sidewalks.surface
         made = {
-            name: self.style.sidewalks.surface(
-                paving=self.chance(f"walk {name}"),
-                colour=self.chance(f"walk colour {name}"),
-                tone=self.chance(f"walk tone {name}"),
-            )
+            name: surface(*(self.chance(f"{what} {name}") for what in ("walk", "walk colour", "walk tone")))
             for name in set(names)
         }
         return tuple(made[name] for name in names)
@@ -144,9 +131,9 @@ class SurfaceLayout:
     @cached_property
     def gutters(self) -> SpatialIndex:
         """Concrete along the carriageway of some streets, at its kerbs and before its bays."""
-        return SpatialIndex(self._gutters())
+        return SpatialIndex(self.made_gutters())
 
-    def _gutters(self) -> list[Polygon]:
+    def made_gutters(self) -> list[Polygon]:
         walks = [*self.sidewalks.shapes, *self.corners.shapes]
         kerbed = shapely.union_all(shapely.buffer(np.array(walks, dtype=object), GUTTERED_NEAR_M, quad_segs=2))
         return gutters_of(self.world.carriageway, self.world.segments, kerbed) if walks else []
@@ -243,10 +230,15 @@ class SurfaceLayout:
         return self.name_hash(what) / 2**32
 
 
+def strips_of(lanes: Iterable[Lane]) -> list[Polygon]:
+    """The surface of each lane."""
+    return [lane.centre_line.buffer(lane.width_m / 2, cap_style="flat") for lane in lanes]
+
+
 def tile_box(key: tuple[int, int], margin_m: float = 0.0) -> Polygon:
     """The square of a tile, widened by a margin, world frame."""
-    x, y = key[0] * TILE_M, key[1] * TILE_M
-    return shapely.box(x - margin_m, y - margin_m, x + TILE_M + margin_m, y + TILE_M + margin_m)
+    west, south, east, north = tile_bounds(key)
+    return shapely.box(west - margin_m, south - margin_m, east + margin_m, north + margin_m)
 
 
 @dataclass(frozen=True)

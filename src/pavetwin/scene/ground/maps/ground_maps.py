@@ -13,17 +13,10 @@ from pavetwin.scene.ground.maps.weathering import weathering
 from pavetwin.scene.ground.materials.sampling import smoothstep
 from pavetwin.scene.values import MAP_PX, SIGNED_DISTANCE_M, GroundMaps
 
-PAINT_UNEVEN_M: Final = 0.0035
-"""Standard deviation of the edges of paint, from application and from wear."""
-
-RAGGED: Final = 0.20
-"""Deviation of each edge of a seal, × half its width."""
-
-TAPER_M: Final = 0.35
-"""A seal narrows over this length before its end."""
-
-GONE_M: Final = 0.06
-"""Negative half width of a seal in its gaps, so that it tapers towards them."""
+PAINT_UNEVEN_M: Final = 0.0035  # Standard deviation of the edges of paint, from application and from wear
+RAGGED: Final = 0.20  # Deviation of each edge of a seal, × half its width
+TAPER_M: Final = 0.35  # A seal narrows over this length before its end
+GONE_M: Final = 0.06  # Negative half width of a seal in its gaps, so that it tapers towards them
 
 
 def drawn(plan: GroundPlan, key: tuple[int, int], worn: Float32Array) -> UInt8Array:

@@ -18,9 +18,7 @@ from pavetwin.scene.values import MAP_MARGIN_M, MAP_PX, TILE_M
 
 SIDE_M: Final = TILE_M + 2 * MAP_MARGIN_M
 
-COVER_REACH_M: Final = 0.05
-"""Beyond the edge of a cover, so that cells of which it covers a part are looked at."""
-
+COVER_REACH_M: Final = 0.05  # Beyond the edge of a cover, so that cells of which it covers a part are looked at
 SAMPLES: Final = 3
 """Points along each side of a cell of `filled`. Pillow fills pixels that an edge only touches: edges lie a ninth of a
 cell too far out."""

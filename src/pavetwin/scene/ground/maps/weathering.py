@@ -22,8 +22,7 @@ from pavetwin.scene.ground.maps.raster import RasterGrid, Tracks, covered, fille
 from pavetwin.scene.ground.materials.sampling import smoothstep
 from pavetwin.scene.values import MAP_MARGIN_M, MAP_PX
 
-STEPS: Final = 128
-"""Levels of a factor of 1, as the map itself has them."""
+STEPS: Final = 128  # Levels of a factor of 1, as the map itself has them
 
 
 def shades(plan: GroundPlan, key: tuple[int, int], raster: RasterGrid) -> Float32Array | None:
@@ -62,17 +61,10 @@ def _in_patch(plan: GroundPlan, number: int) -> list[tuple[BaseGeometry, float]]
     return [] if alike else seen
 
 
-EDGE_REACH_M: Final = 1.4
-"""Distance from the kerb within which it has dirt."""
-
-SKID_GROWS: Final = 0.45
-"""Share of its length over which the mark of a locked wheel grows, as the tyre heats up. Ours."""
-
-SKID_ENDS_M: Final = 0.7
-"""And the length over which it ends, where the vehicle stands. Ours."""
-
-WHEEL_SPREAD_M: Final = 0.24
-"""Standard deviation of wheels around their path."""
+EDGE_REACH_M: Final = 1.4  # Distance from the kerb within which it has dirt
+SKID_GROWS: Final = 0.45  # Share of its length over which the mark of a locked wheel grows, as the tyre heats up. Ours.
+SKID_ENDS_M: Final = 0.7  # And the length over which it ends, where the vehicle stands. Ours.
+WHEEL_SPREAD_M: Final = 0.24  # Standard deviation of wheels around their path
 
 
 @dataclass(frozen=True)

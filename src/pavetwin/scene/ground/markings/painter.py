@@ -16,8 +16,7 @@ from pavetwin.scene.ground.materials.compose import PAINTS
 from pavetwin.scene.ground.styles.marking_standard import MarkingStandard, PaintName, marking_standard, standard_names
 from pavetwin.world.model import World
 
-FALLBACK: Final = "germany"
-"""Standard of places in no standard's country."""
+FALLBACK: Final = "germany"  # Standard of places in no standard's country
 
 
 def paint(colour: PaintName) -> float:
@@ -38,9 +37,7 @@ def standard_of(world: World) -> MarkingStandard:
     return standard_at(*world.georeference.to_wgs84(world.segments[0].centre_line.coords[0]))
 
 
-_OVERLAP_M: Final = 0.3
-"""Bars of one line overlap, so that no gap shows where they meet."""
-
+_OVERLAP_M: Final = 0.3  # Bars of one line overlap, so that no gap shows where they meet
 _BEYOND_M: Final = 0.004
 """At a corner the square end of a bar reaches this far beyond the other bar: less than its edge is uneven."""
 

@@ -56,14 +56,9 @@ def _box(start: float, end: float, y: float) -> shapely.Polygon:
     return shapely.box(start, y - SHAFT_M / 2, end, y + SHAFT_M / 2)
 
 
-SHARED_M: Final = 0.3
-"""Lines of neighbouring places that are nearer to each other are one [m]."""
-
-MARGIN_M: Final = 0.1
-"""The lines end this far before the driven lane [m]."""
-
-GUTTER_FREE_M: Final = 0.45
-"""And this far before the kerb, where gutters and grates are [m]."""
+SHARED_M: Final = 0.3  # Lines of neighbouring places that are nearer to each other are one [m]
+MARGIN_M: Final = 0.1  # The lines end this far before the driven lane [m]
+GUTTER_FREE_M: Final = 0.45  # And this far before the kerb, where gutters and grates are [m]
 
 
 def parking_lines(world: World) -> Iterator[tuple[LineString, ParkingPlace]]:
@@ -96,21 +91,14 @@ def _sides(place: ParkingPlace) -> Iterator[tuple[Float64Array, Float64Array]]:
         yield middle - reach / 2 * across, middle + reach / 2 * across
 
 
-NARROWED: Final = 0.96
-"""Factor on the width of what is left of a line: its edges wear off first. Ours."""
-
-SCAR_M: Final = 0.03
-"""Removal and masking reach this far to each side of a line. Ours."""
-
+NARROWED: Final = 0.96  # Factor on the width of what is left of a line: its edges wear off first. Ours.
+SCAR_M: Final = 0.03  # Removal and masking reach this far to each side of a line. Ours.
 AHEAD: Final = 6.0
 """A layout that was given up is moved along its lines by up to this factor on the distance to their side; one that was
 painted over by no more than to their side. Ours."""
 
-LEAST_AGE: Final = 0.2
-"""Newer pavements have no earlier markings."""
-
-KERB_M: Final = 0.15
-"""Nothing of it lies nearer to a kerb."""
+LEAST_AGE: Final = 0.2  # Newer pavements have no earlier markings
+KERB_M: Final = 0.15  # Nothing of it lies nearer to a kerb
 
 
 def former_kind(plan: SurfaceLayout, name: str) -> FormerKind | None:
@@ -155,21 +143,11 @@ def left_of(plan: SurfaceLayout, name: str, kind: FormerKind, earlier: Paint) ->
     return Paint(np.zeros((0, 5)), none, (), none, np.zeros(0, dtype=np.bool_), scars)
 
 
-ENDS_FREE_M: Final = 0.6
-"""Lines end this far before a junction."""
-
-SOLID_M: Final = 25.0
-"""Lines between lanes are solid for this far before a stop line (RMS-1: 20 to 30 m in towns)."""
-
-ARROW_AT_M: Final = (9.0, 27.0)
-"""Distances of arrows from the stop line."""
-
-GROOVE_TONE: Final = 0.72
-"""Factor on the reflectance of a milled groove: dirt in it, and its own shade. Ours."""
-
-EDGE_LINE_M: Final = 0.45
-"""From an edge line's middle to the kerb: clear of a gutter of 30 cm and its grates."""
-
+ENDS_FREE_M: Final = 0.6  # Lines end this far before a junction
+SOLID_M: Final = 25.0  # Lines between lanes are solid for this far before a stop line (RMS-1: 20 to 30 m in towns)
+ARROW_AT_M: Final = (9.0, 27.0)  # Distances of arrows from the stop line
+GROOVE_TONE: Final = 0.72  # Factor on the reflectance of a milled groove: dirt in it, and its own shade. Ours.
+EDGE_LINE_M: Final = 0.45  # From an edge line's middle to the kerb: clear of a gutter of 30 cm and its grates
 MAIN_PARKING_SHARE: Final = 0.8
 SIDE_PARKING_SHARE: Final = 0.25
 """Shares of main and of other streets whose places on the carriageway are marked; the first of all with bays. Ours."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from os import cpu_count
 from types import MappingProxyType
 from typing import Final
@@ -69,17 +69,8 @@ CHIPS: Final = StoneMix(
 """A surface dressing of single-size chips of 8 to 11 mm. Ours."""
 
 
-def asphalt(rng: np.random.Generator) -> Detail:
-    """Aged dense asphalt."""
-    return _bound(rng, DENSE)
-
-
-def chip_seal(rng: np.random.Generator) -> Detail:
-    """Chips on sprayed binder."""
-    return _bound(rng, CHIPS)
-
-
-def _bound(rng: np.random.Generator, mix: StoneMix) -> Detail:
+def _bound(mix: StoneMix, rng: np.random.Generator) -> Detail:
+    """Stones in binder."""
     texel_m = SIZE_M / SIDE_PX
     radii = []
     for radius_m, share in mix.stones:
@@ -117,7 +108,7 @@ def _segregation(rng: np.random.Generator, texel_m: float) -> Float32Array:
     return found
 
 
-def _pits(rng: np.random.Generator, per_m2: float) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
+def _pits(rng: np.random.Generator, per_m2: float) -> Float32Array:
     """Where single stones have left the surface, 0 … 1."""
     count = int(per_m2 * SIZE_M**2)
     radius = (rng.gamma(6.0, 0.55e-3, count) + 1.2e-3) / (SIZE_M / SIDE_PX)
@@ -125,9 +116,7 @@ def _pits(rng: np.random.Generator, per_m2: float) -> np.ndarray[tuple[int, ...]
     return np.clip(blurred(depth, 0.6), 0.0, 1.0) * np.float32(0.85)
 
 
-def _hold(
-    rng: np.random.Generator, level: np.ndarray[tuple[int, ...], np.dtype[np.float32]]
-) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
+def _hold(rng: np.random.Generator, level: Float32Array) -> Float32Array:
     """Order in which paint wears off: tops of stones and random grains first, then along its own cracks, then
     flakes."""
     warp = np.stack([6.0 * noise(rng, 60.0), 6.0 * noise(rng, 60.0)], axis=-1)
@@ -140,12 +129,8 @@ def _hold(
     return np.asarray(slow - 0.75 * tops + 0.5 * noise(rng, 3.2) - 1.5 * crack - 2.5 * flakes, dtype=np.float32)
 
 
-BLOCK_M: Final = 0.10
-"""Width of a paving block of 200 × 100 mm (EN 1338 and EN 1344), twice as long as wide."""
-
-BLOCKS: Final = 16
-"""Widths of blocks over the texture: herringbone repeats every four."""
-
+BLOCK_M: Final = 0.10  # Width of a paving block of 200 × 100 mm (EN 1338 and EN 1344), twice as long as wide
+BLOCKS: Final = 16  # Widths of blocks over the texture: herringbone repeats every four
 TILE_M: Final = 0.25
 TILES: Final = 8
 GROOVES: Final = 4
@@ -186,24 +171,20 @@ def blocks(rng: np.random.Generator) -> Detail:
 
 def tiles(rng: np.random.Generator) -> Detail:
     """Square tiles with grooves along the street, of two shades in courses; every fourth course is the darker."""
-    size_m = TILE_M * TILES
     rows, columns = _places(rng, 0.2)
-    pitch = SIDE_PX / TILES
-    x, y = columns / pitch, rows / pitch
+    x, y = columns / (SIDE_PX / TILES), rows / (SIDE_PX / TILES)
     i, j = np.floor(x).astype(int) % TILES, np.floor(y).astype(int) % TILES
     border_m = _border(x % 1.0, y % 1.0, 1, 1) * TILE_M
     each = rng.standard_normal((TILES, TILES))[j, i]
     shade = 0.6 * each - 4.0 * (j % 4 == 0)
     groove = np.clip(1.0 - np.abs((y * GROOVES) % 1.0 - 0.5) * TILE_M / GROOVES / 0.004, 0.0, 1.0)
     level = rng.standard_normal((TILES, TILES))[j, i]
-    return _laid(
-        rng, size_m, border_m, shade, level, joint_m=0.005, contrast=0.09, mean=TILE_REFLECTANCE, groove=groove
-    )
+    laid = partial(_laid, joint_m=0.005, contrast=0.09, mean=TILE_REFLECTANCE, groove=groove)
+    return laid(rng, TILE_M * TILES, border_m, shade, level)
 
 
 def setts(rng: np.random.Generator) -> Detail:
     """Split granite setts in courses across the street, with rounded heads and wide joints."""
-    size_m = SETT_M * SETTS
     rows, columns = _places(rng, 0.9)
     pitch = SIDE_PX / SETTS
     y = rows / pitch
@@ -218,9 +199,8 @@ def setts(rng: np.random.Generator) -> Detail:
     border_m = _border(x - left, y % 1.0, right - left, 1) * SETT_M
     shade, level = (values[course, number] for values in rng.standard_normal((2, SETTS, SETTS)))
     dome = blurred(float32(np.clip(border_m / (0.3 * SETT_M), 0.0, 1.0)), 5.0)
-    return _laid(
-        rng, size_m, border_m, shade, level, joint_m=0.012, contrast=0.13, mean=SETT_REFLECTANCE, dome=0.3 * dome
-    )
+    laid = partial(_laid, joint_m=0.012, contrast=0.13, mean=SETT_REFLECTANCE, dome=0.3 * dome)
+    return laid(rng, SETT_M * SETTS, border_m, shade, level)
 
 
 def _places(rng: np.random.Generator, bent_px: float) -> tuple[Float32Array, Float32Array]:
@@ -360,8 +340,7 @@ def paving(rng: np.random.Generator) -> Detail:
 def kerb(rng: np.random.Generator) -> Detail:
     """Kerb stones along u with mortar joints; v runs up the face and over the top."""
     pitch = SIDE_PX // KERB_STONES
-    rows, columns = np.meshgrid(np.arange(SIDE_PX), np.arange(SIDE_PX), indexing="ij")
-    del rows
+    columns = np.meshgrid(np.arange(SIDE_PX), np.arange(SIDE_PX))[0]
     bend = 0.8 * noise(rng, 60.0)
     along = (columns + bend) % pitch
     border = np.minimum(along, pitch - along) * (KERB_M / SIDE_PX)
@@ -438,13 +417,13 @@ def earth(rng: np.random.Generator) -> Detail:
 
 
 MAKERS: Final[Mapping[GroundKind, Callable[[np.random.Generator], Detail]]] = {
-    GroundKind.ASPHALT: asphalt,
+    GroundKind.ASPHALT: partial(_bound, DENSE),
     GroundKind.CONCRETE: concrete,
     GroundKind.PAVING: paving,
     GroundKind.KERB: kerb,
     GroundKind.GRASS: grass,
     GroundKind.EARTH: earth,
-    GroundKind.CHIP_SEAL: chip_seal,
+    GroundKind.CHIP_SEAL: partial(_bound, CHIPS),
     GroundKind.SLABS: slabs,
     GroundKind.BLOCKS: blocks,
     GroundKind.TILES: tiles,

@@ -16,9 +16,11 @@ from pavetwin.scene.agents import upright
 from pavetwin.scene.appearance import tints
 from pavetwin.scene.ground.distractors.fixtures import LEAVES, LITTER, MODULE_M
 from pavetwin.scene.ground.ground_plan import GroundPlan
+from pavetwin.scene.ground.layout.lines import rotated
 from pavetwin.scene.ground.layout.surfaces import tile_box
+from pavetwin.scene.meshes import anticlockwise, corners_of, upward_normals
 from pavetwin.scene.models import BODY
-from pavetwin.scene.values import TILE_M, Instance, Mesh, Model
+from pavetwin.scene.values import Instance, Mesh, Model, tile_at
 from pavetwin.seeds import Stream, child
 
 Layer = tuple[BaseGeometry, float, tuple[float, float, float], float, float]
@@ -76,7 +78,7 @@ def fixture_models() -> Mapping[str, Model]:
         "cover_iron": [*_frame(), *_studded()],
         "cover_filled": [*_frame(), *_filled()],
         "cover_square": _square_cover(),
-        "cover_collared": [*_collar(), *_frame(), *_studded()],
+        "cover_collared": [(_ring(1.16, FRAME_M, 10), 0.001, COLLAR, 0.85, 0.0), *_frame(), *_studded()],
         "grate": _grate(),
         "grate_slots": _slotted(),
         "valve": _valve(),
@@ -107,8 +109,6 @@ def _frame() -> list[Layer]:
 
 def _studded() -> list[Layer]:
     """A cast cover with rows of studs, worn bright, and two lifting holes."""
-    layers: list[Layer] = [(Point(0, 0).buffer(COVER_M / 2, quad_segs=12), 0.002, IRON, 0.75, 0.2)]
-    layers.append((_ring(COVER_M, COVER_M - 0.04), 0.004, POLISHED, 0.5, 0.35))
     pitch, half = 0.046, 0.0135
     inside = Point(0, 0).buffer(COVER_M / 2 - 0.03)
     holes = shapely.union_all([box(-0.03, y - 0.012, 0.03, y + 0.012) for y in (-0.2, 0.2)])
@@ -120,9 +120,12 @@ def _studded() -> list[Layer]:
         for x, y in [((column + (row % 2) / 2) * pitch, row * pitch)]
     ]
     kept = [stud for stud in studs if inside.contains(stud) and not stud.intersects(holes)]
-    layers.append((shapely.union_all(kept), 0.005, POLISHED, 0.5, 0.35))
-    layers.append((holes, 0.004, SLOT, 0.95, 0.0))
-    return layers
+    return [
+        (Point(0, 0).buffer(COVER_M / 2, quad_segs=12), 0.002, IRON, 0.75, 0.2),
+        (_ring(COVER_M, COVER_M - 0.04), 0.004, POLISHED, 0.5, 0.35),
+        (shapely.union_all(kept), 0.005, POLISHED, 0.5, 0.35),
+        (holes, 0.004, SLOT, 0.95, 0.0),
+    ]
 
 
 def _filled() -> list[Layer]:
@@ -139,11 +142,6 @@ def _filled() -> list[Layer]:
         (_ring(0.18, 0.15, 8), 0.005, POLISHED, 0.5, 0.35),
         (shapely.union_all(vents), 0.003, SLOT, 0.95, 0.0),
     ]
-
-
-def _collar() -> list[Layer]:
-    """Concrete cast around the frame of a cover."""
-    return [(_ring(1.16, FRAME_M, 10), 0.001, COLLAR, 0.85, 0.0)]
 
 
 def _square_cover() -> list[Layer]:
@@ -211,8 +209,7 @@ def _litter(model: int) -> Mesh:
         middle, turn = rng.uniform(-apart_m, apart_m, 2), rng.uniform(0, 2 * np.pi)
         square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (long_m / 2, wide_m / 2)
         outline = square * rng.uniform(0.75, 1.0, (4, 2))
-        cos, sin = np.cos(turn), np.sin(turn)
-        flat = outline @ np.array([[cos, sin], [-sin, cos]]) + middle
+        flat = rotated(outline, turn) + middle
         positions.append(np.column_stack([flat, 0.004 + 0.03 * rng.random(4) ** 3])[[0, 1, 2, 0, 2, 3]])
         colours.append(np.tile(np.array(tone) * rng.uniform(0.8, 1.1), (6, 1)))
     points = np.concatenate(positions)
@@ -253,12 +250,7 @@ def _plates(layers: Sequence[Layer]) -> Mesh:
     """Flat shapes at their heights as one mesh."""
     positions, colours, surface = [], [], []
     for shape, height, colour, rough, metallic in layers:
-        parts = shapely.constrained_delaunay_triangles(shape)
-        corners = shapely.get_coordinates(shapely.get_parts(parts)).reshape(-1, 4, 2)[:, :3]
-        (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
-        clockwise = ax * by - ay * bx < 0
-        corners[clockwise] = corners[clockwise][:, ::-1]
-        flat = corners.reshape(-1, 2)
+        flat = anticlockwise(corners_of(shapely.constrained_delaunay_triangles(shape))).reshape(-1, 2)
         positions.append(np.column_stack([flat, np.full(len(flat), height)]))
         colours.append(np.tile(colour, (len(flat), 1)))
         surface.append(np.tile([round(255 * rough), round(255 * metallic), 0], (len(flat), 1)))
@@ -284,8 +276,7 @@ def _scattered(rng: np.random.Generator, middles: Float64Array) -> Mesh:
     for middle in middles:
         turn, half = rng.uniform(0, 2 * np.pi), rng.uniform(0.018, 0.042)
         outline = np.array([[-1.0, 0.0], [-0.2, -0.55], [1.0, 0.0], [-0.2, 0.55]]) * half
-        cos, sin = np.cos(turn), np.sin(turn)
-        flat = outline @ np.array([[cos, sin], [-sin, cos]]) + middle
+        flat = rotated(outline, turn) + middle
         lift = np.array([0.003, 0.004, 0.004 + 0.5 * half * rng.random(), 0.004])
         corners = np.column_stack([flat, lift])[[0, 1, 2, 0, 2, 3]]
         positions.append(corners)
@@ -297,10 +288,9 @@ def _scattered(rng: np.random.Generator, middles: Float64Array) -> Mesh:
 def _mesh(positions: Float64Array, colours: Float64Array, surface: Float64Array) -> Mesh:
     """A mesh of loose triangles, corners shared where all agrees, normals up."""
     rows, indices = np.unique(np.column_stack([positions, colours, surface]), axis=0, return_inverse=True)
-    normals = np.tile(np.array([0.0, 0.0, 1.0], dtype=np.float32), (len(rows), 1))
     return Mesh(
         positions=rows[:, :3].astype(np.float32),
-        normals=normals,
+        normals=upward_normals(len(rows)),
         indices=np.asarray(indices, dtype=np.uint32).reshape(-1, 3),
         colours=rows[:, 3:6].astype(np.float32),
         surface=rows[:, 6:].astype(np.uint8),
@@ -313,5 +303,5 @@ def fixtures(plan: GroundPlan, key: tuple[int, int]) -> tuple[Instance, ...]:
     return tuple(
         Instance(each.model, BODY, upright(each.x, each.y, each.yaw_rad, z_m=each.z), tints())
         for each in near
-        if (np.floor(each.x / TILE_M), np.floor(each.y / TILE_M)) == key
+        if tile_at(each.x, each.y) == key
     )

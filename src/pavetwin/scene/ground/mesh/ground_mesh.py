@@ -10,7 +10,7 @@ import shapely
 from shapely import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from pavetwin.arrays import Float32Array, Float64Array, Int64Array, UInt32Array
+from pavetwin.arrays import Float64Array, Int64Array
 from pavetwin.scene.ground.ground_plan import GroundPlan
 from pavetwin.scene.ground.layout.kerbside import BEHIND_M
 from pavetwin.scene.ground.layout.lines import ways_along
@@ -26,30 +26,20 @@ from pavetwin.scene.ground.layout.relief import (
     Relief,
 )
 from pavetwin.scene.ground.layout.surfaces import tile_box
+from pavetwin.scene.meshes import anticlockwise, corners_of, normals_of
 from pavetwin.scene.values import PLAIN_FINISH, TILE_M, Finish, GroundKind, GroundPiece, Mesh
 
-SHOULDER_M: Final = 0.8
-"""Bare strip along a carriageway without a kerb."""
-
-APRON_M: Final = 1.0
-"""Paved strip around a house in a garden."""
-
-TREE_PIT_M: Final = 1.1
-"""Side of the open earth about a tree in a sidewalk."""
-
-SPECK_M2: Final = 1.0
-"""Land that is smaller and lies mostly among pavement is paved too."""
-
-CORNER_WALK_M: Final = 2.2
-"""Width of the pavement around the corners of junctions with sidewalks."""
-
+SHOULDER_M: Final = 0.8  # Bare strip along a carriageway without a kerb
+APRON_M: Final = 1.0  # Paved strip around a house in a garden
+TREE_PIT_M: Final = 1.1  # Side of the open earth about a tree in a sidewalk
+SPECK_M2: Final = 1.0  # Land that is smaller and lies mostly among pavement is paved too
+CORNER_WALK_M: Final = 2.2  # Width of the pavement around the corners of junctions with sidewalks
 BAY_RIM_M: Final = 0.16
 """Width of the flush kerb between the carriageway and a bay: a unit as wide as a kerb's (EN 1340)."""
 
 _PAD_M: Final = 6.0
 
-_GRID_M: Final = 1e-8
-"""Finer than `EXACT_M`, so that corners on an edge stay on it."""
+_GRID_M: Final = 1e-8  # Finer than `EXACT_M`, so that corners on an edge stay on it
 
 
 @dataclass(frozen=True)
@@ -239,9 +229,9 @@ def _grown(shape: BaseGeometry, by_m: float) -> BaseGeometry:
     return shape if by_m == 0 else shape.buffer(by_m, quad_segs=3)
 
 
-def _closed(shape: BaseGeometry, gap_m: float = 1.2) -> BaseGeometry:
-    """Close gaps narrower than this, so that no narrow strip of lawn is left between two pavements."""
-    closed = shapely.buffer(shape, gap_m / 2, join_style="mitre").buffer(-gap_m / 2, join_style="mitre")
+def _closed(shape: BaseGeometry) -> BaseGeometry:
+    """Close gaps narrower than 1.2 m, so that no narrow strip of lawn is left between two pavements."""
+    closed = shapely.buffer(shape, 0.6, join_style="mitre").buffer(-0.6, join_style="mitre")
     return shapely.union(closed, shape)  # sharp corners lose their tips on the way there and back
 
 
@@ -283,8 +273,7 @@ def _tree_pits(plan: GroundPlan, wide: Polygon, paved: BaseGeometry) -> BaseGeom
         ahead = shapely.line_interpolate_point(line, min(station + 0.5, line.length))
         back = shapely.line_interpolate_point(line, max(station - 0.5, 0.0))
         turn = float(np.arctan2(ahead.y - back.y, ahead.x - back.x))
-        half = TREE_PIT_M / 2
-        pits.append(_square(tree.x, tree.y, half, turn))
+        pits.append(_square(tree.x, tree.y, TREE_PIT_M / 2, turn))
     return shapely.intersection(shapely.union_all(pits), paved)
 
 
@@ -337,7 +326,7 @@ def _mesh(
     triangles = np.asarray(indices, dtype=np.uint32).reshape(-1, 3)
     return Mesh(
         positions=vertices[:, :3].astype(np.float32),
-        normals=_normals(vertices[:, :3], triangles),
+        normals=normals_of(vertices[:, :3], triangles),
         indices=triangles,
         uv=vertices[:, 3:].astype(np.float32),
     )
@@ -347,11 +336,7 @@ def _triangles(faces: Sequence[Face]) -> tuple[Float64Array, Int64Array]:
     """Anticlockwise corners (n, 3, 2) of the faces' triangles, and the face of each."""
     parts = shapely.constrained_delaunay_triangles(np.array([face.polygon for face in faces], dtype=object))
     triangles, face = shapely.get_parts(parts, return_index=True)
-    corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
-    (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
-    clockwise = ax * by - ay * bx < 0
-    corners[clockwise] = corners[clockwise][:, ::-1]
-    return corners, face
+    return anticlockwise(corners_of(triangles)), face
 
 
 def _coordinates(
@@ -398,15 +383,3 @@ def _along(line: LineString, corners: Float64Array) -> Float64Array:
     ahead, left = (points - start).T
     uv = np.column_stack([ways[leg] + dx * ahead + dy * left, dx * left - dy * ahead])
     return uv.reshape(corners.shape)
-
-
-def _normals(positions: Float64Array, triangles: UInt32Array) -> Float32Array:
-    """Normals weighted by area: large faces stay flat, a bevel between them turns from one to the other."""
-    a, b, c = (positions[triangles[:, corner]] for corner in range(3))
-    normal = np.cross(b - a, c - a)
-    summed = np.zeros_like(positions)
-    for corner in range(3):
-        np.add.at(summed, triangles[:, corner], normal)
-    length = np.linalg.norm(summed, axis=1, keepdims=True)
-    up = np.array([0.0, 0.0, 1.0])
-    return np.where(length > 1e-12, summed / np.maximum(length, 1e-12), up).astype(np.float32)

@@ -67,11 +67,6 @@ class Mark(Settings):
         return strokes
 
 
-def mark_names() -> list[str]:
-    """The marks that ship with the package."""
-    return names_in(PACKAGE, "marks")
-
-
 @cache
 def mark(name: str) -> Mark:
     """The mark of a name, or of a YAML file of the user's own.

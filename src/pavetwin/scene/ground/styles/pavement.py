@@ -6,7 +6,7 @@ from typing import Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
-from pavetwin.config.named import names_in, read_named
+from pavetwin.config.named import read_named
 from pavetwin.config.settings import NUMBER, PlacedValueError, Settings, Share, Title
 from pavetwin.scene.ground.styles.values import ValueRange, Within
 from pavetwin.scene.values import GroundKind
@@ -135,11 +135,6 @@ class Pavement(Settings):
         if self.slabs is not None and self.material is not Material.CONCRETE:
             raise PlacedValueError(("slabs",), f"only concrete has slabs, and the material is {self.material.value}")
         return self
-
-
-def pavement_names() -> list[str]:
-    """The pavements that ship with the package."""
-    return names_in(PACKAGE, "pavements")
 
 
 @cache

@@ -131,8 +131,7 @@ COLOURED: Final = frozenset({SidewalkPaving.BLOCKS, SidewalkPaving.TILES})
 RED: Final = (1.38, 0.66)
 """Factors on red and blue of pieces of clay or iron oxide; ours, after photographs from drones."""
 
-RED_TONE: Final = 0.8
-"""Factor on their reflectance."""
+RED_TONE: Final = 0.8  # Factor on their reflectance
 
 
 class SidewalkStyle(Settings):
@@ -145,7 +144,7 @@ class SidewalkStyle(Settings):
     tone: Annotated[ValueRange, Within(0.4, 1.6)] = ValueRange(least=1.0, most=1.0)
     """Reflectance relative to the mean of the paving."""
 
-    def surface(self, *, paving: float, colour: float, tone: float) -> tuple[GroundKind, Finish]:
+    def surface(self, paving: float, colour: float, tone: float) -> tuple[GroundKind, Finish]:
         """Paving of a street's sidewalks, for three random numbers 0 … 1."""
         found = pick(self.pavings, paving)
         red = found in COLOURED and colour < self.red
