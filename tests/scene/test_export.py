@@ -1,4 +1,4 @@
-"""The glTF file of a world: what goes in comes out, in its place, for readers that know nothing of us."""
+"""The glTF file of a world and its baked images, read by independent readers and by the formula of the ground."""
 
 import json
 import re
@@ -21,16 +21,21 @@ from pavetwin.config.mission import ParkingSettings
 from pavetwin.defects import DefectOptions, place
 from pavetwin.errors import PaveTwinError
 from pavetwin.scene.export import LEVELS, ExportSummary, TrafficSnapshot, estimate, export_scene, tiles_of
+from pavetwin.scene.export.baking import BakedTexture, bake_patch, bake_tile
 from pavetwin.scene.foliage import leaf_atlas
 from pavetwin.scene.glb import Glb, read_glb
+from pavetwin.scene.ground.materials.compose import MapPyramids, surface
+from pavetwin.scene.ground.materials.sampling import srgb_of_linear
+from pavetwin.scene.patches import patch_of
 from pavetwin.scene.scene import Scene
-from pavetwin.scene.values import TILE_M, Instance, defect_label, parked_label
+from pavetwin.scene.values import TILE_M, GroundKind, GroundMaps, Instance, defect_label, parked_label
 from pavetwin.traffic.parked import parked_vehicles
 from pavetwin.traffic.recording import Recording
 from pavetwin.world.model import Furniture, FurnitureKind, World
 from scenes import built, tiny
 from scenes.parking import kerb_place, with_places
 from scenes.recordings import recording
+from scenes.strips import KEY, ORIGIN, STRIP_M, Strips, axes, finish, grain_xy, pothole, pyramids, weathered
 
 TEXEL_M = 0.25
 BOUNDS = (1.0, -20.0, 60.0, 20.0)
@@ -412,3 +417,38 @@ def test_the_command_writes_and_says_what(tmp_path: Path) -> None:
     parked = re.search(r"(\d+) agents and parked vehicles", result.output)
     assert parked is not None
     assert int(parked[1]) > 3
+
+
+GROUND_TEXEL_M = 0.032
+
+
+@cache
+def baked() -> BakedTexture:
+    return bake_tile(Strips().tile(KEY), pyramids(), GROUND_TEXEL_M)
+
+
+@pytest.mark.parametrize("kind", GroundKind, ids=lambda kind: kind.name)
+def test_grain_is_baked_along_the_images_axes_whichever_way_it_lies(kind: GroundKind) -> None:
+    picture = baked()
+    side = len(picture.colour)
+    x, y = np.meshgrid((np.arange(side) + 0.5) * TILE_M / side, TILE_M - (np.arange(side) + 0.5) * TILE_M / side)
+    inside = (np.abs(y - (kind + 0.5) * STRIP_M) < STRIP_M / 2 - 0.1) & (x < 8.0)
+    local = np.column_stack([x[inside], y[inside]])
+    found = surface(kind, grain_xy(kind, local), local, ORIGIN, pyramids(), TILE_M / side, finish(kind))
+    assert np.abs(picture.colour[inside] - 255 * srgb_of_linear(found.albedo)).max() < 1.5
+    bent = (picture.normal[inside].astype(float)[:, :2] - 128) / 127
+    assert np.abs(bent - found.normal[:, :2] @ axes(kind)).max() < 0.006
+
+
+def test_no_paint_lies_on_the_floor_of_a_baked_pothole() -> None:
+    patch = patch_of(pothole())
+    painted, unpainted = weathered().drawn.copy(), weathered().drawn.copy()
+    painted[...], unpainted[..., 0], unpainted[..., 3] = (255, 0, 0, 1), 1, 1
+    seen, bare = (
+        bake_patch(patch, ORIGIN, MapPyramids.of(GroundMaps(weathered().weathering, drawn)), 0.005).colour.astype(int)
+        for drawn in (painted, unpainted)
+    )
+    floor = patch.lost[::-1] == 255
+    assert floor.sum() > 500
+    assert np.array_equal(seen[floor], bare[floor])
+    assert (seen - bare)[patch.lost[::-1] == 0].mean() > 50
