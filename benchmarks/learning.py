@@ -75,8 +75,7 @@ def _step_s(dataset: Path, folder: Path, size: Size, half: bool) -> float | None
     """The median time of a step; None where bfloat16 is asked for and is not faster."""
     import torch
 
-    from pavetwin.training.trainer.machine import has_half
-    from pavetwin.training.trainer.trainer import Trainer
+    from pavetwin.training.trainer.trainer import Trainer, has_half
 
     if half and not has_half(torch.device("cpu")):
         return None

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from pavetwin.capture.context import check
+from pavetwin.capture.images import write_yaml
 from pavetwin.capture.settings import FILE, CaptureSettings, check_same, description
-from pavetwin.capture.store import write_yaml
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission.versions import software_versions
 from pavetwin.uav import find_camera

@@ -11,7 +11,7 @@ import yaml
 from pavetwin import plugins
 from pavetwin.capture.record import count
 from pavetwin.capture.run import capture
-from pavetwin.capture.settings import CaptureSettings, _plugins_differ
+from pavetwin.capture.settings import CaptureSettings
 from pavetwin.capture.sheets import save_sheet
 from pavetwin.defects import DEFECT_CLASSES, DefectOptions, add_defects, heightfield_of, measure
 from pavetwin.draw.world_map import legend
@@ -112,11 +112,6 @@ def test_another_plugin_is_another_dataset(world: Path, tmp_path: Path) -> None:
     own.write_text(RUTTING.read_text() + "# another\n")
     with pytest.raises(PaveTwinError, match=r"begun with another content of rutting\.py; give the former file"):
         capture(world, few, tmp_path / "dataset", frame_source_factory=Painter)
-
-
-def test_a_plugin_that_is_missing_or_too_many_is_named() -> None:
-    assert _plugins_differ({"rutting.py": "a"}, {}) == "with rutting.py, which is not given now; add it by `plugins`"
-    assert _plugins_differ({}, {"rutting.py": "a"}) == "without rutting.py; leave it out of `plugins`"
 
 
 def test_a_class_whose_plugin_is_missing_is_named_before_anything_is_baked(

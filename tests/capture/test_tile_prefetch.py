@@ -13,12 +13,12 @@ import pytest
 
 from pavetwin.capture import run
 from pavetwin.capture.image_workers import CaptureJob, TilePrefetcher
+from pavetwin.capture.images import Order
 from pavetwin.capture.platforms import CaptureContext
 from pavetwin.capture.run import capture, processes
 from pavetwin.capture.samples import CameraSample
 from pavetwin.capture.scene_renderer import SceneFrameSource
 from pavetwin.capture.settings import CaptureSettings
-from pavetwin.capture.store import Order, in_order, schedule
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.render.nearby import make_missing, wanted_keys
 from pavetwin.scene import scene as scenes
@@ -129,13 +129,6 @@ def test_it_ends_with_its_block_wherever_it_has_got_to(world: Path) -> None:
     with pytest.raises(ValueError, match="closed"):
         process.is_alive()
     assert not list(tile_folder().rglob(".*"))
-
-
-def test_images_are_sent_as_processes_take_them() -> None:
-    shards = [[(name, None) for name in names] for names in ("abc", "de", "fg", "h")]
-    assert "".join(name for name, _ in in_order(shards, 1)) == "abcdefgh"  # type: ignore[misc, arg-type]
-    assert "".join(name for name, _ in in_order(shards, 2)) == "adbecfhg"  # type: ignore[misc, arg-type]
-    assert "".join(name for name, _ in in_order(schedule(shards, 2), 2)) == "afbgcdhe"  # type: ignore[misc, arg-type]
 
 
 @pytest.mark.parametrize(

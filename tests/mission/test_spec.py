@@ -9,8 +9,8 @@ import pytest
 from shapely import box
 
 from pavetwin.capture.context import check, packages_in_use
+from pavetwin.capture.images import write_yaml
 from pavetwin.capture.settings import FILE, CaptureSettings, check_same, description
-from pavetwin.capture.store import write_yaml
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
 from pavetwin.experiments.planning import plan

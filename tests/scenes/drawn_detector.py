@@ -153,7 +153,7 @@ def make() -> None:
     from onnx import compose, helper, parser
 
     from pavetwin.perception.model_file import OUTPUTS, ModelFacts
-    from pavetwin.training.trainer.export_graph import answers, joined, suppression
+    from pavetwin.training.trainer.export import answers, joined, suppression
 
     between = suppression(2, 14, 8, confidence=0.25, overlap=0.7, candidates=3000, most=300)
     encoder, regions = (

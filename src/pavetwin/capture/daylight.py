@@ -15,15 +15,13 @@ LEAST_ELEVATION_DEG: Final = 12.0
 """Least elevation of the sun: below it shadows are five times as long as their casters, and pavement is not
 inspected."""
 
-YEAR: Final = 2025
-"""Year of the images' dates."""
+YEAR: Final = 2025  # Year of the images' dates
 
 _SKIES: Final = ((0.45, 0.0, 0.2), (0.35, 0.2, 0.7), (0.20, 0.7, 1.0))
 """Share of images, and the cloud cover they are drawn from: mostly clear, partly cloudy, overcast. Ours; there is no
 one mix of weather in which roads are inspected."""
 
-_TURBIDITY: Final = (2.2, 5.0)
-"""From very clear to hazy."""
+_TURBIDITY: Final = (2.2, 5.0)  # From very clear to hazy
 
 
 COMPENSATION_SD_EV, MOST_COMPENSATION_EV = 0.4, 1.0

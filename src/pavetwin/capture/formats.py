@@ -12,8 +12,7 @@ from pavetwin.labels.voc import ANNOTATIONS, PICTURES, VocObject, voc_file
 from pavetwin.labels.yolo import box_line, data_yaml, polygon_line
 from pavetwin.registry import Registry
 
-DESCRIPTION: Final = "PaveTwin synthetic images"
-"""Description of a capture in its COCO files."""
+DESCRIPTION: Final = "PaveTwin synthetic images"  # Description of a capture in its COCO files
 
 OCCLUDED: Final = 0.95
 """Visible fraction below which an object is occluded in VOC's sense: more than about 5 % of the box is covered."""

@@ -62,8 +62,7 @@ AIMED_PIXEL_M = 0.0133
 """A defect that an image aims at is within this distance of the camera, or a pixel covers no more than this there:
 20 m at a focal length of 1500 pixels. Long lenses see farther than wide ones."""
 
-AIMED_WIDTH_PX = 0.4
-"""Least width of the widest opening, seen from straight above: finer cracks are seldom visible."""
+AIMED_WIDTH_PX = 0.4  # Least width of the widest opening, seen from straight above: finer cracks are seldom visible
 
 ROAD_SHARE = 0.2
 """Least share of road in an image without defects: a meadow is not an example of defect-free pavement."""

@@ -10,10 +10,9 @@ from typing import Any, Final, Protocol, Self, runtime_checkable
 
 from pavetwin.capture.context import prepare
 from pavetwin.capture.formats import find_formats
-from pavetwin.capture.images import FrameSource
+from pavetwin.capture.images import FrameSource, Order, finished_images, write_shard
 from pavetwin.capture.platforms import PLATFORMS, CaptureContext, Platform
 from pavetwin.capture.settings import CaptureSettings
-from pavetwin.capture.store import Order, finished_images, write_shard
 from pavetwin.errors import PaveTwinError
 from pavetwin.memory import give_back
 from pavetwin.plugins import load_plugins

@@ -31,8 +31,7 @@ LEAST_INSIDE: Final = 0.98
 """Images of missions show nearly whole what counts as a look, since its centre lies in the inspection window. Where two
 thirds of the looks were at parts, chances depended too little on the resolution."""
 
-LEVEL_DEG: Final = 5.0
-"""Images that look further from straight down are left out: missions take none."""
+LEVEL_DEG: Final = 5.0  # Images that look further from straight down are left out: missions take none
 
 
 def is_capture(folder: Path) -> bool:

@@ -17,13 +17,12 @@ import numpy as np
 from pavetwin.capture.context import packages_in_use
 from pavetwin.capture.daylight import Daylight
 from pavetwin.capture.formats import find_formats
-from pavetwin.capture.images import record_of
+from pavetwin.capture.images import link_image, record_of, write_image, write_over_all, write_yaml
 from pavetwin.capture.mission_images import MissionImages
 from pavetwin.capture.platforms import Pose
 from pavetwin.capture.record import Record
 from pavetwin.capture.samples import image_name, prefix
 from pavetwin.capture.settings import FILE, CaptureSettings, description
-from pavetwin.capture.store import link_image, write_image, write_over_all, write_yaml
 from pavetwin.capture.truth import LabelledObject, SceneState, labelled_objects
 from pavetwin.files import writing_folder
 from pavetwin.labels.classes import category_of_defect

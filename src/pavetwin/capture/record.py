@@ -13,8 +13,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.labels import SPLITS
 from pavetwin.labels.classes import categories
 
-TRUTH = "truth"
-"""Folder of these files, by split."""
+TRUTH = "truth"  # Folder of these files, by split
 
 
 @dataclass(frozen=True)

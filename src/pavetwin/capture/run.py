@@ -19,11 +19,7 @@ from pavetwin.capture.image_workers import (
     platforms_of,
     prefetching,
 )
-from pavetwin.capture.platforms import CaptureContext
-from pavetwin.capture.record import Statistics, count
-from pavetwin.capture.samples import draw_sample, image_name, image_specs, platform_prefix
-from pavetwin.capture.settings import FILE, CaptureSettings, check_same, description
-from pavetwin.capture.store import (
+from pavetwin.capture.images import (
     check_disk_space,
     finished_images,
     in_order,
@@ -32,6 +28,10 @@ from pavetwin.capture.store import (
     write_over_all,
     write_yaml,
 )
+from pavetwin.capture.platforms import CaptureContext
+from pavetwin.capture.record import Statistics, count
+from pavetwin.capture.samples import draw_sample, image_name, image_specs, platform_prefix
+from pavetwin.capture.settings import FILE, CaptureSettings, check_same, description
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import working_in
 from pavetwin.labels import SPLITS

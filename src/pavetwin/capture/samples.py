@@ -124,8 +124,7 @@ def _pick(choices: list[T], share: float) -> T:
     return choices[min(int(share * len(choices)), len(choices) - 1)]
 
 
-REACH_M = 20.0
-"""Only what stands this near to a vehicle may overlap it."""
+REACH_M = 20.0  # Only what stands this near to a vehicle may overlap it
 
 
 @dataclass(frozen=True)
@@ -166,16 +165,14 @@ def _outlines(boxes: Solids) -> GeometryArray:
     return np.asarray(shapely.polygons(boxes.xy.reshape(-1, 4, 2)), dtype=object)
 
 
-PROPOSALS: Final = 300
-"""Poses that are checked by geometry for one attempt at an image."""
+PROPOSALS: Final = 300  # Poses that are checked by geometry for one attempt at an image
 
 STRICT, EASIER, ANYWHERE = 8, 8, 24
 """Attempts at a spec as it is; then for any class of defects (or for no defect, from any altitude); then for any class
 from any altitude."""
 
 
-_GOLDEN: Final = 0.6180339887
-"""Its multiples modulo 1 fill the range evenly."""
+_GOLDEN: Final = 0.6180339887  # Its multiples modulo 1 fill the range evenly
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,7 @@ from pavetwin.traffic.trace import trace_of
 from pavetwin.uav.cameras import Camera
 from pavetwin.world.model import World
 
-_SHADOWS_M: Final = 40.0
-"""Distance beyond the image from which objects may cast a shadow into it."""
+_SHADOWS_M: Final = 40.0  # Distance beyond the image from which objects may cast a shadow into it
 
 
 class SceneRenderer:

@@ -22,11 +22,8 @@ from pavetwin.world.model import World
 
 ImageSidePx = Annotated[int, Field(ge=64, le=8192)]
 
-CAMERA_HASH: Final = "camera_sha256"
-"""Key of a dataset's description: of the file that its camera comes from."""
-
-STYLE_HASH: Final = "style_sha256"
-"""The same, of the style of its streets."""
+CAMERA_HASH: Final = "camera_sha256"  # Key of a dataset's description: of the file that its camera comes from
+STYLE_HASH: Final = "style_sha256"  # The same, of the style of its streets
 
 FILE: Final = "capture.yaml"
 
@@ -175,7 +172,7 @@ def check_same(folder: Path, expected: dict[str, Any]) -> bool:
             f"'{folder}' was begun with another `camera` than '{expected['settings']['camera']}' holds now; "
             "choose another folder."
         )
-    if found[STYLE_HASH] != expected[STYLE_HASH] and _same_name(found, expected, "style"):
+    if found[STYLE_HASH] != expected[STYLE_HASH] and found["settings"]["style"] == expected["settings"]["style"]:
         raise PaveTwinError(
             f"'{folder}' was begun with another content of `style` '{expected['settings']['style']}'; "
             "choose another folder."
@@ -205,10 +202,6 @@ def check_same(folder: Path, expected: dict[str, Any]) -> bool:
     return True
 
 
-def _same_name(found: Mapping[str, Any], expected: Mapping[str, Any], key: str) -> bool:
-    return bool(found["settings"][key] == expected["settings"][key])
-
-
 def read_description(folder: Path) -> dict[str, Any]:
     """A dataset's `capture.yaml`.
 
@@ -222,13 +215,8 @@ def read_description(folder: Path) -> dict[str, Any]:
         )
     try:
         found = yaml.safe_load(path.read_text(encoding="utf-8"))
-        (
-            found["format"],
-            found["world"]["name"],
-            found["settings"]["images"],
-            found["made_by"]["adapter"],
-            found["classes"],
-        )
+        _ = found["format"], found["world"]["name"], found["settings"]["images"], found["classes"]
+        _ = found["made_by"]["adapter"]
     except (yaml.YAMLError, OSError, UnicodeDecodeError, KeyError, TypeError) as error:
         raise PaveTwinError(f"'{path}' is damaged; capture into another folder.") from error
     check_format(found["format"], f"'{path}'")

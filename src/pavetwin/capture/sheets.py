@@ -144,11 +144,8 @@ def _summary(description: dict[str, Any], count: int, split: str | None) -> str:
     return f"{images} of the world {world}, {platforms}, seed {settings['seed']}"
 
 
-OF_EACH: Final = 6
-"""Cells of what was found, of what was missed and of false alarms, at most."""
-
-_LEAST_M: Final = 2.0
-"""Side of what a cell shows, at least; else so many times what it is about:"""
+OF_EACH: Final = 6  # Cells of what was found, of what was missed and of false alarms, at most
+_LEAST_M: Final = 2.0  # Side of what a cell shows, at least; else so many times what it is about:
 _MARGIN: Final = 1.8
 
 _QUALITY: Final = 90

@@ -49,25 +49,20 @@ def presence(world: World, recordings: Iterable[Recording]) -> Mapping[str, Floa
     return dict(zip(names.tolist(), counts, strict=True))
 
 
-STARTS: Final = 96
-"""Number of random starts of the local search; the best result is taken."""
-
-MEETING_M: Final = 30.0
-"""Streets nearer to each other than this can be in one image."""
+STARTS: Final = 96  # Number of random starts of the local search; the best result is taken
+MEETING_M: Final = 30.0  # Streets nearer to each other than this can be in one image
 
 PARTING_WEIGHT: Final = 0.25
 """Cost of separating all streets that meet; 1 is the cost of missing every share completely."""
 
 
-TRAFFIC: Final = "medium"
-"""Density of the recording whose agents are shared out, whichever densities the images show."""
+TRAFFIC: Final = "medium"  # Density of the recording whose agents are shared out, whichever densities the images show
 
 RECORDED_S: Final = 600.0
 """Duration of recorded traffic."""
 
 
-MADE_BY: Final = ("capture", "traffic", "world")
-"""The folders of the package whose code and data decide the splits."""
+MADE_BY: Final = ("capture", "traffic", "world")  # The folders of the package whose code and data decide the splits
 
 _STORE: Final = ValueStore("splits of streets", ())
 

@@ -89,22 +89,16 @@ def _instance_mask(label: int, places: IndexArray, width: int) -> InstanceMask:
     return InstanceMask(label, (int(left), int(top), int(right), int(bottom)), bits)
 
 
-REACH_PX = 2
-"""The lens, sharpening and motion spread a defect's change this far beyond its mask."""
+REACH_PX = 2  # The lens, sharpening and motion spread a defect's change this far beyond its mask
 
 POOLING = 3.0
 """Minkowski exponent of the sum over pixels: near the slope of the psychometric function, by which the probabilities of
 seeing any one part add up (Quick 1974, A vector-magnitude model of contrast detection; Watson 1979, Probability
 summation over time). A sum of squares would count faint haze over a wide area as visible."""
 
-_GROUND_PX = 11
-"""Side of the window of the local mean: slower variation of the pavement masks no defect."""
-
-_QUARTILES = 1.349
-"""Standard deviations between the quartiles of a normal distribution."""
-
-_LEAST_SPREAD = 0.5
-"""In grey levels of 255: the variation that rounding leaves on a uniform surface."""
+_GROUND_PX = 11  # Side of the window of the local mean: slower variation of the pavement masks no defect
+_QUARTILES = 1.349  # Standard deviations between the quartiles of a normal distribution
+_LEAST_SPREAD = 0.5  # In grey levels of 255: the variation that rounding leaves on a uniform surface
 
 _LUMA = LUMINANCE.astype(np.float32)
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from pavetwin.training.trainer.run_folder import Curves
     from pavetwin.training.trainer.schedule import Phase
-    from pavetwin.training.trainer.watchers import Watcher
+    from pavetwin.training.trainer.trainer import Watcher
 
 
 def train(
@@ -114,7 +114,7 @@ def check_torch(what: str) -> None:
 def _watched() -> Iterator["Watcher"]:
     """Watcher with live curves on a terminal, and plain lines elsewhere."""
     if not err.rich.is_terminal:
-        from pavetwin.training.trainer.watchers import PlainLines
+        from pavetwin.training.trainer.trainer import PlainLines
 
         yield PlainLines()
         return
@@ -152,11 +152,9 @@ class LiveCurves:
         self._drawn_s = 0.0
 
     def on_start(self, where: str) -> None:
-        """Training starts."""
         self._live.console.print(where, highlight=False)
 
     def on_step(self, phase: "Phase", epoch: int, step: int, steps: int, total: float) -> None:
-        """A step is done."""
         now = time.monotonic()
         if now > self._drawn_s + STEP_S:
             self._drawn_s = now
@@ -165,7 +163,6 @@ class LiveCurves:
             self._live.update(Group(head, bar, curves_table(self._curves)))
 
     def on_epoch(self, curves: "Curves") -> None:
-        """An epoch is done."""
         self._curves = list(curves)
         self._live.update(curves_table(self._curves))
 

@@ -1,13 +1,11 @@
 """Datasets as they stand on disk: the tools that open them see the same in each format."""
 
-import os
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import supervision
-import yaml
 from PIL import ExifTags, Image
 from pycocotools.coco import COCO
 
@@ -51,22 +49,6 @@ def test_yolo_labels_are_those_that_are_not_ignored(dataset: Path, records: list
             boxes = sorted(map(tuple, np.round(found.xyxy).astype(int).tolist()))
             assert boxes == sorted(obj.box for obj in record.labelled)
             assert sorted(yolo.classes[k] for k in found.class_id) == sorted(t.category for t in record.labelled)
-
-
-def test_the_yolo_folder_follows_ultralytics_rules(dataset: Path) -> None:
-    """As in its documentation: data.yaml names folders beside it, /images/ becomes /labels/, lines are five numbers."""
-    data = yaml.safe_load((dataset / "data.yaml").read_text())
-    assert list(data["names"]) == list(range(len(data["names"])))
-    assert "path" not in data
-    for split in SPLITS:
-        images = sorted((dataset / data[split]).iterdir())
-        assert images
-        for image in images:
-            label = Path(str(image).replace(f"{os.sep}images{os.sep}", f"{os.sep}labels{os.sep}")).with_suffix(".txt")
-            rows = [line.split() for line in label.read_text().splitlines()]
-            assert all(len(row) == 5 and 0 <= int(row[0]) < len(data["names"]) for row in rows)
-            assert all(0 <= float(value) <= 1 for row in rows for value in row[1:])
-            assert len({tuple(row) for row in rows}) == len(rows)
 
 
 def test_polygons_of_yolo_are_the_masks(dataset: Path, records: list[Record]) -> None:

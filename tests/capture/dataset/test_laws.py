@@ -87,32 +87,6 @@ def test_the_uav_stays_where_it_may_fly(world: Path, records: list[Record]) -> N
     assert all(free[r.camera["altitude_m"]].contains(shapely.Point(r.camera["position_m"][:2])) for r in records)
 
 
-def test_every_part_of_the_work_is_told(world: Path, tmp_path: Path) -> None:
-    told: list[str] = []
-    settings = UAV.model_copy(update={"images": 2, "altitudes_m": (6.0,)})
-    capture(
-        world, settings, tmp_path / "d", frame_source_factory=Painter, on_progress=lambda _, what: told.append(what)
-    )
-    assert [what for what in dict.fromkeys(told) if "Recording" not in what] == [
-        "Loading the world",
-        "Preparing the scene",
-        "Drawing poses 1/2",
-        "Drawing poses 2/2",
-        "Taking images 1/2",
-        "Taking images 2/2",
-        "Writing label files",
-    ]
-
-
-@pytest.mark.slow
-def test_a_smaller_dataset_is_the_beginning_of_a_larger_one(world: Path, dataset: Path, tmp_path: Path) -> None:
-    small = capture(world, UAV.model_copy(update={"images": 12}), tmp_path / "grown", frame_source_factory=Painter)
-    assert small.taken == 12
-    grown = capture(world, UAV, tmp_path / "grown", frame_source_factory=Painter)
-    assert grown.taken == 48
-    assert contents(tmp_path / "grown") == contents(dataset)
-
-
 @pytest.mark.slow
 def test_more_processes_take_the_same_images(world: Path, few: dict[str, bytes], tmp_path: Path) -> None:
     capture(world, FEW, tmp_path / "two", frame_source_factory=Painter, jobs=2)

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+from pavetwin.capture.images import bytes_of
 from pavetwin.capture.record import Record, read_records
 from pavetwin.capture.run import capture
 from pavetwin.capture.settings import CaptureSettings
-from pavetwin.capture.store import bytes_of
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission import versions
 from pavetwin.world.store import save_world

@@ -3,7 +3,6 @@
 import re
 from collections import Counter
 from collections.abc import Callable
-from hashlib import sha256
 from math import cos, radians, sin
 from pathlib import Path
 
@@ -31,6 +30,7 @@ from pavetwin.training.datasets.resizing import CUT, LEAST_SHARE, ImageSize
 from pavetwin.training.datasets.sources import source_of
 from pavetwin.training.datasets.splitting import split_dataset, split_names
 from scenes.command_line import pavetwin, plain_refusal
+from scenes.folders import digests
 from scenes.photographs import picture, voc
 
 ANGLES = st.floats(-15, 15).map(lambda angle: round(angle, 1))
@@ -200,11 +200,6 @@ def balanced(dataset: Path) -> Path:
     return balance(dataset, dataset.parent / "balanced", BalanceSettings()).folder
 
 
-def content(folder: Path) -> dict[str, str]:
-    files = (path for path in folder.rglob("*") if path.is_file())
-    return {path.relative_to(folder).as_posix(): sha256(path.read_bytes()).hexdigest() for path in files}
-
-
 def test_classes_become_equal_and_backgrounds_keep_their_share(dataset: Path, balanced: Path) -> None:
     images = list(read_images(balanced))
     counts = Counter(each.category for image in images for each in image.labelled)
@@ -243,11 +238,11 @@ def test_a_split_never_parts_copies_from_their_image(balanced: Path, tmp_path: P
 def test_again_or_resumed_it_is_the_same_bytes(dataset: Path, balanced: Path, tmp_path: Path) -> None:
     for _ in range(2):
         balance(dataset, tmp_path / "again", BalanceSettings())
-        assert content(tmp_path / "again") == content(balanced)
+        assert digests(tmp_path / "again") == digests(balanced)
         for path in sorted((tmp_path / "again" / "Annotations").glob("*-copy-*"))[:3]:
             path.unlink()
     balance(dataset, tmp_path / "other", BalanceSettings(), seed=1)
-    assert content(tmp_path / "other") != content(balanced)
+    assert digests(tmp_path / "other") != digests(balanced)
 
 
 def test_what_a_copy_differs_in_depends_on_its_image_alone(dataset: Path) -> None:

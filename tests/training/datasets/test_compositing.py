@@ -2,7 +2,6 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Callable
-from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +30,7 @@ from pavetwin.training.datasets.sources import source_of
 from pavetwin.training.datasets.sources.pavetwin_capture import CaptureLayout
 from pavetwin.training.datasets.splitting import split_dataset, split_names
 from scenes.command_line import pavetwin, plain_refusal
+from scenes.folders import digests
 from scenes.photographs import pavement, voc, with_car, yolo
 
 PLAN_SIZE = (320, 240)
@@ -128,11 +128,6 @@ def composed(dataset: Path) -> CompositeSummary:
     return compose(dataset, dataset.parent / "composed", SETTINGS, shares=ALL_TRAIN)
 
 
-def content(folder: Path) -> dict[str, str]:
-    files = (path for path in folder.rglob("*") if path.is_file())
-    return {path.relative_to(folder).as_posix(): sha256(path.read_bytes()).hexdigest() for path in files}
-
-
 def test_cars_stand_on_roads_as_large_as_they_are(dataset: Path, composed: CompositeSummary) -> None:
     images = {image.name: image for image in read_images(composed.folder)}
     originals = {image.name: image for image in read_images(dataset)}
@@ -163,14 +158,14 @@ def test_cars_stand_on_roads_as_large_as_they_are(dataset: Path, composed: Compo
 def test_resumed_or_again_it_is_the_same_bytes(dataset: Path, composed: CompositeSummary, tmp_path: Path) -> None:
     for _ in range(2):
         compose(dataset, tmp_path / "again", SETTINGS, shares=ALL_TRAIN)
-        assert content(tmp_path / "again") == content(composed.folder)
+        assert digests(tmp_path / "again") == digests(composed.folder)
         next((tmp_path / "again" / "Annotations").glob("*-composite.xml")).unlink()
         next((tmp_path / "again" / "CutOuts").glob("uav-cars-*.json")).unlink()
         (tmp_path / "again" / "Annotations" / "uapd-1.xml").unlink()
     # Findings of existing composites are reported again.
     assert any("no other Car fits" in each.text for each in composed.report)
     compose(dataset, tmp_path / "other", SETTINGS, seed=1, shares=ALL_TRAIN)
-    assert content(tmp_path / "other") != content(composed.folder)
+    assert digests(tmp_path / "other") != digests(composed.folder)
 
 
 @pytest.fixture(scope="module")

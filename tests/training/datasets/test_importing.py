@@ -3,9 +3,6 @@
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
-from hashlib import sha256
-from math import ceil
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +20,7 @@ from pavetwin.training.datasets.duplicates import FEATURES, signature
 from pavetwin.training.datasets.importing import ImportSummary, import_source
 from pavetwin.training.datasets.resizing import CUT, LEAST_SHARE, ImageSize, ImageView, seen_through, views
 from pavetwin.training.datasets.sources import source_of
+from scenes.folders import digests
 from scenes.photographs import picture, yolo
 
 FITS, LARGE = 3, 2
@@ -46,11 +44,6 @@ def run(folder: Path, output: Path, **size: object) -> ImportSummary:
     return import_source(name, source, folder, output, size=ImageSize.model_validate(size))
 
 
-def content(folder: Path) -> dict[str, str]:
-    files = (path for path in folder.rglob("*") if path.is_file())
-    return {path.relative_to(folder).as_posix(): sha256(path.read_bytes()).hexdigest() for path in files}
-
-
 def test_pictures_that_fit_are_copied_and_others_scaled(photos: Path, tmp_path: Path) -> None:
     summary = run(photos, tmp_path / "out")
     images = list(read_images(tmp_path / "out"))
@@ -67,8 +60,8 @@ def test_twice_gives_the_same_bytes_and_so_does_an_import_that_was_stopped(
 ) -> None:
     run(photos, tmp_path / "whole")
     run(photos, tmp_path / "again")
-    whole = content(tmp_path / "whole")
-    assert content(tmp_path / "again") == whole
+    whole = digests(tmp_path / "whole")
+    assert digests(tmp_path / "again") == whole
     assert len(whole) == 2 * (FITS + LARGE) + 2
     moved: list[Path] = []
     move_in = importing.move_in
@@ -89,7 +82,7 @@ def test_twice_gives_the_same_bytes_and_so_does_an_import_that_was_stopped(
         importing, "move_in", lambda staging, target, data: (made.append(target), move_in(staging, target, data))
     )
     run(photos, tmp_path / "stopped")
-    assert content(tmp_path / "stopped") == whole
+    assert digests(tmp_path / "stopped") == whole
     # Two images were finished, and of a third only the picture was there.
     assert len(made) == 2 * (FITS + LARGE - 2)
 
@@ -229,19 +222,6 @@ def test_tiles_of_one_picture_are_images_of_their_own(tmp_path: Path) -> None:
     assert last.labelled[0].box == (490, 288, 590, 352)
 
 
-def test_memory_holds_a_few_pictures_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, photos: Path) -> None:
-    waiting: list[int] = []
-    encode: Callable[..., list[bytes]] = importing._encode
-    written: list[Path] = []
-    move_in = importing.move_in
-    monkeypatch.setattr("pavetwin.training.datasets.resuming.AHEAD", 2)
-    monkeypatch.setattr(importing, "_encode", lambda *a, **b: (waiting.append(len(written) // 2), encode(*a, **b))[1])
-    monkeypatch.setattr(importing, "move_in", lambda *moved: (move_in(*moved), written.append(moved[1])))
-    run(photos, tmp_path / "out")
-    # When a picture is decoded, all but the last few are written.
-    assert all(started - done <= 4 for started, done in enumerate(waiting))
-
-
 MANY = """
 import re, sys
 from pathlib import Path
@@ -379,43 +359,6 @@ def test_boxes_come_back_from_where_they_are_seen(image: AnnotatedImage, size: I
             # A pixel of the view, which is where edges are rounded to.
             for edge, exact, factor in zip(back(after.box, view), inside, view.factors * 2, strict=True):
                 assert abs(edge - exact) <= 1.0 / factor + 1e-6
-
-
-@given(images(), sizes(tiles=True))
-def test_every_label_is_a_label_in_some_tile(image: AnnotatedImage, size: ImageSize) -> None:
-    """Also one that is larger than a tile, unless every tile holds less than the least share of it."""
-    tiles = shown(image, size)
-    for each in image.labelled:
-        best = max(share_within(each.box, view.window) for view, _ in tiles)
-        labelled = sum(
-            one.ignored is None
-            for view, seen in tiles
-            for before, one in zip(
-                (other for other in image.annotations if within(other.box, view.window) is not None),
-                seen.annotations,
-                strict=True,
-            )
-            if before is each
-        )
-        assert (labelled > 0) == (best >= LEAST_SHARE)
-
-
-@given(images(), st.integers(64, 400))
-def test_tiles_without_overlap_share_out_an_outline(image: AnnotatedImage, longest_px: int) -> None:
-    """Where tiles meet edge to edge, the parts of a convex outline make up all of it."""
-    width, height = (ceil(side / longest_px) * longest_px for side in image.size_px)
-    image = AnnotatedImage("i", ".jpg", (width, height), "uapd", "i.jpg", "i", annotations=image.annotations)
-    tiles = shown(image, ImageSize(longest_px=longest_px, tiles=True, tile_overlap=0.0))
-    for at, each in enumerate(image.annotations):
-        if each.outline is None:
-            continue
-        found = 0.0
-        for view, seen in tiles:
-            here = [number for number, one in enumerate(image.annotations) if within(one.box, view.window)]
-            part = seen.annotations[here.index(at)].outline if at in here else None
-            found += shapely.Polygon(part).area if part is not None else 0.0
-        corners = len(tiles) * 8
-        assert found == pytest.approx(shapely.Polygon(each.outline).area, rel=1e-6, abs=corners * 0.01 * longest_px)
 
 
 @given(images(), sizes(tiles=False))

@@ -1,7 +1,6 @@
 """Datasets merged: the same photograph once, one place one scene."""
 
 import shutil
-import tracemalloc
 from collections import defaultdict
 from collections.abc import Callable
 from io import BytesIO
@@ -283,24 +282,6 @@ def test_pictures_without_corners_overlap_nothing() -> None:
     assert list(overlaps.candidates([flat, flat])) == []
     assert not overlaps.overlap(flat, flat)
     assert list(overlaps.candidates([])) == []
-
-
-@pytest.mark.slow
-def test_the_patterns_of_twenty_thousand_pictures_fit_into_a_gibibyte() -> None:
-    rng = np.random.default_rng(0)
-    tracemalloc.start()
-    pictures = [
-        overlaps.Features(
-            rng.uniform(0, 512, (overlaps.FEATURES, 2)).astype(np.float16),
-            rng.integers(0, 256, (overlaps.FEATURES, 32), dtype=np.uint8),
-        )
-        for _ in range(20_000)
-    ]
-    pictures[19_000] = pictures[7]
-    assert list(overlaps.candidates(pictures)) == [(7, 19_000)]
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < 0.6 * 2**30
 
 
 def test_what_overlaps_is_one_scene_after_a_merge(tmp_path: Path) -> None:

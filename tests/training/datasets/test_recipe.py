@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import time
-from hashlib import sha256
 from pathlib import Path
 
 import pytest
@@ -13,6 +12,7 @@ from PIL import Image
 from pavetwin.errors import PaveTwinError
 from pavetwin.training.datasets.recipe import Recipe, build, recipe_values
 from scenes.command_line import command, pavetwin
+from scenes.folders import digests
 from scenes.photographs import picture, voc, yolo
 
 RECIPE = """
@@ -48,11 +48,6 @@ def read_recipe(path: Path) -> Recipe:
     return Recipe.parse(values, f"the recipe '{path}'", text)
 
 
-def content(folder: Path) -> dict[str, str]:
-    files = (path for path in folder.rglob("*") if path.is_file())
-    return {path.relative_to(folder).as_posix(): sha256(path.read_bytes()).hexdigest() for path in files}
-
-
 def test_a_build_makes_every_stage_and_again_the_same_bytes(recipe: Path, tmp_path: Path) -> None:
     done = pavetwin("data", "build", recipe, "-o", tmp_path / "out")
     assert done.returncode == 1, "a damaged picture was refused"
@@ -65,19 +60,19 @@ def test_a_build_makes_every_stage_and_again_the_same_bytes(recipe: Path, tmp_pa
     assert "22 images as yolo, 22 images as coco" in done.stdout
     found = build(read_recipe(recipe), tmp_path, tmp_path / "again")
     assert found.exported == {"yolo": 22, "coco": 22}
-    assert content(tmp_path / "again") == content(tmp_path / "out")
+    assert digests(tmp_path / "again") == digests(tmp_path / "out")
     build(read_recipe(recipe), tmp_path, tmp_path / "again")
-    assert content(tmp_path / "again") == content(tmp_path / "out")
+    assert digests(tmp_path / "again") == digests(tmp_path / "out")
     recipe.write_text(RECIPE + "seed: 1\n")
     with pytest.raises(PaveTwinError, match="made with another seed; choose another folder"):
         build(read_recipe(recipe), tmp_path, tmp_path / "again")
-    assert content(tmp_path / "again") == content(tmp_path / "out")
+    assert digests(tmp_path / "again") == digests(tmp_path / "out")
 
 
 @pytest.mark.slow
 def test_a_build_that_is_killed_goes_on_to_the_same_bytes(recipe: Path, tmp_path: Path) -> None:
     build(read_recipe(recipe), tmp_path, tmp_path / "whole")
-    whole = content(tmp_path / "whole")
+    whole = digests(tmp_path / "whole")
     seen = 0
     for wanted in ("imports/uapd/Annotations/*.xml", "imports/mine/Annotations/*.xml", "merged/Annotations/*.xml"):
         started = subprocess.Popen(
@@ -91,7 +86,7 @@ def test_a_build_that_is_killed_goes_on_to_the_same_bytes(recipe: Path, tmp_path
         started.wait()
     assert seen >= 2
     build(read_recipe(recipe), tmp_path, tmp_path / "killed")
-    assert content(tmp_path / "killed") == whole
+    assert digests(tmp_path / "killed") == whole
 
 
 @pytest.mark.parametrize(

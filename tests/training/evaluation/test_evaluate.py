@@ -79,13 +79,6 @@ def test_all_background(tmp_path: Path) -> None:
     assert found.confusion[BACKGROUND].tolist() == [1, 0, 0, 0, 2, 0]
 
 
-def test_empty_images_count(tmp_path: Path) -> None:
-    """A more confident false alarm in an image without objects halves the precision."""
-    found = evaluated(tmp_path, [[true(CRACK)], []], [said(1, CRACK, det=0.8), said(2, CRACK, det=0.9)])
-    assert found.five.classes[0].average_precision[0] == pytest.approx(0.5)
-    assert counts(found, CRACK) == (1, 1, 1)
-
-
 def test_duplicates_are_false_alarms(tmp_path: Path) -> None:
     rows = [said(1, POTHOLE, det=0.9), said(1, POTHOLE, det=0.8)]
     found = evaluated(tmp_path, [[true(POTHOLE), true(POTHOLE, FAR)]], rows)

@@ -11,7 +11,6 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.training.datasets.examples import ExampleSet, read_coco
 from pavetwin.training.trainer import pictures as pictures_module
 from pavetwin.training.trainer.batches import TrainingViews, batches
-from pavetwin.training.trainer.machine import draws_views
 from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
 from pavetwin.training.trainer.pictures import (
     DevicePictures,
@@ -21,6 +20,7 @@ from pavetwin.training.trainer.pictures import (
     images_of,
     room_of,
 )
+from pavetwin.training.trainer.trainer import draws_views
 from pavetwin.training.trainer.views import GREY, Member, ViewOptions, ViewPlan, fitted, planned_view, random_view
 from scenes.drawn_roads import drawn_roads
 
@@ -60,15 +60,6 @@ def test_the_device_draws_what_a_processor_draws(roads: list[Member], name: str)
     # Pillow rounds twice to whole numbers, and once more where colours vary.
     assert apart.max() <= (4.0 if name == "colours" else 1.1)
     assert apart.mean() < 0.7
-
-
-def test_single_views_are_as_in_a_batch(roads: list[Member]) -> None:
-    pictures, options = DevicePictures(roads, CPU), VARIED["mosaic"]
-    plans = [planned_view(roads[0], roads, options, np.random.default_rng(seed)) for seed in range(3)]
-    drawings = [drawing_of(plan, pictures.rows, options.size_px) for plan in plans]
-    together = pictures.draw(drawn_together(drawings))
-    for at, each in enumerate(drawings):
-        torch.testing.assert_close(pictures.draw(each)[0], together[at], atol=1e-5, rtol=0)
 
 
 def test_batches_have_the_same_labels_and_the_same_images(roads: list[Member]) -> None:
@@ -144,8 +135,3 @@ def test_a_picture_that_cannot_be_read_is_named(roads: list[Member], tmp_path: P
     lost = replace(example, place="lost.png")
     with pytest.raises(PaveTwinError, match=example.name):
         DevicePictures([(ExampleSet(tmp_path, "", (lost,)), lost)], CPU)
-
-
-def test_another_place_for_views_is_refused() -> None:
-    with pytest.raises(PaveTwinError, match="device"):
-        TrainingMachine(views="devise")

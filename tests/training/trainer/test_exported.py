@@ -25,8 +25,7 @@ from pavetwin.training.trainer.export import onnx_model
 from pavetwin.training.trainer.exported import exported_model, measure_normalisations
 from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
 from pavetwin.training.trainer.run_folder import load_network
-from pavetwin.training.trainer.trainer import Trainer
-from pavetwin.training.trainer.watchers import Silent
+from pavetwin.training.trainer.trainer import Silent, Trainer
 from scenes.command_line import pavetwin, plain_refusal
 from scenes.drawn_roads import drawn_roads
 
@@ -188,7 +187,7 @@ def test_models_that_cannot_be_begun_with_are_refused(tiny: Path, data: list[Exa
         onnx.save(model, tmp_path / name)
         return refusal(tmp_path / name, data, run)
 
-    assert "no detector of this program's" in changed("other.onnx", lambda model: model.ClearField("metadata_props"))
+    assert "but no detector of this program" in changed("other.onnx", lambda model: model.ClearField("metadata_props"))
 
     def renamed(model: Any) -> None:
         weight = next(each for each in model.graph.initializer if each.name.endswith("stem.conv.weight"))

@@ -10,7 +10,6 @@ from pavetwin.training.network.losses import (
     Losses,
     Targets,
     assign,
-    complete_iou,
     detection_losses,
     mask_loss,
     no_targets,
@@ -175,14 +174,6 @@ def test_images_of_a_batch_do_not_mix() -> None:
         torch.testing.assert_close(found.scores[image], single.scores[0])
 
 
-def test_every_object_has_anchors_even_a_thin_crack() -> None:
-    encoded = made()
-    for offset in range(8):
-        thin = labels(((5.0 + offset, 2.0, 6.0 + offset, 62.0), 0, False))
-        assigned = assign(encoded.scores.sigmoid(), encoded.boxes, encoded.anchors, thin)
-        assert (assigned.objects >= 0).sum() == 10
-
-
 def test_a_small_object_has_a_share_of_the_loss_from_the_first_step_on() -> None:
     """Of what an untrained network says, a thing of 15 px has at least a tenth of the target of one of 44 px, the size
     that the finest boxes begin with."""
@@ -236,12 +227,6 @@ def test_images_without_objects_have_the_loss_of_background() -> None:
     box, classes, distribution = detection_losses(encoded, labels())
     assert float(box) == float(distribution) == 0
     assert float(classes) == pytest.approx(float(torch.nn.functional.softplus(encoded.scores).sum()), rel=1e-5)
-
-
-def test_complete_iou_of_boxes_that_are_the_same_is_one() -> None:
-    box = torch.tensor([[3.0, 4.0, 20.0, 9.0]])
-    assert float(complete_iou(box, box)) == pytest.approx(1.0, abs=1e-5)
-    assert float(complete_iou(box + 50, box)) < 0
 
 
 def test_the_subtype_loss_looks_at_regions_of_known_subtype_only() -> None:

@@ -9,9 +9,16 @@ from torchvision.ops import roi_align
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.class_names import COARSE
 from pavetwin.training.network.architecture import Architecture, variant
-from pavetwin.training.network.layers import pooled, sample_regions
 from pavetwin.training.network.losses import no_targets
-from pavetwin.training.network.network import DetectLimits, DetectorNetwork, detect, gflops, parameters
+from pavetwin.training.network.network import (
+    DetectLimits,
+    DetectorNetwork,
+    detect,
+    gflops,
+    parameters,
+    pooled,
+    sample_regions,
+)
 from pavetwin.training.trainer.batches import LIMITS, Batch, validate
 
 TINY = Architecture(width=0.125)

@@ -13,20 +13,21 @@ from math import exp
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.labels.class_names import ROAD_DEFECT
+from pavetwin.labels.class_names import CLASSES, ROAD_DEFECT
 from pavetwin.training.datasets.examples import ExampleSet, read_coco
+from pavetwin.training.trainer import trainer
 from pavetwin.training.trainer.__main__ import main
-from pavetwin.training.trainer.machine import check_compiler, has_half
+from pavetwin.training.trainer.batches import TrainingViews
 from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
 from pavetwin.training.trainer.pictures import HeldExampleSet
 from pavetwin.training.trainer.run_folder import load_network
 from pavetwin.training.trainer.schedule import MovingAverage, epoch_order, phases_of, rate_at
-from pavetwin.training.trainer.trainer import Trainer
-from pavetwin.training.trainer.watchers import Silent
+from pavetwin.training.trainer.trainer import Silent, Trainer, check_compiler, has_half
 from scenes.drawn_roads import NAMES, drawn_roads
 
 PERSON, CAR = 1, 2  # in `COARSE`
@@ -228,15 +229,6 @@ def test_compiling_without_a_compiler_is_refused(
     check_compiler(compiled, torch.device("cuda"))
 
 
-def test_pictures_are_decoded_before_processes_share_them(
-    data: list[ExampleSet], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    calls: list[tuple[int, int]] = []
-    monkeypatch.setattr(HeldExampleSet, "hold", lambda self, threads: calls.append((threads, self.most_bytes)))
-    Trainer(data, tmp_path / "run", TINY, TrainingMachine("cpu", workers=2, held_gb=0.001), Silent())
-    assert calls == [(2, 1_000_000)] * len(data)
-
-
 @pytest.mark.parametrize("amount", ["-1", "inf", "nan"])
 def test_memory_is_a_finite_amount(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], amount: str
@@ -310,7 +302,7 @@ def test_a_damaged_checkpoint_is_refused(whole: Path, data: list[ExampleSet], tm
     run.mkdir()
     (run / "run.json").write_bytes((whole / "run.json").read_bytes())
     (run / "checkpoint.pt").write_bytes(content)
-    assert "is damaged, or no file of this program's" in refusal(data, run, TINY, CPU, Silent())
+    assert "is damaged, or not a file of weights" in refusal(data, run, TINY, CPU, Silent())
 
 
 def test_the_stages_have_their_images(folder: Path, tmp_path: Path) -> None:
@@ -379,3 +371,39 @@ def test_the_average_forgets_fast_at_first_and_slowly_later() -> None:
         expected = decay * expected + (1 - decay) * step
         assert average.network[0].weight.item() == pytest.approx(expected, rel=1e-5)
         assert int(average.network[1].num_batches_tracked) == step
+
+
+SHORT = TrainingOptions(
+    width=0.03, depth=0.01, image_px=64, epochs=4, classifier_epochs=1, batch=4, warmup_epochs=1, mosaic_off=0
+)
+
+
+def phases(run: Path) -> list[str]:
+    """The phase of each epoch."""
+    return [row.split(",")[0] for row in (run / "curves.csv").read_text().splitlines()[1:]]
+
+
+@pytest.mark.parametrize(("patience", "epochs"), [(1, 2), (2, 3), (9, 4)])
+def test_a_phase_ends_after_as_many_epochs_without_a_better_result(
+    data: list[ExampleSet], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, patience: int, epochs: int
+) -> None:
+    """All epochs are as good as the first."""
+    monkeypatch.setattr(Trainer, "_validate", lambda _: np.full((len(CLASSES), 10), 0.5))
+    options = replace(SHORT, patience=patience, classifier_epochs=0)
+    Trainer(data, tmp_path / "run", options, TrainingMachine("cpu"), Silent()).run()
+    assert phases(tmp_path / "run") == ["all"] * epochs
+
+
+def test_the_last_epochs_and_the_classifier_s_are_without_mosaics(
+    data: list[ExampleSet], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: list[tuple[int, int, float]] = []
+
+    def views(members: Any, order: Any, known: Any, options: Any, mask_px: Any, key: Any, *others: Any) -> Any:
+        shown.append((key[1], key[2], options.mosaic))
+        return TrainingViews(members, order, known, options, mask_px, key, *others)
+
+    monkeypatch.setattr(trainer, "TrainingViews", views)
+    options = replace(SHORT, mosaic=0.7, mosaic_off=2)
+    Trainer(data, tmp_path / "run", options, TrainingMachine("cpu"), Silent()).run()
+    assert shown == [(0, 0, 0.7), (0, 1, 0.7), (0, 2, 0.0), (0, 3, 0.0), (1, 0, 0.0)]

@@ -23,14 +23,9 @@ from pavetwin.world.model import World
 
 KIND: Final = "hatchback"
 
-FRONT_SHARE: Final = 0.7
-"""Share of images from the front camera; the others are from the rear camera."""
-
-_LEAST_SPEED_MPS: Final = 0.5
-"""Below this speed the car counts as waiting: its images would repeat."""
-
-_PITCHING_RAD: Final = radians(0.7)
-"""Standard deviation of the body's pitch on its springs."""
+FRONT_SHARE: Final = 0.7  # Share of images from the front camera; the others are from the rear camera
+_LEAST_SPEED_MPS: Final = 0.5  # Below this speed the car counts as waiting: its images would repeat
+_PITCHING_RAD: Final = radians(0.7)  # Standard deviation of the body's pitch on its springs
 
 _WANDER_M: Final = 0.15
 """Standard deviation of the lateral offset from SUMO's path, the lane's centre line. By judgement."""
@@ -42,8 +37,7 @@ _AHEAD_M: Final = 12.0
 """An image without defects from the front camera must have road at this distance ahead; this excludes cars that turn
 around where the map ends."""
 
-_STREET_M: Final = 2.0
-"""A car within this distance of a carriageway of a split is on one of its junctions."""
+_STREET_M: Final = 2.0  # A car within this distance of a carriageway of a split is on one of its junctions
 
 
 class Mount:

@@ -61,11 +61,8 @@ class Clearings:
         return self.corners[index, 0] + shares @ sides[index], self.owners[index]
 
 
-BESIDE_M: Final = 2.0
-"""People on a sidewalk are taken where the carriageway is this near."""
-
-TRIES: Final = 50
-"""Road users that are drawn until one is far enough from every defect."""
+BESIDE_M: Final = 2.0  # People on a sidewalk are taken where the carriageway is this near
+TRIES: Final = 50  # Road users that are drawn until one is far enough from every defect
 
 
 @dataclass(frozen=True)
@@ -127,8 +124,7 @@ _ALONG, _ACROSS = 0.75, 0.15
 """Shares of images headed along the street, either way, and across it; the rest have a random heading."""
 
 _SCATTER_RAD: Final = radians(8.0)
-_NADIR: Final = 0.75
-"""Share of nadir images, with the gimbal's error; the others are tilted forward."""
+_NADIR: Final = 0.75  # Share of nadir images, with the gimbal's error; the others are tilted forward
 
 _GIMBAL_RAD: Final = radians(0.5)
 _TILT_RAD: Final = (radians(3.0), radians(20.0))
@@ -136,11 +132,8 @@ _HOVERING: Final = 0.25
 _SPEED_MPS: Final = (2.0, 6.0)
 """Range of the images that are not taken while hovering: around the 5 m/s of an inspection."""
 
-_CLEARINGS_AN_OCTAVE: Final = 4
-"""Steps of the ground resolution for which places without defects are prepared."""
-
-_ROAD_M: Final = 1.0
-"""The middle of every image lies on the road, or at most this far off it."""
+_CLEARINGS_AN_OCTAVE: Final = 4  # Steps of the ground resolution for which places without defects are prepared
+_ROAD_M: Final = 1.0  # The middle of every image lies on the road, or at most this far off it
 
 
 @dataclass(frozen=True)

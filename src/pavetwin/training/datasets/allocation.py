@@ -28,23 +28,15 @@ from pavetwin.arrays import BoolArray, Float64Array, Int64Array
 TOLERANCE: Final = 0.05
 """So far classes are equal: the fewest instances of a class, less than the most, as a share of the most."""
 
-_STIFFNESS: Final = 1e-4
-"""Ridge on the multipliers: limits the pull of an unreachable class on the others."""
-
-_TIE: Final = 1e-3
-"""Weight of the number of instances against kept images, over that of the most frequent class."""
-
-_NEARER: Final = 1e-2
-"""Weight of a class against kept images, by its distance to the most frequent class."""
+_STIFFNESS: Final = 1e-4  # Ridge on the multipliers: limits the pull of an unreachable class on the others
+_TIE: Final = 1e-3  # Weight of the number of instances against kept images, over that of the most frequent class
+_NEARER: Final = 1e-2  # Weight of a class against kept images, by its distance to the most frequent class
 
 _EQUAL: Final = (1.0, 0.98, 0.96)
 """Equal enough: the share that the rarest class has of the most frequent; what is more equal may take many copies."""
 
-_AS_EQUAL: Final = 0.005
-"""Accuracy of the greatest equality if none of these is feasible."""
-
-_RARELY_MORE: Final = 1e-6
-"""Tie-breaker: of two equal gains, the image with fewer copies changes."""
+_AS_EQUAL: Final = 0.005  # Accuracy of the greatest equality if none of these is feasible
+_RARELY_MORE: Final = 1e-6  # Tie-breaker: of two equal gains, the image with fewer copies changes
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,8 +42,7 @@ WHOLE_SHARE: Final = 1 - 1e-6
 COPY_OF: Final = "copy_of"
 """Attribute of a copy: the name of its image."""
 
-_SLACK_PX: Final = 1e-6
-"""Tolerance when rounding outwards: a rotated edge on a pixel border stays there."""
+_SLACK_PX: Final = 1e-6  # Tolerance when rounding outwards: a rotated edge on a pixel border stays there
 
 
 @dataclass(frozen=True, slots=True)

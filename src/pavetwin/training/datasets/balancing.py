@@ -39,8 +39,7 @@ from pavetwin.training.datasets.report import FILE as REPORT
 from pavetwin.training.datasets.report import Finding, Report
 from pavetwin.training.datasets.resuming import OnStage, check_same, described, made_ahead, move_in
 
-ATTEMPTS: Final = 8
-"""Rotations that are drawn for a copy until it shows a label; then it is not rotated."""
+ATTEMPTS: Final = 8  # Rotations that are drawn for a copy until it shows a label; then it is not rotated
 
 LIGHTER: Final = 0.5
 """Strength of brightness and contrast changes in copies of background, which otherwise are only flipped."""

@@ -68,23 +68,15 @@ def _outline(mask: BoolArray) -> Polygon:
 EDGE_PX: Final = 0.8
 """Standard deviation of the edge's softness; a lens and a sensor leave about as much."""
 
-CUT_PX: Final = 1.5
-"""So far its mask is made smaller, in its own pixels: the outermost hold some of what was around it."""
-
-STEPS_PX: Final = 1.2
-"""Standard deviation by which the edge of a mask is smoothed before, in its own pixels."""
-
-BRIGHTER: Final = (0.6, 1.5)
-"""Range of the factor that brings an object's brightness to that of its place."""
+CUT_PX: Final = 1.5  # So far its mask is made smaller, in its own pixels: the outermost hold some of what was around it
+STEPS_PX: Final = 1.2  # Standard deviation by which the edge of a mask is smoothed before, in its own pixels
+BRIGHTER: Final = (0.6, 1.5)  # Range of the factor that brings an object's brightness to that of its place
 
 BURNT: Final = 0.97
 """Brightest that the brighter twentieth of an object's pixels become: white paint is not to be without shading."""
 
-TINTED: Final = (0.94, 1.07)
-"""Range of each colour's factor, besides the brightness."""
-
-HEIGHTS_M: Final = {CAR.name: 1.4, PERSON.name: 1.7}
-"""That shadows fall from."""
+TINTED: Final = (0.94, 1.07)  # Range of each colour's factor, besides the brightness
+HEIGHTS_M: Final = {CAR.name: 1.4, PERSON.name: 1.7}  # That shadows fall from
 
 UMBRA: Final = 0.45
 """Brightness, as pictures store it, of a road in the shadow of the sun, over that next to it; estimated from images."""

@@ -65,8 +65,7 @@ from pavetwin.training.datasets.splitting import KEPT, USUAL_SHARES, split_group
 SMALLEST: Final = 0.15
 """A cut-out is scaled down to this at most: what is far finer than its place has been seen from much nearer."""
 
-LARGEST: Final = 0.35
-"""Largest share of a picture that an object may cover."""
+LARGEST: Final = 0.35  # Largest share of a picture that an object may cover
 
 UNKNOWN: Final = "its ground resolution is not known, and nothing in it determines it"
 NONE_FITS: Final = "no cut-out has a ground resolution and a size that fit"
@@ -201,20 +200,14 @@ def _known(cut_out: StoredCutOut) -> float:
 
 THERE: Final = "it has a composite already"
 
-PLANNED: Final = {"most", "enlarge", "reduce", "repeat"}
-"""Settings that decide what stands on which road."""
-
-COMPOSITE: Final = "-composite"
-"""With which the name of a composite ends, after that of its image."""
-
-COMPOSITE_OF: Final = "composite_of"
-"""Attribute of a composite: the image whose road it shows."""
+PLANNED: Final = {"most", "enlarge", "reduce", "repeat"}  # Settings that decide what stands on which road
+COMPOSITE: Final = "-composite"  # With which the name of a composite ends, after that of its image
+COMPOSITE_OF: Final = "composite_of"  # Attribute of a composite: the image whose road it shows
 
 ESTIMATED_GSD: Final = "estimated_gsd_mm"
 """Attribute of a composite whose ground resolution is not known: by what its objects have their size."""
 
-STRAY_DEG: Final = 3.0
-"""Standard deviation of a vehicle's direction from the road's."""
+STRAY_DEG: Final = 3.0  # Standard deviation of a vehicle's direction from the road's
 
 
 class CompositeSettings(Settings):

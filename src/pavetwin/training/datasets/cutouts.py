@@ -41,20 +41,14 @@ PLAUSIBLE_M: Final = {CAR.name: ((3.0, 20.0), (1.3, 3.6)), PERSON.name: ((0.3, 1
 
 IMPLAUSIBLE: Final = "it has not the size of its class on the ground"
 
-LEAST_PX: Final = {CAR.name: 12, PERSON.name: 8}
-"""Least width of a cut-out by class."""
-
-LEAST_VISIBLE: Final = 0.97
-"""Least visible fraction of an object, if its source states one, as captures do."""
-
-MARGIN: Final = 0.4
-"""Surroundings of a box that GrabCut sees, share of its longer side."""
+LEAST_PX: Final = {CAR.name: 12, PERSON.name: 8}  # Least width of a cut-out by class
+LEAST_VISIBLE: Final = 0.97  # Least visible fraction of an object, if its source states one, as captures do
+MARGIN: Final = 0.4  # Surroundings of a box that GrabCut sees, share of its longer side
 
 _WORKING_PX: Final = (96, 160)
 """Boxes are enlarged or shrunk to between these for GrabCut: its colour models need pixels, and many take long."""
 
-MOST_OF_IMAGE: Final = 12
-"""Cut-outs of one image: more objects of one place and light add little."""
+MOST_OF_IMAGE: Final = 12  # Cut-outs of one image: more objects of one place and light add little
 
 _RING_PX: Final = 2
 

@@ -26,29 +26,17 @@ from pavetwin.training.datasets.pictures import PictureError
 FEATURES: Final = 300
 """Corners of a picture, at most."""
 
-LONGEST_PX: Final = 512
-"""Pictures are brought to this size first."""
-
-CORNER_CONTRAST: Final = 5
-"""Grey levels by which a corner stands out, of 255: asphalt has little contrast."""
-
-TABLES: Final = 8
-"""Hash tables, each of 32 of the 256 bits of a pattern."""
-
-LEAST_SHARED: Final = 3
-"""Patterns that candidates share in the tables."""
+LONGEST_PX: Final = 512  # Pictures are brought to this size first
+CORNER_CONTRAST: Final = 5  # Grey levels by which a corner stands out, of 255: asphalt has little contrast
+TABLES: Final = 8  # Hash tables, each of 32 of the 256 bits of a pattern
+LEAST_SHARED: Final = 3  # Patterns that candidates share in the tables
 
 COMMONEST: Final = 16
 """Most pictures that share a distinctive pattern; more common ones, such as the end of a line, are ignored."""
 
-DISTINCT: Final = 0.8
-"""The most similar pattern must be so much more similar than the second (Lowe 2004)."""
-
-AGREEING: Final = 12
-"""Matches that must agree. `docs/how-to/real-images.md` states the recall."""
-
-WITHIN_PX: Final = 3.0
-"""So near must a match lie to where shift, turn and scale put it."""
+DISTINCT: Final = 0.8  # The most similar pattern must be so much more similar than the second (Lowe 2004)
+AGREEING: Final = 12  # Matches that must agree. `docs/how-to/real-images.md` states the recall
+WITHIN_PX: Final = 3.0  # So near must a match lie to where shift, turn and scale put it
 
 SCALES: Final = (0.4, 2.5)
 
@@ -141,11 +129,8 @@ def overlap(one: Features, other: Features) -> bool:
     return agreeing(one, other) >= AGREEING
 
 
-SIDE_PX: Final = 32
-"""Side of the thumbnails."""
-
-SHADING_PX: Final = 4.0
-"""Standard deviation of the Gaussian that is subtracted, in pixels of the small picture."""
+SIDE_PX: Final = 32  # Side of the thumbnails
+SHADING_PX: Final = 4.0  # Standard deviation of the Gaussian that is subtracted, in pixels of the small picture
 
 SAME: Final = 0.995
 """Correlation from which two pictures are one photograph, perhaps compressed again or scaled."""
@@ -158,8 +143,7 @@ place, one shows two stretches with the same double line."""
 FLATTEST: Final = 0.5
 """Standard deviation in grey levels below which a small picture shows nothing that could be compared."""
 
-BLACK: Final = 24.0
-"""Grey level, of 255, that no pixel of a bar exceeds."""
+BLACK: Final = 24.0  # Grey level, of 255, that no pixel of a bar exceeds
 
 BLOCK: Final = 1024
 

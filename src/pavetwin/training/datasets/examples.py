@@ -173,17 +173,10 @@ def missing_classes(examples: Iterable[Example]) -> list[str]:
     return missing + [name for at, name in enumerate(COARSE_LABELS) if at not in coarse and at != ROAD_DEFECT]
 
 
-SYNTHETIC: Final = "PaveTwin synthetic images"
-"""Description of a capture in its COCO files."""
-
-SYNTHETIC_SOURCE: Final = "pavetwin"
-"""The source of captures within a dataset of many sources."""
-
-ROAD_PLATFORMS: Final = ("car",)
-"""Platforms of captures that drive."""
-
-_OUTSIDE_PX: Final = 1.0
-"""Labels may reach this far out of an image, by rounding; what does is clipped."""
+SYNTHETIC: Final = "PaveTwin synthetic images"  # Description of a capture in its COCO files
+SYNTHETIC_SOURCE: Final = "pavetwin"  # The source of captures within a dataset of many sources
+ROAD_PLATFORMS: Final = ("car",)  # Platforms of captures that drive
+_OUTSIDE_PX: Final = 1.0  # Labels may reach this far out of an image, by rounding; what does is clipped
 
 
 def read_coco(folder: Path, splits: tuple[str, ...]) -> ExampleSet:

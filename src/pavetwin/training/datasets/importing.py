@@ -41,8 +41,7 @@ from pavetwin.training.datasets.resuming import check_same, fingerprint, made_ah
 from pavetwin.training.datasets.sources import DatasetSource
 from pavetwin.training.datasets.sources.registry import DISCARD, DROP, IGNORE, outcome, unknown_class
 
-ROUNDING_PX: Final = 0.5
-"""So far a box may reach beyond the image unreported: shares with six digits are not exact."""
+ROUNDING_PX: Final = 0.5  # So far a box may reach beyond the image unreported: shares with six digits are not exact
 
 EMPTY: Final = "a box without area is left out"
 OUTSIDE: Final = "a box outside the image is left out"

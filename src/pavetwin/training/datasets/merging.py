@@ -34,8 +34,7 @@ from pavetwin.training.datasets.report import FILE as REPORT
 from pavetwin.training.datasets.report import Finding, Report
 from pavetwin.training.datasets.resuming import THREADS, OnStage, check_same, described, move_in
 
-CHUNK: Final = 64
-"""Pictures that are read before the first of them is looked at."""
+CHUNK: Final = 64  # Pictures that are read before the first of them is looked at
 
 
 ImagePlace = tuple[Path, str]

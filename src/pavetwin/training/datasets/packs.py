@@ -38,14 +38,9 @@ PICTURES: Final = "pictures"
 
 MEGABYTE: Final = 10**6
 
-LESS: Final = (90, 80, 70, 60, 50, 40, 30)
-"""Qualities that are tried in turn where a higher one needs too much room."""
-
-_SAMPLED: Final = 40
-"""Pictures by which the room is estimated before all are encoded."""
-
-_LOCAL_HEADER: Final = 30
-"""Bytes before the name in a ZIP archive's entry."""
+LESS: Final = (90, 80, 70, 60, 50, 40, 30)  # Qualities that are tried in turn where a higher one needs too much room
+_SAMPLED: Final = 40  # Pictures by which the room is estimated before all are encoded
+_LOCAL_HEADER: Final = 30  # Bytes before the name in a ZIP archive's entry
 
 
 @dataclass(frozen=True, slots=True)

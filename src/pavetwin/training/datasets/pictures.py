@@ -18,19 +18,15 @@ from pavetwin.files import PICTURE_SUFFIXES
 _FORMATS: Final = ("JPEG", "PNG", "BMP", "TIFF", "WEBP")
 """Pillow's other readers, some of which start programs, are never asked."""
 
-LARGEST_PX: Final = 100_000_000
-"""Most pixels of a picture; a larger one is refused before it is decompressed."""
+LARGEST_PX: Final = 100_000_000  # Most pixels of a picture; a larger one is refused before it is decompressed
 
 _CONTAINERS: Final = frozenset(
     {"images", "image", "jpegimages", "img", "labels", "label", "annotations", "annotation", "xmls", "xml", "txt"}
 )
 """Sibling folders of pictures and labels: their names do not distinguish pictures."""
 
-_ORIENTATIONS: Final = range(1, 9)
-"""Values of EXIF's orientation."""
-
-_TURNED: Final = frozenset({5, 6, 7, 8})
-"""EXIF orientations that swap width and height."""
+_ORIENTATIONS: Final = range(1, 9)  # Values of EXIF's orientation
+_TURNED: Final = frozenset({5, 6, 7, 8})  # EXIF orientations that swap width and height
 
 
 class PictureError(ValueError):

@@ -63,8 +63,7 @@ COMPOSITES: Final = "composites"
 BALANCED: Final = "balanced"
 EXPORT: Final = "export"
 
-DESCRIPTION: Final = "build.yaml"
-"""File with the request of a build: another recipe needs another folder."""
+DESCRIPTION: Final = "build.yaml"  # File with the request of a build: another recipe needs another folder
 
 
 class RecipeSource(Settings):

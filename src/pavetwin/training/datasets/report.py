@@ -15,11 +15,8 @@ FILE: Final = "report.csv"
 UNLABELLED: Final = "unlabelled.txt"
 """List of the pictures without a label, as `--background` takes it."""
 
-MOST: Final = 20_000
-"""Lines that are kept; more are only counted, so that memory does not grow with the dataset."""
-
-LONGEST: Final = 400
-"""Characters of a finding's words: names and classes in files of others may be of any length."""
+MOST: Final = 20_000  # Lines that are kept; more are only counted, so that memory does not grow with the dataset
+LONGEST: Final = 400  # Characters of a finding's words: names and classes in files of others may be of any length
 
 
 class Finding(StrEnum):

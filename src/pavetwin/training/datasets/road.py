@@ -24,17 +24,10 @@ from scipy import ndimage
 
 from pavetwin.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 
-AROUND_SHARE: Final = 0.04
-"""So far around labelled damage a picture shows its pavement, of its longer side."""
-
-SPREADS: Final = 4.0
-"""So many times the median distance that the pavement has to its own middle may road have."""
-
-COLOUR: Final = (2.5, 11.0)
-"""Least and greatest such distance in a* and b* of CIE L*a*b*."""
-
-LIGHTNESS: Final = (10.0, 25.0)
-"""The same in L*."""
+AROUND_SHARE: Final = 0.04  # So far around labelled damage a picture shows its pavement, of its longer side
+SPREADS: Final = 4.0  # So many times the median distance that the pavement has to its own middle may road have
+COLOUR: Final = (2.5, 11.0)  # Least and greatest such distance in a* and b* of CIE L*a*b*
+LIGHTNESS: Final = (10.0, 25.0)  # The same in L*
 
 GREY: Final = 14.0
 """Distance in a* and b* to grey, of a colour that pavement may have: asphalt and concrete, also in blue shadow."""
@@ -43,11 +36,8 @@ GREEN: Final = 0.06
 """Excess green index beyond which it is vegetation: (2 g − r − b) of shares of red, green and blue (Woebbecke et al.
 1995); the limit is our choice."""
 
-DARK: Final = 0.1
-"""Brightness below which a pixel belongs to a bar or a hole, share of the full scale."""
-
-ROUGHER: Final = 2.0
-"""So many times as rough as the pavement may road be, by its median."""
+DARK: Final = 0.1  # Brightness below which a pixel belongs to a bar or a hole, share of the full scale
+ROUGHER: Final = 2.0  # So many times as rough as the pavement may road be, by its median
 
 ROUGH: Final = (0.02, 0.085)
 """Least and greatest such limit: standard deviation of brightness within `ROUGH_SHARE` of the picture's longer side,
@@ -58,17 +48,10 @@ ROUGH_SHARE: Final = 0.02
 WIDEST_GAP: Final = 2.8
 """Widest gap within the road that counts as road, over `ROUGH_SHARE`: markings and cracks with their edges."""
 
-LEAST_PART: Final = 0.12
-"""Smallest isolated part that counts as road, share of the picture."""
-
-COHERENT: Final = 0.5
-"""Coherence of edges, 0 … 1, from which their direction is taken for that of the road."""
-
-KERB_SHARE: Final = 0.05
-"""Strip along the road whose edges also show its direction, share of the picture's longer side."""
-
-STRONGEST: Final = 0.05
-"""Share of the edges that determine the direction: those of markings, kerbs and joints."""
+LEAST_PART: Final = 0.12  # Smallest isolated part that counts as road, share of the picture
+COHERENT: Final = 0.5  # Coherence of edges, 0 … 1, from which their direction is taken for that of the road
+KERB_SHARE: Final = 0.05  # Strip along the road whose edges also show its direction, share of the picture's longer side
+STRONGEST: Final = 0.05  # Share of the edges that determine the direction: those of markings, kerbs and joints
 
 
 def road_mask(picture: UInt8Array, damage: BoolArray | None = None) -> BoolArray:
@@ -200,46 +183,28 @@ LINE_WIDTH_M: Final = 0.15
 """Lane lines of towns in China have 0.10 or 0.15 m (GB 51038-2015, 12.3.2). With 0.15 m the cars in photographs of
 RDD2022's China drone subset are as long as cars are."""
 
-WIDTH_PX: Final = (4.5, 64.0)
-"""Widths that are measured: narrower lines are blurred, wider ones mostly no lines."""
+WIDTH_PX: Final = (4.5, 64.0)  # Widths that are measured: narrower lines are blurred, wider ones mostly no lines
 
 PLAUSIBLE_MM: Final = (2.0, 40.0)
 
-CONTRAST: Final = 9.0
-"""By which paint is lighter than its surroundings (L*) or yellower (b*)."""
-
-FAINT: Final = 5.0
-"""The same of what may be a worn bar of a crossing."""
-
-SLENDER: Final = 9.0
-"""Length over width, at least: a dash of two metres has 13, a bar of a crossing mostly less."""
-
-CUT_OFF: Final = 5.0
-"""The same of a line that the border of the picture cuts off."""
+CONTRAST: Final = 9.0  # By which paint is lighter than its surroundings (L*) or yellower (b*)
+FAINT: Final = 5.0  # The same of what may be a worn bar of a crossing
+SLENDER: Final = 9.0  # Length over width, at least: a dash of two metres has 13, a bar of a crossing mostly less
+CUT_OFF: Final = 5.0  # The same of a line that the border of the picture cuts off
 
 REDDISH: Final = 1.5
 """By so much of its redness (a*) paint counts as less light and less yellow (b*): yellow lines have a quarter as much
 a* as b*, orange paint of utilities and bricks more than half."""
 
-BAR_LIKE: Final = 3.0
-"""The same of what may be a bar of a crossing."""
+BAR_LIKE: Final = 3.0  # The same of what may be a bar of a crossing
 
 LEAST_LENGTH_PX: Final = 60.0
 
-FILLED: Final = 0.75
-"""Share of the smallest rectangle around it that a line fills, at least."""
-
-WORN: Final = 0.5
-"""The same of what may be a worn bar of a crossing."""
-
-ALIKE: Final = 8.0
-"""Difference of lightness between both sides, at most: a kerb has another surface on one side."""
-
-ON_ROAD: Final = 0.8
-"""Share of either side that is road, at least."""
-
-BARS: Final = 3
-"""Number of parallel strips within `NEARBY` widths that are the bars of a crossing."""
+FILLED: Final = 0.75  # Share of the smallest rectangle around it that a line fills, at least
+WORN: Final = 0.5  # The same of what may be a worn bar of a crossing
+ALIKE: Final = 8.0  # Difference of lightness between both sides, at most: a kerb has another surface on one side
+ON_ROAD: Final = 0.8  # Share of either side that is road, at least
+BARS: Final = 3  # Number of parallel strips within `NEARBY` widths that are the bars of a crossing
 
 NEARBY: Final = 8.0
 
@@ -247,8 +212,7 @@ EDGE: Final = 0.6
 """Share of a white line's rise in L* at its edge. Cameras blur light, and half of the light from road (L* 55) to paint
 (90) has L* 76. Of b* it is half."""
 
-_AROUND_PX: Final = 161
-"""Side of what is around a pixel."""
+_AROUND_PX: Final = 161  # Side of what is around a pixel
 
 
 @dataclass(frozen=True, slots=True)

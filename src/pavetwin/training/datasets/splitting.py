@@ -27,14 +27,9 @@ from pavetwin.training.datasets.report import Finding, Report
 LISTS: Final = Path("ImageSets") / "Main"
 """Folder where VOC keeps the names of each split's images."""
 
-PASSES: Final = 20
-"""Over all scenes, at most."""
-
-LEAST_GAIN: Final = 1e-12
-"""Least decrease of the squared distance; less is rounding."""
-
-LARGEST: Final = 50
-"""Scenes that are moved together; more take long."""
+PASSES: Final = 20  # Over all scenes, at most
+LEAST_GAIN: Final = 1e-12  # Least decrease of the squared distance; less is rounding
+LARGEST: Final = 50  # Scenes that are moved together; more take long
 
 KEPT: Final = "split"
 """Attribute of images whose split is given: captures are split by streets already, and composites before they are

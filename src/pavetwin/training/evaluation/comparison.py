@@ -22,14 +22,9 @@ from pavetwin.training.evaluation.evaluate import evaluate
 from pavetwin.training.evaluation.labelled import LabelledSplit
 from pavetwin.training.evaluation.ultralytics_models import open_ultralytics
 
-FRAME_PX: Final = (640, 480)
-"""Width and height of the image that is timed: the paper's frame, scaled."""
-
-CONFIDENCE: Final = 0.25
-"""Minimum confidence of detections in timed runs."""
-
-_UNCOUNTED: Final = 3
-"""Runs before the time counts: the first ones reserve memory."""
+FRAME_PX: Final = (640, 480)  # Width and height of the image that is timed: the paper's frame, scaled
+CONFIDENCE: Final = 0.25  # Minimum confidence of detections in timed runs
+_UNCOUNTED: Final = 3  # Runs before the time counts: the first ones reserve memory
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,8 +39,7 @@ from pavetwin.training.evaluation.scores import (
     subtypes_of_true,
 )
 
-CONFIDENCE: Final = 0.25
-"""Default confidence for precision, recall and F1."""
+CONFIDENCE: Final = 0.25  # Default confidence for precision, recall and F1
 
 RESAMPLES: Final = 1000
 

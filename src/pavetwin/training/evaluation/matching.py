@@ -24,8 +24,7 @@ THRESHOLDS: Final = np.linspace(0.5, 0.95, 10)
 HALF: Final = 0
 """Index of IoU 0.5 in `THRESHOLDS`."""
 
-MOST_DETECTIONS: Final = 100
-"""Maximum detections of a class in an image; the most confident count."""
+MOST_DETECTIONS: Final = 100  # Maximum detections of a class in an image; the most confident count
 
 
 @dataclass(frozen=True, slots=True)

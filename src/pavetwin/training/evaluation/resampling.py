@@ -15,8 +15,7 @@ from pavetwin.labels.class_names import ROAD_DEFECT
 from pavetwin.training.evaluation.matching import HALF, Matched
 from pavetwin.training.evaluation.scores import weighted_precision
 
-SHARE: Final = 0.95
-"""Coverage of an interval, between symmetric quantiles."""
+SHARE: Final = 0.95  # Coverage of an interval, between symmetric quantiles
 
 Metrics = Mapping[str, float]
 """Name → value, NaN where it is undefined."""

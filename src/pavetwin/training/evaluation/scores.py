@@ -15,8 +15,7 @@ from pavetwin.training.evaluation.detections import FoundBox
 from pavetwin.training.evaluation.labelled import LabelledImage
 from pavetwin.training.evaluation.matching import HALF, Matched, MatchedClass
 
-RECALLS: Final = np.linspace(0.0, 1.0, 101)
-"""Recall levels at which precision is read."""
+RECALLS: Final = np.linspace(0.0, 1.0, 101)  # Recall levels at which precision is read
 
 
 @dataclass(frozen=True, slots=True)

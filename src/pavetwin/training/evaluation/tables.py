@@ -87,12 +87,7 @@ def _scores(at: ScoresAt) -> dict[str, Any]:
         "macro_f1": at.f1,
         "classes": {
             each.name: {
-                "objects": each.objects,
-                "hits": each.hits,
-                "false_alarms": each.false_alarms,
-                "precision": each.precision,
-                "recall": each.recall,
-                "f1": each.f1,
+                key: getattr(each, key) for key in ("objects", "hits", "false_alarms", "precision", "recall", "f1")
             }
             for each in at.classes
         },
@@ -168,7 +163,11 @@ def csv_files(found: DetectorEvaluation) -> dict[str, str]:
     """Name of the file → its content."""
     values = as_values(found)
     classes = [
-        {"class": name, **{key: row[key] for key in ("objects", "ap50", "ap50_95")}, **_counts(found.at_stated, name)}
+        {
+            "class": name,
+            **{key: row[key] for key in ("objects", "ap50", "ap50_95")},
+            **values["at_stated"]["classes"][name],
+        }
         for name, row in values["classes"].items()
     ]
     names = values["confusion"]["names"]
@@ -186,17 +185,6 @@ def csv_files(found: DetectorEvaluation) -> dict[str, str]:
         "severities.csv": values["severities"],
     }
     return {name: _csv(rows) for name, rows in tables.items() if rows}
-
-
-def _counts(at: ScoresAt, name: str) -> dict[str, Any]:
-    (each,) = (each for each in at.classes if each.name == name)
-    return {
-        "hits": each.hits,
-        "false_alarms": each.false_alarms,
-        "precision": each.precision,
-        "recall": each.recall,
-        "f1": each.f1,
-    }
 
 
 def _csv(rows: Iterable[Mapping[str, Any]]) -> str:

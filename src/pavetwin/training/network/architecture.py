@@ -12,8 +12,7 @@ REG_MAX: Final = 16
 
 ACTIVATIONS: Final = ("silu", "relu")
 
-_CHANNEL_STEP: Final = 8
-"""Channel counts are multiples of this number."""
+_CHANNEL_STEP: Final = 8  # Channel counts are multiples of this number
 
 STRIDES: Final = (8, 16, 32)
 """Strides of the detection levels, in pixels."""

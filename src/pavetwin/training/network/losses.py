@@ -61,8 +61,7 @@ def no_targets(images: int, classes: int, mask_px: int) -> Targets:
     )
 
 
-MOST_ANCHORS: Final = 10
-"""Maximum anchors that learn one object."""
+MOST_ANCHORS: Final = 10  # Maximum anchors that learn one object
 ALPHA: Final = 0.5
 BETA: Final = 6.0
 

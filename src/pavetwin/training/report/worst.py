@@ -8,7 +8,6 @@ from typing import Final
 from PIL import Image, ImageDraw
 
 from pavetwin.draw.contact_sheet import CELL_PX, assembled, captioned, draw_box
-from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import FloatBox, area, within
 from pavetwin.labels.class_names import CLASS_LABELS
 from pavetwin.labels.classes import colours
@@ -20,15 +19,11 @@ from pavetwin.training.evaluation.labelled import LabelledImage, LabelledRegion
 from pavetwin.training.evaluation.matching import HALF
 from pavetwin.training.evaluation.scores import overlap
 
-SHOWN: Final = 9
-"""Maximum images of each kind of error."""
-
-_AROUND: Final = 2.2
-"""Side of the picture's part that is shown, in longer sides of the box."""
+SHOWN: Final = 9  # Maximum images of each kind of error
+_AROUND: Final = 2.2  # Side of the picture's part that is shown, in longer sides of the box
 
 _LEAST_PX: Final = 160
-_NEAR: Final = 0.1
-"""Overlap from which an error is attributed to an object."""
+_NEAR: Final = 0.1  # Overlap from which an error is attributed to an object
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +120,7 @@ def _cells(found: DetectorEvaluation, errors: list[DetectorError]) -> Iterator[I
 
 
 def _cell(found: DetectorEvaluation, error: DetectorError, reported: list[FoundBox]) -> Image.Image:
-    picture = _picture(found, error.image)
+    picture = found.split.data.picture(error.image.example)
     left, top, right, bottom = error.box
     side = min(max(_AROUND * max(right - left, bottom - top), _LEAST_PX), float(max(picture.size)))
     x = min(max((left + right - side) / 2, 0.0), max(picture.width - side, 0.0))
@@ -166,16 +161,3 @@ def _corners(pen: ImageDraw.ImageDraw, box: FloatBox, colour: str) -> None:
         for y, down in ((top, arm), (bottom, -arm)):
             for ink, width in (("#101010", 9), (colour, 5)):
                 pen.line([(x + inward, y), (x, y), (x, y + down)], fill=ink, width=width, joint="curve")
-
-
-def _picture(found: DetectorEvaluation, image: LabelledImage) -> Image.Image:
-    data = found.split.data
-    try:
-        with Image.open(BytesIO(data.encoded(image.example))) as file:
-            picture = file.convert("RGB")
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise PaveTwinError(f"The picture '{image.example.name}' of '{data.path}' cannot be read: {error}.") from error
-    if picture.size != image.example.size_px:
-        stated, actual = (f"{width} × {height}" for width, height in (image.example.size_px, picture.size))
-        raise PaveTwinError(f"The picture '{image.example.name}' has {actual} px, but its labels state {stated}.")
-    return picture

@@ -10,8 +10,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.perception.model_file import start_path
 from pavetwin.training.datasets.packs import read_examples
 from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
-from pavetwin.training.trainer.trainer import Trainer
-from pavetwin.training.trainer.watchers import PlainLines
+from pavetwin.training.trainer.trainer import PlainLines, Trainer
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

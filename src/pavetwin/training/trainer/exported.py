@@ -23,8 +23,7 @@ from pavetwin.training.trainer.pictures import DevicePictures, images_of
 if TYPE_CHECKING:
     from pavetwin.perception.model_file import ModelFacts
 
-SUFFIX: Final = ".onnx"
-"""Suffix of exported models."""
+SUFFIX: Final = ".onnx"  # Suffix of exported models
 
 _PARTS: Final = {"all_boxes/network.": "", "of_subtypes/head.": "regions."}
 """Prefixes of the names of weights in a model, and the corresponding ones in the network."""

@@ -15,8 +15,7 @@ ORDERS: Final = ("real-synthetic", "synthetic-real", "mixed", "real", "synthetic
 same share of photographs; or one of them alone."""
 
 
-VIEWS: Final = ("processor", "device")
-"""Places where training views are drawn."""
+VIEWS: Final = ("processor", "device")  # Places where training views are drawn
 
 
 def _about(text: str, default: Any, low: float | None = None, high: float | None = None) -> Any:

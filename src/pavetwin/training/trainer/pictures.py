@@ -91,11 +91,8 @@ PicturePlace = tuple[Path, tuple[int, int] | str]
 PictureRows = dict[PicturePlace, tuple[int, int]]
 """Stack, one for each image size, and row of each image on the device."""
 
-DECODERS: Final = 8
-"""Threads that decode images."""
-
-WORKING_BYTES: Final = 2 * 10**9
-"""Memory for resampling, which limits the number of parts resampled at once."""
+DECODERS: Final = 8  # Threads that decode images
+WORKING_BYTES: Final = 2 * 10**9  # Memory for resampling, which limits the number of parts resampled at once
 
 _COLUMNS: Final = 16
 """Values that describe a part: stack, row, box on the canvas (4), box of the image (4), window (4), mirrored, upside

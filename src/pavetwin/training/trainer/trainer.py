@@ -1,12 +1,16 @@
-"""The training loop: phases, epochs and steps, continued from the last checkpoint."""
+"""The training loop: its device, its progress reports, and phases, epochs and steps from the last checkpoint."""
 
+import os
+import shlex
+import shutil
+import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from hashlib import sha256
 from math import isfinite
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 import numpy as np
 import torch
@@ -19,9 +23,15 @@ from pavetwin.training.network.losses import Losses, detection_losses, mask_loss
 from pavetwin.training.network.network import DetectorNetwork, Encoded
 from pavetwin.training.trainer.batches import Batch, TrainingViews, ValidationViews, batches, validate
 from pavetwin.training.trainer.exported import is_exported, measure_normalisations
-from pavetwin.training.trainer.machine import check_compiler, device_of, draws_views, has_half, held_sets
 from pavetwin.training.trainer.options import TrainingMachine, TrainingOptions
-from pavetwin.training.trainer.pictures import DevicePictures, HeldExampleSet, images_of
+from pavetwin.training.trainer.pictures import (
+    GIGABYTE,
+    DevicePictures,
+    HeldExampleSet,
+    images_of,
+    is_inherited,
+    room_of,
+)
 from pavetwin.training.trainer.run_folder import BEST, Curves, RunFolder, load_weights
 from pavetwin.training.trainer.schedule import (
     MovingAverage,
@@ -33,31 +43,159 @@ from pavetwin.training.trainer.schedule import (
     train_part,
 )
 from pavetwin.training.trainer.views import Member
-from pavetwin.training.trainer.watchers import Watcher
 
-SAVE_S: Final = 300.0
-"""Seconds between two checkpoints within an epoch."""
+PICTURES_SHARE: Final = 0.25
+"""Maximum share of a graphics card's free memory for training images, if views are drawn there by default."""
+
+HALF_INSTRUCTIONS: Final = ("amx_bf16", "avx512_bf16")
+"""Processor instructions that multiply bfloat16 faster than single precision, in `torch.cpu.get_capabilities`."""
+
+_CPP_COMPILERS: Final = {"darwin": "clang++", "win32": "cl"}
+"""Compiler that `torch.compile` starts unless CXX names one; on other systems it is g++."""
+
+
+def draws_views(
+    training: Sequence[Member], options: TrainingOptions, machine: TrainingMachine, device: torch.device
+) -> bool:
+    """Whether the device holds the training images and draws the views.
+
+    Raises:
+        PaveTwinError: this is requested, and the device has too little memory.
+    """
+    if machine.views == "processor":
+        return False
+    if device.type != "cuda":
+        return machine.views == "device"
+    free, _ = torch.cuda.mem_get_info(device)
+    needed = room_of(training, options.image_px)
+    if machine.views == "device":
+        if needed > free:
+            raise PaveTwinError(
+                f"`views` device: the pictures and the drawing take {needed / GIGABYTE:.1f} GB, and {device} has "
+                f"{free / GIGABYTE:.1f} free; leave `views` out."
+            )
+        return True
+    return needed <= free * PICTURES_SHARE
+
+
+def check_compiler(machine: TrainingMachine, device: torch.device) -> None:
+    """Check for the compiler that `torch.compile` needs: C++ for a processor, C for a graphics card.
+
+    Raises:
+        PaveTwinError: compilation is requested, and there is no compiler.
+    """
+    variable, names = "CXX", [_CPP_COMPILERS.get(sys.platform, "g++")]
+    if device.type == "cuda":
+        variable, names = "CC", ["gcc", "clang"]
+    wanted = shlex.split(os.environ.get(variable, ""))[:1] or names
+    if machine.compiled and not any(map(shutil.which, wanted)):
+        raise PaveTwinError(
+            f"`compiled`: it needs a compiler ({', '.join(wanted)}), and there is none; install one, name it in "
+            f"{variable}, or leave `compiled` out."
+        )
+
+
+def held_sets(sets: Sequence[ExampleSet], machine: TrainingMachine, splits: Sequence[str]) -> Sequence[ExampleSet]:
+    """The datasets with decoded images of some splits kept in memory.
+
+    Worker processes end with each epoch and lose what they keep. So forked workers inherit the images from this
+    process, and other workers keep none.
+    """
+    if machine.workers and not is_inherited():
+        return sets
+    return [HeldExampleSet.of(each, round(machine.held_gb * GIGABYTE), splits) for each in sets]
+
+
+def device_of(machine: TrainingMachine) -> torch.device:
+    """Device of the training.
+
+    Raises:
+        PaveTwinError: it does not exist.
+    """
+    try:
+        device = torch.device(machine.device or ("cuda" if torch.cuda.is_available() else "cpu"))
+        torch.zeros(1, device=device)
+    except (RuntimeError, AssertionError) as error:
+        raise PaveTwinError(f"`device`: '{machine.device}' cannot be used here.") from error
+    return device
+
+
+def has_half(device: torch.device) -> bool:
+    """Whether bfloat16 is faster than single precision: on most graphics cards, and on processors with AMX or AVX-512
+    BF16."""
+    if device.type == "cuda":
+        return torch.cuda.is_bf16_supported()
+    capabilities = getattr(torch.cpu, "get_capabilities", None)  # missing in some versions
+    return device.type == "cpu" and capabilities is not None and any(map(capabilities().get, HALF_INSTRUCTIONS))
+
+
+LINE_S = 30.0  # Seconds between two lines within an epoch
+
+
+class Watcher(Protocol):
+    """Receiver of progress reports."""
+
+    def on_start(self, where: str) -> None:
+        """Training starts; `where` is a sentence on the device, its precision, and the place where views are drawn."""
+
+    def on_step(self, phase: Phase, epoch: int, step: int, steps: int, total: float) -> None:
+        """A step is done. `epoch` counts from 0, `step` from 1; `total` is the loss."""
+
+    def on_epoch(self, curves: Curves) -> None:
+        """An epoch is done; its row is the last of the curves."""
+
+
+class Silent(Watcher):
+    """A watcher that ignores all reports."""
+
+
+class PlainLines(Watcher):
+    """Lines on the error stream, for each epoch and every half minute."""
+
+    def __init__(self) -> None:
+        self._last_s = self._began_s = time.monotonic()
+
+    def on_start(self, where: str) -> None:
+        self._write(where)
+
+    def on_step(self, phase: Phase, epoch: int, step: int, steps: int, total: float) -> None:
+        if time.monotonic() > self._last_s + LINE_S:
+            self._write(f"{phase.name}: epoch {epoch + 1}/{phase.epochs}, step {step}/{steps}, loss {total:.3f}")
+
+    def on_epoch(self, curves: Curves) -> None:
+        self._write(line_of(curves))
+
+    def _write(self, text: str) -> None:
+        self._last_s = time.monotonic()
+        sys.stderr.write(f"{self._last_s - self._began_s:7.0f} s  {text}\n")
+        sys.stderr.flush()
+
+
+def line_of(curves: Curves) -> str:
+    """Summary of the last epoch in one line."""
+    row = curves[-1]
+    return (
+        f"{row['phase']}: epoch {row['epoch']}, loss {row['total']:.3f}, "
+        f"mAP@0.5 {row['map50']:.3f}, mAP@0.5:0.95 {row['map']:.3f}"
+    )
+
+
+SAVE_S: Final = 300.0  # Seconds between two checkpoints within an epoch
 
 NORM_MOMENTUM: Final = 0.03
 """Momentum of the running statistics of batch normalisation. It is greater in the first steps, to forget the initial
 values quickly."""
 
-LONGEST_GRADIENT: Final = 10.0
-"""Maximum length of the gradient; longer ones are scaled down."""
-
-VALIDATED: Final = ("val",)
-"""Splits whose views the processor draws if the device draws those of the training."""
-
-MEASURED_VIEWS: Final = 320
-"""Number of training views on which the normalisations of an exported model are measured."""
+LONGEST_GRADIENT: Final = 10.0  # Maximum length of the gradient; longer ones are scaled down
+VALIDATED: Final = ("val",)  # Splits whose views the processor draws if the device draws those of the training
+MEASURED_VIEWS: Final = 320  # Number of training views on which the normalisations of an exported model are measured
 
 FITNESS: Final = (0.1, 0.9)
 """Weights of mAP@0.5 and mAP@0.5:0.95 in the selection of the best epoch, as published for YOLOv8."""
 
 PARTS: Final = ("box", "classes", "distribution", "subtype", "mask")
 
-SUMS: Final = (*PARTS, "total")
-"""Losses that are averaged over the steps of an epoch."""
+SUMS: Final = (*PARTS, "total")  # Losses that are averaged over the steps of an epoch
 
 
 @dataclass(slots=True)

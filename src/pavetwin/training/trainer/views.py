@@ -22,11 +22,8 @@ GREY: Final = 114
 LEAST_SHARE: Final = 0.3
 """Minimum share of an object's box within a view; objects below it are ignored, since they may not be recognisable."""
 
-LEAST_CRACK_PX: Final = 24.0
-"""Longer side from which a part of a crack counts, whatever its share of the whole crack."""
-
-LEAST_SIDE_PX: Final = 2.0
-"""Minimum longer side of a box in a view; smaller objects are ignored."""
+LEAST_CRACK_PX: Final = 24.0  # Longer side from which a part of a crack counts, whatever its share of the whole crack
+LEAST_SIDE_PX: Final = 2.0  # Minimum longer side of a box in a view; smaller objects are ignored
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,25 +47,21 @@ class ImagePart:
         """A box of the image in pixels of the canvas; it may extend beyond the window."""
         left, right = (self.left + self.scale * x for x in (box[0], box[2]))
         top, bottom = (self.top + self.scale * y for y in (box[1], box[3]))
-        if self.mirrored:
-            left, right = self.window[0] + self.window[2] - right, self.window[0] + self.window[2] - left
-        if self.upside_down:
-            top, bottom = self.window[1] + self.window[3] - bottom, self.window[1] + self.window[3] - top
-        return left, top, right, bottom
+        return self._mirrored((left, top, right, bottom))
 
     def in_image(self, box: FloatBox) -> FloatBox:
         """A box of the canvas in pixels of the image."""
+        left, right = ((x - self.left) / self.scale for x in self._mirrored(box)[::2])
+        top, bottom = ((y - self.top) / self.scale for y in self._mirrored(box)[1::2])
+        return left, top, right, bottom
+
+    def _mirrored(self, box: FloatBox) -> FloatBox:
         left, top, right, bottom = box
         if self.mirrored:
             left, right = self.window[0] + self.window[2] - right, self.window[0] + self.window[2] - left
         if self.upside_down:
             top, bottom = self.window[1] + self.window[3] - bottom, self.window[1] + self.window[3] - top
-        return (
-            (left - self.left) / self.scale,
-            (top - self.top) / self.scale,
-            (right - self.left) / self.scale,
-            (bottom - self.top) / self.scale,
-        )
+        return left, top, right, bottom
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,11 +236,8 @@ def mask_of(seen: SeenObject, region: FloatBox, side_px: int) -> Float32Array | 
 Member = tuple[ExampleSet, Example]
 """An example, and the set that holds its image."""
 
-MOSAIC_SPLIT: Final = (0.3, 0.7)
-"""Range of the point at which the four parts of a mosaic meet, as shares of its side."""
-
-FOCUS: Final = 0.7
-"""Share of native crops aimed at a labelled object, if the image has one."""
+MOSAIC_SPLIT: Final = (0.3, 0.7)  # Range of the point at which the four parts of a mosaic meet, as shares of its side
+FOCUS: Final = 0.7  # Share of native crops aimed at a labelled object, if the image has one
 
 
 @dataclass(frozen=True, slots=True)

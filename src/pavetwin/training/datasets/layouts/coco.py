@@ -25,22 +25,14 @@ from pavetwin.training.datasets.layouts.yolo import box_around
 from pavetwin.training.datasets.pictures import PictureError, PictureIndex, files_in, inside, is_file, picture_size
 from pavetwin.training.datasets.report import Finding, Report
 
-CHUNK: Final = 1 << 20
-"""Characters that are read at a time."""
-
-LARGEST: Final = 1 << 28
-"""Characters of one entry, at most."""
+CHUNK: Final = 1 << 20  # Characters that are read at a time
+LARGEST: Final = 1 << 28  # Characters of one entry, at most
 
 _MOST_OTHERS: Final = 1000
 
-_UNDECIDED: Final = 2
-"""Characters of a number that it may have beyond a shorter one: `.`, `e+`."""
-
-MOST_DIGITS: Final = 300
-"""Most digits of a whole number; a longer one exceeds a float and is read as infinite."""
-
-LISTS: Final = ("categories", "images", "annotations")
-"""Lists of a COCO file."""
+_UNDECIDED: Final = 2  # Characters of a number that it may have beyond a shorter one: `.`, `e+`
+MOST_DIGITS: Final = 300  # Most digits of a whole number; a longer one exceeds a float and is read as infinite
+LISTS: Final = ("categories", "images", "annotations")  # Lists of a COCO file
 
 
 class CocoFileError(ValueError):
@@ -248,8 +240,7 @@ class _Scanner:
 _PLACES: Final = ("", "images", "train", "val", "valid", "test", "train2017", "val2017")
 """Folders next to or above the JSON file that may hold the pictures."""
 
-LARGEST_GSD_MM: Final = 1000.0
-"""Ground resolution of an image, at most, as of a source (`DatasetSource.gsd_mm`)."""
+LARGEST_GSD_MM: Final = 1000.0  # Ground resolution of an image, at most, as of a source (`DatasetSource.gsd_mm`)
 
 
 class CocoEntryError(ValueError):

@@ -17,8 +17,7 @@ from pavetwin.training.datasets.layouts.layout import LabelLayout, RawImage, Raw
 from pavetwin.training.datasets.pictures import PictureError, PictureIndex, opened
 from pavetwin.training.datasets.report import Finding, Report
 
-HALF: Final = 128
-"""Pixels from this brightness on, of 255 and in any channel, belong to an object."""
+HALF: Final = 128  # Pixels from this brightness on, of 255 and in any channel, belong to an object
 
 
 class MaskLayout(LabelLayout):

@@ -15,14 +15,9 @@ from pavetwin.training.datasets.layouts.layout import LabelLayout, RawImage, Raw
 from pavetwin.training.datasets.pictures import PictureIndex, files_in
 from pavetwin.training.datasets.report import Finding, Report
 
-LARGEST_BYTES: Final = 16 * 2**20
-"""Largest label file of one image."""
-
-LARGEST_LIST_BYTES: Final = 2**17
-"""Largest file of class names: the thousand classes of ImageNet need 43 kB."""
-
-LONGEST_CLASS: Final = 200
-"""Characters of a class's name."""
+LARGEST_BYTES: Final = 16 * 2**20  # Largest label file of one image
+LARGEST_LIST_BYTES: Final = 2**17  # Largest file of class names: the thousand classes of ImageNet need 43 kB
+LONGEST_CLASS: Final = 200  # Characters of a class's name
 
 _NAMES: Final = frozenset({"classes.txt", "obj.names", "_darknet.labels", "readme.txt", "licence.txt", "license.txt"})
 """Text files that are no label files."""
