@@ -358,10 +358,10 @@ def export(
 def pack(
     datasets: Annotated[list[Path], typer.Argument(help="Folders with COCO files: exported datasets and captures.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write.")],
-    max_mb: Annotated[float, typer.Option(help="Size of the file in millions of bytes, at most.")] = 60.0,
+    most_mb: Annotated[float, typer.Option("--max-mb", help="Size of the file in millions of bytes, at most.")] = 60.0,
     quality: Annotated[int, typer.Option(help="WebP quality, 1 to 100; lowered if the file would be too large.")] = 90,
-    longest: Annotated[
-        int | None, typer.Option(help="Longer side of pictures in pixels, at most; as they are unless given.")
+    longest_px: Annotated[
+        int | None, typer.Option("--longest", help="Longer side of images in pixels, at most; as they are by default.")
     ] = None,
     splits: Annotated[str, typer.Option(help="Splits to pack, with commas.")] = "train,val",
 ) -> None:
@@ -378,7 +378,7 @@ def pack(
     for name in names:
         if name not in SPLITS:
             raise PaveTwinError(no_such("split", name, SPLITS, key="`splits`"))
-    options = PackOptions(max_mb, quality, longest or 0)
+    options = PackOptions(most_mb, quality, longest_px or 0)
     with progress("Packing", lines=True) as update:
         summary = write_pack(read_examples(datasets, names), output, options, update)
     out.line(f"{summary.images} images in {output}: {summary.size_mb:.1f} MB at quality {summary.quality}")
