@@ -27,39 +27,31 @@ from scenes.command_line import pavetwin, plain_refusal
 from scenes.fitted import drawn_looks, stated
 
 
-def test_the_list_names_every_aircraft_with_its_makers_times() -> None:
-    printed = pavetwin("aircraft", "list").stdout
-    assert all(name in printed for name in AIRCRAFT.names())
-    assert all(profile.title in printed for profile in AIRCRAFT.values())
-    (mavic,) = (line for line in printed.splitlines() if line.startswith("mavic3e"))
-    assert mavic.split()[-5:] == ["0.92", "45", "38", "12", "2.7"]
-
-
-def test_the_list_marks_what_no_maker_states() -> None:
+def test_the_list_has_every_aircraft_and_marks_times_of_the_model() -> None:
     """DJI states no hover of the Phantoms, and of the Matrice 350 no time with the P1."""
-    printed = pavetwin("aircraft", "list").stdout
-    assert "~: time of the model" in printed
-    marked = {line.split()[0]: [f for f in line.split() if f.startswith("~")] for line in printed.splitlines() if line}
+    text = pavetwin("aircraft", "list").stdout
+    assert all(name in text for name in AIRCRAFT.names())
+    assert all(profile.title in text for profile in AIRCRAFT.values())
+    rows = {line.split()[0]: line.split() for line in text.splitlines() if line}
+    assert rows["mavic3e"][-5:] == ["0.92", "45", "38", "12", "2.7"]
+    marked = {name: [cell for cell in row if cell.startswith("~")] for name, row in rows.items()}
     assert marked["phantom4pro"] == ["~27"]
     assert len(marked["matrice350"]) == 2
     assert marked["mavic3e"] == marked["mavic2pro"] == marked["matrice4e"] == []
 
 
-def test_one_aircraft_is_shown_with_what_is_its_makers_and_what_the_models(tmp_path: Path) -> None:
-    makers, models = pavetwin("aircraft", "show", "phantom4pro").stdout.split("# The model's, from these")
-    assert "flight_time_min: 30" in makers
-    assert "hover: 27 min (predicted" in models
-    assert "assumed: blade tips at 120 m/s" in models
+def test_an_aircraft_is_shown_with_its_sources_and_the_figures_of_the_model(tmp_path: Path) -> None:
+    text = pavetwin("aircraft", "show", "phantom4pro").stdout
+    stated_figures, modelled = text.split("# Figures of the model")
+    assert "DJI Phantom 4 Pro specifications" in stated_figures
+    assert "flight_time_min: 30" in stated_figures
+    assert "hover: 27 min (predicted" in modelled
+    assert "assumed: blade tips at 120 m/s" in modelled
+    assert text.split()[-3:] == ["20", "432", "42.0"]
     assert "hover:" not in pavetwin("aircraft", "show", "mavic3e").stdout
     plain = (Path(__file__).parents[2] / "src/pavetwin/uav/aircraft.yaml").read_text(encoding="utf-8")
     (tmp_path / "own.yaml").write_text(plain.replace("  tilt_deg: 42\n", ""), encoding="utf-8")
     assert "0.03 of the rotors' discs, assumed" in pavetwin("aircraft", "show", f"{tmp_path}/own.yaml:phantom4").stdout
-
-
-def test_one_aircraft_is_shown_with_its_sources_and_its_power() -> None:
-    printed = pavetwin("aircraft", "show", "phantom4pro").stdout
-    assert "DJI Phantom 4 Pro specifications" in printed
-    assert printed.split()[-3:] == ["20", "432", "42.0"]
 
 
 def test_an_unknown_aircraft_is_one_plain_line_with_the_nearest() -> None:
@@ -170,12 +162,12 @@ def test_a_mix_of_classes_is_placed(tmp_path: Path) -> None:
 def test_what_a_plugin_registers_is_listed(tmp_path: Path) -> None:
     file = tmp_path / "mine.py"
     file.write_text(
-        "from pavetwin.sensing import Sensor, sensor\n"
+        "from pavetwin.sensing import Detections, Sensor, sensor\n"
         "@sensor('blind_one')\n"
         "class Blind(Sensor):\n"
         '    """Finds nothing."""\n'
         "    def detect(self, frame):\n"
-        "        return []\n"
+        "        return Detections.of_defects([])\n"
     )
     from pavetwin.sensing import SENSORS
 
