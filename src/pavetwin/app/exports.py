@@ -15,7 +15,7 @@ import shapely
 from pavetwin.app.flights import again, descriptions
 from pavetwin.app.session_cache import kept_world
 from pavetwin.app.street_map import packed_map
-from pavetwin.app.task_report import TaskReport
+from pavetwin.app.task_process import TaskReport
 from pavetwin.arrays import Float64Array
 from pavetwin.draw.mission_marks import outcomes
 from pavetwin.draw.mission_style import AGENT_COLOURS, agent_group

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from pavetwin.app.flight_request import PRESET, FlightRequest
 from pavetwin.app.session_cache import alone_in, kept_environment, kept_world, made_once
-from pavetwin.app.task_report import TaskReport
+from pavetwin.app.task_process import TaskReport
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing_folder
 from pavetwin.mission.environment import MissionEnvironment

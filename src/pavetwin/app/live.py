@@ -23,7 +23,7 @@ from pavetwin.app.handlers import check_request
 from pavetwin.app.requests import StickRequest
 from pavetwin.app.session import BY_HAND, Session
 from pavetwin.app.task_pool import Messages
-from pavetwin.app.task_report import failure_words
+from pavetwin.app.task_process import failure_words
 from pavetwin.errors import PaveTwinError
 
 LARGEST_MESSAGE: Final = 1 << 17

@@ -16,7 +16,10 @@ import traceback
 from collections.abc import Mapping
 from contextlib import suppress
 from types import FrameType
-from typing import IO, Any, Final, NoReturn
+from typing import IO, Any, Final, NoReturn, Protocol
+
+from pavetwin.errors import PaveTwinError
+from pavetwin.files import hint
 
 GRACE_S: Final = 5.0
 """Time to remove temporary files on termination before a kill."""
@@ -45,9 +48,6 @@ def main() -> None:
 
 
 def _reply(known: Any, task: Mapping[str, Any], progress: "_Progress") -> Mapping[str, Any]:
-    from pavetwin.app.task_report import failure_words
-    from pavetwin.errors import PaveTwinError
-
     try:
         return {"result": known.run(task, progress)}
     except Exception as error:
@@ -108,3 +108,32 @@ def _exit(number: int, frame: FrameType | None) -> NoReturn:  # noqa: ARG001 - t
 
 if __name__ == "__main__":
     main()
+
+
+class TaskReport(Protocol):
+    """Channel of a task to the page."""
+
+    def __call__(self, share: float, what: str, /) -> None:
+        """The share done, 0 … 1, and what is being done."""
+
+    def ready(self, values: Mapping[str, Any], /) -> None:
+        """Report data that is usable while the task continues."""
+
+    def live(self, values: Mapping[str, Any], /) -> None:
+        """Report the present state of a task that runs with the clock."""
+
+    def messages(self) -> list[Mapping[str, Any]]:
+        """Messages to the task since the last call, in order."""
+        ...
+
+
+def failure_words(error: Exception) -> str:
+    """One line: what is known of it, or that it is a mistake of ours."""
+    if isinstance(error, PaveTwinError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return "It needs more memory than the page may use."
+    if isinstance(error, OSError):
+        place = f" ('{error.filename}')" if error.filename else ""
+        return f"The server could not do this: {error.strerror or error}{place}. {hint(error, 'try it again')}."
+    return f"Unexpected failure: {type(error).__name__}: {' '.join(str(error).split())}. Please report it."

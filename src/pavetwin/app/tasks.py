@@ -13,7 +13,7 @@ from pavetwin.app.flight_request import PRESET, FlightRequest
 from pavetwin.app.flights import fly_missed, fly_request, listed_missions, planned, play_mission
 from pavetwin.app.requests import KINDS, LARGEST_BYTES, LARGEST_KM2, FramePart
 from pavetwin.app.session_cache import kept_environment, kept_world
-from pavetwin.app.task_report import TaskReport
+from pavetwin.app.task_process import TaskReport
 from pavetwin.config import load_settings
 from pavetwin.config.mission import CEILING_M, LOWEST_M
 from pavetwin.files import writing

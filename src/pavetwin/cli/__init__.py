@@ -40,7 +40,7 @@ COMMANDS = {
     "evaluate": "evaluate:evaluate",
     "compare": "compare:compare",
     "train": "train:train",
-    "export": "export:export",
+    "export": "train:export",
     "detect": "detector:detect",
     "serve": "detector:serve",
     "app": "page:app",

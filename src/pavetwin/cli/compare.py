@@ -8,8 +8,12 @@ from typing import Annotated
 import typer
 
 from pavetwin.cli.console import out, progress, table
+from pavetwin.cli.train import has_torch
 from pavetwin.errors import PaveTwinError, about, no_such
 from pavetwin.files import check_target, writing
+
+EXPORT = ("onnx", "onnxscript")
+"""Modules that count operations and export untrained networks, besides PyTorch."""
 
 SIZES = ("n", "s", "m", "l")
 
@@ -64,7 +68,7 @@ def compare(
         raise PaveTwinError(no_such("split", split, SPLITS, key="`split`"))
     if not files and not wanted and not foreign:
         raise PaveTwinError("Name models to compare, or `sizes` of untrained networks, as in --sizes n,s,m,l.")
-    if wanted and not _has_torch():
+    if wanted and not has_torch(*EXPORT):
         raise PaveTwinError("Untrained networks need PyTorch, an extra; install it with `pip install pavetwin[train]`.")
     from pavetwin.perception.model_file import check_threads
     from pavetwin.training.evaluation.comparison import (
@@ -86,7 +90,7 @@ def compare(
             check_target(output)
     for _, network in foreign:
         check_ultralytics(network)
-    if foreign and not _has_torch():
+    if foreign and not has_torch(*EXPORT):
         raise PaveTwinError("GFLOPs need PyTorch and onnx, an extra; install it with `pip install pavetwin[train]`.")
     if foreign:
         out.line(f"{LICENCE}\n")
@@ -98,7 +102,7 @@ def compare(
     rows: list[ComparedModel] = []
     count = None
     total = len(files) + len(wanted) + len(foreign)
-    if _has_torch():
+    if has_torch(*EXPORT):
         from pavetwin.training.trainer.export import export_untrained, gflops_of
 
         count = gflops_of
@@ -134,9 +138,3 @@ def compare(
 def _named(given: str) -> tuple[str, Path]:
     name, equals, path = given.rpartition("=")
     return (name if equals and name else Path(path).stem), Path(path)
-
-
-def _has_torch() -> bool:
-    from importlib.util import find_spec
-
-    return all(find_spec(name) is not None for name in ("torch", "torchvision", "onnx", "onnxscript"))

@@ -1,4 +1,4 @@
-"""`pavetwin train`: train the detector."""
+"""`pavetwin train` and `pavetwin export`: train the detector, and write it as one ONNX file."""
 
 import time
 from collections.abc import Iterator
@@ -12,8 +12,10 @@ from rich.console import Group
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 
-from pavetwin.cli.console import err, out
-from pavetwin.errors import PaveTwinError, naming
+from pavetwin.cli.console import err, out, progress
+from pavetwin.errors import PaveTwinError, about, naming
+from pavetwin.files import check_target
+from pavetwin.perception.model_file import model_path, shipped_models
 
 if TYPE_CHECKING:
     from rich.live import Live
@@ -100,13 +102,18 @@ def train(
     out.line(f"Trained: {where}, mAP@0.5 {trainer.best_map50:.3f} on the validation images.")
 
 
-def check_torch(what: str) -> None:
-    """Raises:
-    PaveTwinError: PyTorch is not installed.
-    """
+def has_torch(*more: str) -> bool:
+    """Whether PyTorch and the modules `more` of its extra are installed."""
     from importlib.util import find_spec
 
-    if find_spec("torch") is None or find_spec("torchvision") is None:
+    return all(find_spec(name) is not None for name in ("torch", "torchvision", *more))
+
+
+def check_torch(what: str, *more: str) -> None:
+    """Raises:
+    PaveTwinError: PyTorch, or one of the modules `more` of its extra, is not installed.
+    """
+    if not has_torch(*more):
         raise PaveTwinError(f"{what} needs PyTorch, which is an extra; install it with `pip install pavetwin[train]`.")
 
 
@@ -187,3 +194,53 @@ def sparkline(values: list[float]) -> str:
     low, high = min(values), max(values)
     steps = len(BLOCKS) - 1
     return "".join(BLOCKS[round(steps * (value - low) / (high - low)) if high > low else 0] for value in values)
+
+
+def export(
+    run: Annotated[
+        Path,
+        typer.Argument(help="Folder of a run, its best.pt, an exported model, or a detector that ships, by name."),
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="The file, such as model.onnx.")],
+    half: Annotated[
+        bool, typer.Option("--half", help="Store the weights in half precision: half the size, the same speed.")
+    ] = False,
+    licence: Annotated[
+        str,
+        typer.Option(
+            help="Licence of the weights to be stated in the file, such as Apache-2.0; default: that of a model."
+        ),
+    ] = "",
+) -> None:
+    """Write a trained detector as one ONNX file, which runs without PyTorch.
+
+    \b
+    pavetwin export runs/first -o model.onnx
+    pavetwin export runs/first/best.pt -o small.onnx --half --licence Apache-2.0
+
+    Needs PyTorch (`pip install pavetwin\\[train]`); `pavetwin detect` and `pavetwin serve` run the file without it.
+    """
+    with about("output"):
+        check_target(output)
+    if output.suffix.lower() != ".onnx":
+        raise PaveTwinError(f"`output` '{output}': the name of a model ends in .onnx.")
+    run = _existing(run)
+    check_torch("Exporting", "onnx", "onnxscript")
+    from pavetwin.training.trainer.export import export as exported
+
+    with progress("Exporting"):
+        facts = exported(run, output, licence=licence, half=half)
+    masks = "with masks" if facts.mask_px else "without masks"
+    out.line(f"Model: {output}, {output.stat().st_size / 1e6:.1f} MB, {masks}, for images of {facts.image_px} px.")
+
+
+def _existing(run: Path) -> Path:
+    """A run, weights, an exported model, or the file of a detector that ships."""
+    if run.exists():
+        return run
+    if str(run) in shipped_models():
+        return model_path(run)
+    raise PaveTwinError(
+        f"There is no run '{run}', and no model of this name ships ({', '.join(shipped_models())}); "
+        "`pavetwin train` makes a run."
+    )
