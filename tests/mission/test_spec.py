@@ -95,7 +95,7 @@ def test_the_renderers_version_is_named_where_images_were_taken(tmp_path: Path) 
 def test_a_spec_names_the_model_that_its_sensor_has_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
     """So that a mission stays one of the detector that looked, when another one becomes the default."""
     wall = box(30, 0, 31, 1)
-    result, _ = fly_over_spots(Scene(straight((30, 0))), [("Pothole", wall)], aboard=False)
+    result, _ = fly_over_spots(Scene(straight((30, 0))), [("pothole", wall)], aboard=False)
     assert result.spec.settings.sensing.options == {"aboard": False, "model": DetectorSensor.default_options["model"]}
     assert result.spec.with_policy("baseline", result.settings).settings.sensing.options["model"] == DEFAULT
     scene = Scene(straight(), altitude_m=10.0)

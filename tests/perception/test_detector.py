@@ -148,7 +148,7 @@ def test_other_files_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         Detector(tmp_path / "gone.onnx")
     with pytest.raises(PaveTwinError, match=r"half\.onnx' is damaged, or no ONNX model"):
         Detector(half)
-    with pytest.raises(PaveTwinError, match=r"is an ONNX model, but no detector"):
+    with pytest.raises(PaveTwinError, match=r"is an ONNX model, but not a detector"):
         Detector(foreign)
     with pytest.raises(PaveTwinError, match=r"a\.jpg' cannot be read as an image"):
         Detector(FILE, threads=1).detect([image])

@@ -86,7 +86,7 @@ def test_a_detector_says_no_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     detector = Detector(FILE, confidence=0.2, tiled=False)
     side = detector.image_px
     boxes = np.array([[0, 0, 40, 30], [2, 2, 20, 20], [2, 2, 20, 20]], dtype=np.float32)
-    told = {
+    outputs = {
         "image": np.zeros(3, dtype=np.int64),
         "boxes": boxes,
         "classes": np.array([CAR, CAR, PERSON]),
@@ -94,7 +94,7 @@ def test_a_detector_says_no_parts(monkeypatch: pytest.MonkeyPatch) -> None:
         "subtype": np.array([1.0, 0.5, 1.0], dtype=np.float32),
         "masks": np.zeros((3, CELLS, CELLS), dtype=np.float32),
     }
-    monkeypatch.setattr(detector, "_told", lambda _: dict(told))
+    monkeypatch.setattr(detector, "_outputs", lambda _: dict(outputs))
     (found,) = detector.detect([np.zeros((side, side, 3), dtype=np.uint8)])
     assert found.class_number.tolist() == [CAR, PERSON]
     assert found.confidence.tolist() == pytest.approx([0.6, 0.5])

@@ -28,16 +28,16 @@ def test_annotated_pictures_are_no_photographs(tmp_path: Path) -> None:
 def test_progress_is_told_for_each_image_and_within_a_large_one(tmp_path: Path) -> None:
     drawn((96, 96)).save(tmp_path / "a.png")
     drawn((500, 96), ("pothole", (30, 10, 60, 90))).save(tmp_path / "b.png")
-    told: list[tuple[float, str]] = []
+    reported: list[tuple[float, str]] = []
     detect_source(
         Detector(FILE, tiled=True),
         tmp_path,
         tmp_path / "found",
         pictures=False,
-        tell=lambda share, words: told.append((share, words)),
+        report=lambda share, message: reported.append((share, message)),
     )
-    assert [share for share, words in told if words == "Detecting in image 1"] == [0.0, 0.0]
-    second = [share for share, words in told if words == "Detecting in image 2"]
+    assert [share for share, words in reported if words == "Detecting in image 1"] == [0.0, 0.0]
+    second = [share for share, words in reported if words == "Detecting in image 2"]
     assert second[0] == 0.5
     assert second == sorted(second)
     assert 0.5 < second[-1] < 1.0
@@ -45,7 +45,7 @@ def test_progress_is_told_for_each_image_and_within_a_large_one(tmp_path: Path) 
 
 @pytest.fixture(scope="module")
 def orthophoto(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of 200 million pixels, more than Pillow takes unless told otherwise."""
+    """Of 200 million pixels, more than Pillow takes unless reported otherwise."""
     file = tmp_path_factory.mktemp("pictures") / "orthophoto.png"
     Image.new("1", (20_000, 10_000)).save(file)
     return file
@@ -64,7 +64,7 @@ def test_what_is_larger_still_is_refused_before_its_pixels_are_read(
     orthophoto: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pictures, "LARGEST_PX", 199_000_000)
-    with pytest.raises(PaveTwinError, match=r"has 20000 × 10000 pixels; at most 199 million are read, so cut it up\.$"):
+    with pytest.raises(PaveTwinError, match=r"has 20000 × 10000 pixels; at most 199 million are read; split it\.$"):
         pixels_of(orthophoto)
 
 

@@ -41,7 +41,7 @@ def photograph(frame: Frame, *, pitch_rad: float = -pi / 2, place: GeoReference 
     """A PNG, which keeps the pixels as they are painted."""
     pose = Pose(frame.view, frame.time_s, frame.yaw_rad, pitch_rad, frame.camera, "gimbal")
     taken = ImageMetadata(pose, place, datetime(2025, 3, 20, 10, tzinfo=UTC), None, True)
-    return encoded(frame.image(), taken.tags, picture="png", quality=90)
+    return encoded(frame.image(), taken.tags, suffix="png", quality=90)
 
 
 def photographs(folder: Path, count: int = 5) -> Path:

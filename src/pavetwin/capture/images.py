@@ -106,7 +106,7 @@ def record_of(
         light=daylight.as_dict(),
         **content,
     )
-    return record, encoded(frame.rgb, taken.tags, picture=settings.picture, quality=settings.quality)
+    return record, encoded(frame.rgb, taken.tags, suffix=settings.picture, quality=settings.quality)
 
 
 def _traffic(sample: CameraSample, context: CaptureContext) -> dict[str, Any]:

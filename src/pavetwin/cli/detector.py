@@ -66,7 +66,7 @@ def detect(
         image_px=image_px,
     )
     with progress("Detecting", lines=True) as show:
-        outcome = detect_source(network, source, output, every_s=every_s, gsd_mm=gsd_mm, pictures=pictures, tell=show)
+        outcome = detect_source(network, source, output, every_s=every_s, gsd_mm=gsd_mm, pictures=pictures, report=show)
     _print_outcome(outcome, output, pictures=pictures)
 
 

@@ -164,7 +164,7 @@ def _search_photographs(
         height_m=photographs.height_m,
         position_error_m=position_error_m,
         output=output,
-        tell=show,
+        report=show,
     )
     return replace(reading, detector=sha256, entry_model=known)
 

@@ -1,4 +1,1 @@
-"""The detector: its classes and labelled examples here, its network and training in `pavetwin.training.trainer`.
-
-Nothing here but `training` needs PyTorch, and only that package imports it.
-"""
+"""The detector in use: inference, tiles, sizes, results, and the server. Training is in `pavetwin.training`."""

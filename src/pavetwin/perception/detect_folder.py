@@ -41,7 +41,7 @@ def detect_source(
     every_s: float = 1.0,
     gsd_mm: float | None = None,
     pictures: bool = True,
-    tell: Callable[[float, str], None] = lambda share, what: None,  # noqa: ARG005
+    report: Callable[[float, str], None] = lambda share, what: None,  # noqa: ARG005
 ) -> DetectOutcome:
     """Detect in every image of a source. Memory holds one image, and the detections of all.
 
@@ -50,7 +50,7 @@ def detect_source(
         every_s: seconds between the frames of a video.
         gsd_mm: ground resolution of all images, which takes precedence over the poses of photographs.
         pictures: write annotated images too.
-        tell: called with the share done and a message.
+        report: called with the share done and a message.
 
     Raises:
         PaveTwinError: the source holds no readable image, a value is out of its bounds, or a file cannot be written.
@@ -60,8 +60,8 @@ def detect_source(
     done: list[DetectedImage] = []
     unreadable: list[str] = []
     for image in source_images(source, every_s, output):
-        report = partial(_tell, image, f"Detecting in image {len(done) + 1}", tell)
-        report(0.0)
+        message = f"Detecting in image {len(done) + 1}"
+        report(image.share, message)
         try:
             pixels, pose = image.read()
         except PaveTwinError as error:
@@ -69,7 +69,7 @@ def detect_source(
                 raise
             unreadable.append(str(error))
             continue
-        (found,) = detector.detect([pixels], report)
+        (found,) = detector.detect([pixels], partial(_report, image, message, report))
         done.append(described(image.name, found, pose, gsd_mm))
         if pictures:
             name = PurePosixPath(image.name)
@@ -82,11 +82,11 @@ def detect_source(
     return DetectOutcome(tuple(done), tuple(unreadable), _write(done, output))
 
 
-def _tell(image: SourceImage, message: str, tell: Callable[[float, str], None], done: float) -> None:
+def _report(image: SourceImage, message: str, report: Callable[[float, str], None], done: float) -> None:
     """Args:
     done: share of the image.
     """
-    tell(image.share + done * image.part, message)
+    report(image.share + done * image.part, message)
 
 
 def _write(images: list[DetectedImage], output: Path) -> tuple[Path, ...]:

@@ -12,28 +12,27 @@ from pavetwin.detections import Detections, MaskPart
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import PixelBox
 from pavetwin.labels.class_names import CLASSES, SUBTYPES
-from pavetwin.perception.images import Picture, pixels_of
+from pavetwin.perception.images import ImageLike, pixels_of
 from pavetwin.perception.model_file import ModelFacts, model_path, open_session
 from pavetwin.perception.suppression import lowering, whole_objects
 from pavetwin.perception.tiles import merged, tile_windows
 
 GREY: Final = 114
-"""Beside and below an image that is no multiple of the stride, as in training."""
+"""Padding right of and below an image whose sides are no multiples of the stride, as in training."""
 
 BATCH: Final = 4
 """Tiles that run together."""
 
 WHOLE: Final = 1.6
-"""Up to this many times the side that the network was trained on, an image is looked at as a whole and not in tiles.
-Training showed such scales, and a crack that is seen whole is found more often than its parts. Measured at 1.5 and 1.6
-times, where it is better, and at 2.0, where it is worse: docs/how-to/detect.md."""
+"""Multiple of the training image's side up to which an image is searched as a whole and not in tiles. Training covers
+such scales, and a crack that is seen whole is found more often than its parts; see docs/how-to/detect.md."""
 
 MOST: Final = 300
-"""Detections of an image or a tile, the most confident ones."""
+"""Most detections of an image or a tile; the most confident are kept."""
 
 
 class Detector:
-    """A model file, opened. It may be used from several threads at a time."""
+    """An open model file. It is safe to use from several threads."""
 
     def __init__(
         self,
@@ -48,15 +47,14 @@ class Detector:
     ) -> None:
         """Args:
             path: ONNX file of `pavetwin export`, or the name of a model that ships.
-            confidence: the least final confidence of what is said.
+            confidence: least final confidence of a detection.
             overlap: IoU from which the less confident of two boxes of a coarse class is dropped.
-            tiled: look at images that are larger than `image_px` in tiles at their own resolution, else as a whole that
-                is scaled to `image_px`; None does what the model was trained on, with tiles from `WHOLE` times
-                `image_px`.
-            overview: look at images that are larger than `image_px` in tiles and as a whole, and put together what both
-                say: the whole shows large things, the tiles small ones. `WHOLE` does not count then.
-            image_px: longer side of what the network sees; 0 takes what it was trained on.
-            threads: of one image; 0 takes one for each core.
+            tiled: search images larger than `image_px` in tiles at their own resolution, instead of scaling them to
+                `image_px`; None follows the model's training, with tiles from `WHOLE` times `image_px`.
+            overview: search images larger than `image_px` both in tiles and as a whole, and merge the detections: the
+                whole shows large objects, the tiles small ones. `WHOLE` does not apply.
+            image_px: longer side of the network's input; 0 for that of its training.
+            threads: threads per image; 0 for one per core.
 
         Raises:
             PaveTwinError: the file is not there, damaged, or another model, or a value is out of its bounds.
@@ -65,7 +63,7 @@ class Detector:
             if not 0.0 < value < 1.0:
                 raise PaveTwinError(f"`{name}` {value:g}: it is above 0 and below 1.")
         if overview and tiled is False:
-            raise PaveTwinError("`overview`: it is a look beside those at tiles, which `tiled` leaves out.")
+            raise PaveTwinError("`overview` adds to the search in tiles, which `tiled` turns off.")
         self.facts = self._open(Path(path), threads)
         self.image_px = image_px or self.facts.image_px
         if not 64 <= self.image_px <= 4096 or self.image_px % self.facts.stride:
@@ -84,44 +82,44 @@ class Detector:
         """Whether its detections of defects have masks, from which they are measured."""
         return self.facts.mask_px > 0
 
-    def detect(self, images: Iterable[Picture], tell: Callable[[float], None] | None = None) -> list[Detections]:
+    def detect(self, images: Iterable[ImageLike], report: Callable[[float], None] | None = None) -> list[Detections]:
         """The detections of each image.
 
         Args:
-            tell: is called before each image and every few tiles, with the share of the image that is done; what it
-                raises ends the work.
+            report: called before each image and every few tiles with the share of the image that is done; an exception
+                from it ends the work.
 
         Raises:
             PaveTwinError: a file cannot be read as an image.
         """
-        return list(self.each(images, tell))
+        return list(self.each(images, report))
 
-    def each(self, images: Iterable[Picture], tell: Callable[[float], None] | None = None) -> Iterator[Detections]:
-        """The same, one image after the other: for more than fit into memory."""
-        return (self._of_image(pixels_of(image), tell or (lambda _: None)) for image in images)
+    def each(self, images: Iterable[ImageLike], report: Callable[[float], None] | None = None) -> Iterator[Detections]:
+        """`detect` as an iterator, for more images than fit into memory."""
+        return (self._of_image(pixels_of(image), report or (lambda _: None)) for image in images)
 
     def in_tiles(self, size: tuple[int, int]) -> bool:
-        """Whether an image of this width and height is looked at in tiles."""
+        """Whether an image of this width and height is searched in tiles."""
         return self.tiled and max(size) > self._whole_px
 
-    def _of_image(self, pixels: UInt8Array, tell: Callable[[float], None]) -> Detections:
-        tell(0.0)
+    def _of_image(self, pixels: UInt8Array, report: Callable[[float], None]) -> Detections:
+        report(0.0)
         size = (pixels.shape[1], pixels.shape[0])
         if not self.in_tiles(size):
             return self._whole(pixels)
         tiles = tile_windows(size, self.image_px)
         found: list[Detections] = []
         for start in range(0, len(tiles), BATCH):
-            tell(start / len(tiles))
+            report(start / len(tiles))
             found += self._tiles(pixels, tiles[start : start + BATCH])
         if self.overview:
-            tell(1.0)
+            report(1.0)
             tiles.append((0, 0, *size))
             found.append(self._whole(pixels))
         return merged(found, tiles)
 
     def _whole(self, pixels: UInt8Array) -> Detections:
-        """The image, scaled so that its longer side is what the network was trained on."""
+        """Detections in the image scaled to `image_px`."""
         height, width = pixels.shape[:2]
         shown = self._fitted(pixels)
         step = np.array([width / shown.shape[1], height / shown.shape[0]] * 2, dtype=np.float32)
@@ -141,28 +139,28 @@ class Detector:
             yield _detections(size, found, np.ones(4, dtype=np.float32), tile[:2])
 
     def _run(self, shown: Sequence[UInt8Array]) -> list[dict[str, Any]]:
-        """What the model says of pictures of one size, in their pixels."""
+        """Detections of the model in images of one size, in their pixels."""
         height, width = shown[0].shape[:2]
-        told = self._told(self._canvas(shown))
-        told["boxes"] = np.minimum(told["boxes"], np.array([width, height] * 2, dtype=np.float32))
-        final = told["detection"] * told["subtype"]
+        outputs = self._outputs(self._canvas(shown))
+        outputs["boxes"] = np.minimum(outputs["boxes"], np.array([width, height] * 2, dtype=np.float32))
+        final = outputs["detection"] * outputs["subtype"]
         rows = []
         for at in range(len(shown)):
-            sides = told["boxes"][:, 2:] - told["boxes"][:, :2]
-            mine = np.flatnonzero((told["image"] == at) & (final >= self._confidence) & (sides > 0).all(axis=1))
+            sides = outputs["boxes"][:, 2:] - outputs["boxes"][:, :2]
+            mine = np.flatnonzero((outputs["image"] == at) & (final >= self._confidence) & (sides > 0).all(axis=1))
             best = mine[np.argsort(-final[mine], kind="stable")]
-            grids = told["masks"][best] if "masks" in told else None
-            best = best[whole_objects(told["boxes"][best], told["classes"][best], grids)]
-            factors = lowering(told["boxes"][best], told["classes"][best]).astype(np.float32)
-            told["detection"][best] *= factors
+            grids = outputs["masks"][best] if "masks" in outputs else None
+            best = best[whole_objects(outputs["boxes"][best], outputs["classes"][best], grids)]
+            factors = lowering(outputs["boxes"][best], outputs["classes"][best]).astype(np.float32)
+            outputs["detection"][best] *= factors
             final[best] *= factors
             best = best[final[best] >= self._confidence]
             best = best[np.argsort(-final[best], kind="stable")][:MOST]
-            rows.append({name: values[best] for name, values in told.items()})
+            rows.append({name: values[best] for name, values in outputs.items()})
         return rows
 
     def _canvas(self, shown: Sequence[UInt8Array]) -> UInt8Array:
-        """Pictures of one size (pictures, rows, columns, 3), padded to multiples of the stride."""
+        """(images, rows, columns, 3) Images of one size, padded to multiples of the stride."""
         height, width = shown[0].shape[:2]
         step = self.facts.stride
         canvas = np.full((len(shown), -(-height // step) * step, -(-width // step) * step, 3), GREY, dtype=np.uint8)
@@ -170,7 +168,7 @@ class Detector:
             canvas[at, :height, :width] = each
         return canvas
 
-    def _told(self, canvas: UInt8Array) -> dict[str, Any]:
+    def _outputs(self, canvas: UInt8Array) -> dict[str, Any]:
         """The model's outputs by name."""
         limits = {"confidence": self._confidence, "overlap": self._overlap}
         given = {name: np.array([limit], dtype=np.float32) for name, limit in limits.items()}

@@ -67,11 +67,11 @@ class PhotographTags:
     """Whether to write DJI's tags."""
 
 
-def encoded(rgb: UInt8Array, tags: PhotographTags, *, picture: Literal["jpg", "png"], quality: int) -> bytes:
+def encoded(rgb: UInt8Array, tags: PhotographTags, *, suffix: Literal["jpg", "png"], quality: int) -> bytes:
     """An image (height, width, 3) as a file with its tags."""
     stream, image = io.BytesIO(), Image.fromarray(rgb)
     exif, xmp = _exif(tags), _xmp(tags) if tags.is_airborne else b""
-    if picture == "jpg":
+    if suffix == "jpg":
         # Colour at full resolution: the edge of a crack is a few pixels wide.
         image.save(stream, "JPEG", quality=quality, subsampling=0, exif=exif, xmp=xmp)
     else:
@@ -178,7 +178,7 @@ def above_sea_m_in(gps: Mapping[int, Any], dji: Mapping[str, float]) -> float | 
 
 
 def position_error_m_in(gps: Mapping[int, Any], dji: Mapping[str, float]) -> float | None:
-    """Of a receiver with corrections (DJI's RTK), or as EXIF's `GPSHPositioningError` states it."""
+    """Position error of a receiver with corrections (DJI's RTK), or EXIF's `GPSHPositioningError`."""
     stated = [dji[name] for name in ("RtkStdLon", "RtkStdLat") if name in dji]
     error = max(stated, default=number_in(gps.get(ExifTags.GPS.GPSHPositioningError)))
     return error if error is not None and error >= 0 else None
@@ -215,7 +215,7 @@ def _degrees(angle: Any, reference: Any, negative: str) -> float | None:
 
 
 def focal_px_in(photo: Mapping[int, Any], size: tuple[int, int]) -> float | None:
-    """From the sensor's resolution, which a smaller copy keeps with its first width, or from the 35 mm equivalent."""
+    """Focal length from the sensor's resolution and the original width, or from the 35 mm equivalent."""
     tag = ExifTags.Base
     focal_mm, density = number_in(photo.get(tag.FocalLength)), number_in(photo.get(tag.FocalPlaneXResolution))
     unit = MM_OF_UNIT.get(photo.get(tag.FocalPlaneResolutionUnit, 2))

@@ -1,4 +1,4 @@
-"""x"""
+"""Images to search: files, folders and videos as pixels, with their poses."""
 
 import warnings
 from collections.abc import Callable, Iterator
@@ -17,25 +17,25 @@ from pavetwin.files import PICTURE_SUFFIXES
 from pavetwin.perception.measuring import check_size
 from pavetwin.perception.photograph import PhotographPose, pose_of
 
-Picture = str | Path | Image.Image | UInt8Array
-"""A file, a picture of Pillow's, or pixels (rows, columns, 3) of red, green and blue."""
+ImageLike = str | Path | Image.Image | UInt8Array
+"""A file, a Pillow image, or pixels (rows, columns, 3) of red, green and blue."""
 
 LARGEST_PX: Final = 500_000_000
-"""Of a file."""
+"""Most pixels of a file."""
 
 _LIMIT = Lock()
 
 
 def of_any_size(file: str | Path | BinaryIO, kinds: tuple[str, ...] | None = None) -> Image.Image:
-    """A picture of any number of pixels, which are not read yet: the caller has a limit of its own.
+    """Open an image of any size without reading its pixels; the caller applies its own limit.
 
     Args:
-        kinds: which are taken, as Pillow names them; None takes all.
+        kinds: accepted formats by Pillow's names; None for all.
 
     Raises:
-        OSError, ValueError, SyntaxError: it is no picture, as `PIL.Image.open` says.
+        OSError, ValueError, SyntaxError: it is no image (from `PIL.Image.open`).
     """
-    # Pillow refuses large pictures, and its limit is one for the whole process.
+    # Pillow refuses large images by one limit for the whole process.
     with _LIMIT, warnings.catch_warnings():
         warnings.simplefilter("ignore", Image.DecompressionBombWarning)
         usual, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
@@ -46,10 +46,10 @@ def of_any_size(file: str | Path | BinaryIO, kinds: tuple[str, ...] | None = Non
 
 
 def opened(file: str | Path) -> Image.Image:
-    """A picture whose pixels are not read yet.
+    """Open an image without reading its pixels.
 
     Raises:
-        PaveTwinError: it is no picture, or too large.
+        PaveTwinError: it is no image, or too large.
     """
     try:
         held = of_any_size(file)
@@ -58,13 +58,13 @@ def opened(file: str | Path) -> Image.Image:
     width, height = held.size
     if width * height > LARGEST_PX:
         raise PaveTwinError(
-            f"'{file}' has {width} × {height} pixels; at most {LARGEST_PX // 10**6} million are read, so cut it up."
+            f"'{file}' has {width} × {height} pixels; at most {LARGEST_PX // 10**6} million are read; split it."
         )
     return held
 
 
-def pixels_of(image: Picture) -> UInt8Array:
-    """An image as red, green and blue (rows, columns, 3), turned as its EXIF says.
+def pixels_of(image: ImageLike) -> UInt8Array:
+    """An image as red, green and blue (rows, columns, 3), turned by its EXIF orientation.
 
     Raises:
         PaveTwinError: it cannot be read as an image, or is too large.
@@ -85,30 +85,30 @@ def pixels_of(image: Picture) -> UInt8Array:
 VIDEOS: Final = frozenset({".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm"})
 
 _WRITTEN: Final = {("inventory.csv",): ("crops", "crops-*.jpg"), ("detections.csv", "coco.json"): ("pictures",)}
-"""Pictures that `pavetwin inventory` and `pavetwin detect` write, by the files beside them."""
+"""Images that `pavetwin inventory` and `pavetwin detect` write, by the files next to them."""
 
 
 @dataclass(frozen=True, slots=True)
 class SourceImage:
-    """One image to look at."""
+    """One image to search."""
 
     name: str
-    """Path below the folder, or the video's name with the frame's number."""
+    """Path within the folder, or the video's name with the frame's number."""
     read: Callable[[], tuple[UInt8Array, PhotographPose | None]]
-    """Its pixels, and what it says of how it was taken; raises a `PaveTwinError` where it cannot be read."""
+    """Reads its pixels and pose; raises a `PaveTwinError` if it cannot be read."""
     share: float
-    """Of the source that is done before it, 0 … 1."""
+    """Share of the source before it, 0 … 1."""
     part: float = 0.0
-    """Of the source, 0 … 1: what it is itself."""
+    """Its own share of the source, 0 … 1."""
 
 
 def source_images(source: Path, every_s: float = 1.0, output: Path | None = None) -> Iterator[SourceImage]:
-    """The images of a source, one at a time; of a folder without those that an inventory or a detection wrote into it.
+    """The images of a source, one at a time, without those that an inventory or a detection wrote into a folder.
 
     Args:
-        source: a picture, a video, or a folder of pictures.
+        source: an image, a video, or a folder of images.
         every_s: seconds between the frames of a video; 0 takes every frame.
-        output: folder of the results, whose pictures are left out where it lies in the source.
+        output: folder of the results; images in it are skipped.
 
     Raises:
         PaveTwinError: there is no such source, or nothing in it.
@@ -117,7 +117,7 @@ def source_images(source: Path, every_s: float = 1.0, output: Path | None = None
     if source.is_dir():
         return _of_folder(source, output)
     if not source.is_file():
-        raise PaveTwinError(f"There is no picture, video or folder '{source}'.")
+        raise PaveTwinError(f"There is no image, video or folder '{source}'.")
     if source.suffix.lower() in VIDEOS:
         return _of_video(source, every_s)
     return iter((SourceImage(source.name, lambda: read_photograph(source), 0.0, 1.0),))
@@ -134,7 +134,7 @@ def _of_folder(folder: Path, output: Path | None) -> Iterator[SourceImage]:
     )
     if not files:
         kinds = ", ".join(sorted(each.removeprefix(".") for each in PICTURE_SUFFIXES))
-        raise PaveTwinError(f"There is no picture in '{folder}' or the folders within ({kinds}).")
+        raise PaveTwinError(f"There is no image in '{folder}' or the folders within ({kinds}).")
     return (
         SourceImage(
             file.relative_to(folder).as_posix(),
@@ -147,12 +147,12 @@ def _of_folder(folder: Path, output: Path | None) -> Iterator[SourceImage]:
 
 
 def _written(folder: Path) -> set[Path]:
-    """Results in a folder: pictures, and folders of such."""
+    """Images and folders of images in a folder that are results."""
     return {
         path
-        for beside, patterns in _WRITTEN.items()
-        for first in folder.rglob(beside[0])
-        if all(first.with_name(name).is_file() for name in beside)
+        for files, patterns in _WRITTEN.items()
+        for first in folder.rglob(files[0])
+        if all(first.with_name(name).is_file() for name in files)
         for pattern in patterns
         for path in first.parent.glob(pattern)
     }

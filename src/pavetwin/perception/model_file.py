@@ -1,4 +1,4 @@
-"""The detector's file: an ONNX model that says of itself what it takes and gives.
+"""The detector's file: an ONNX model that describes its inputs and outputs in its properties.
 
 Input `images`: uint8 (batch, rows, columns, 3) red, green, blue; rows and columns are multiples of `stride`. The
 inputs `confidence` and `overlap` may be left out. Outputs, a row for each detection of any image of the batch:
@@ -26,12 +26,12 @@ from pavetwin.labels.class_names import CLASS_LABELS
 OUTPUTS: Final = ("image", "boxes", "classes", "detection", "subtype", "masks")
 
 INPUT: Final = "uint8 (batch, rows, columns, 3), red, green, blue; divided by 255 within"
-"""What the file says of its input's normalisation."""
+"""The input and its normalisation, as the file states them."""
 
 
 @dataclass(frozen=True, slots=True)
 class ModelFacts:
-    """What a file says of itself."""
+    """The properties of a model file."""
 
     classes: tuple[str, ...] = CLASS_LABELS
     image_px: int = 640
@@ -43,14 +43,13 @@ class ModelFacts:
     mask_px: int = 0
     """Side of a mask; 0 without masks."""
     recipe: str = ""
-    """SHA-256 of the training's settings and data (`run.json`), of a mean of those of all its runs, one after another
-    in the order given; empty where they are not known."""
+    """SHA-256 of the training's settings and data (`run.json`); empty where they are not known."""
     licence: str = ""
-    """Of the weights; empty where nothing is said."""
+    """Licence of the weights; empty where it is not stated."""
     architecture: Mapping[str, Any] = field(default_factory=dict)
 
     def as_properties(self) -> dict[str, str]:
-        """As the file holds them (`metadata_props`): texts by name."""
+        """Texts by name, as the file holds them (`metadata_props`)."""
         return {
             "pavetwin_detector": str(FORMAT),
             "classes": json.dumps(self.classes),
@@ -66,13 +65,13 @@ class ModelFacts:
 
     @classmethod
     def of_properties(cls, stated: Mapping[str, str], where: str) -> "ModelFacts":
-        """What a file's properties say.
+        """The facts in a file's properties.
 
         Raises:
-            PaveTwinError: they are not those of a detector of this version.
+            PaveTwinError: they are not those of a detector of this format.
         """
         if "pavetwin_detector" not in stated:
-            raise PaveTwinError(f"{where} is an ONNX model, but no detector of this program's (`pavetwin export`).")
+            raise PaveTwinError(f"{where} is an ONNX model, but not a detector of `pavetwin export`.")
         number = stated["pavetwin_detector"]
         check_format(int(number) if number.isdecimal() else number, where)
         try:
@@ -96,7 +95,7 @@ class ModelFacts:
 
 def check_threads(threads: int) -> None:
     """Raises:
-    PaveTwinError: it is no number of threads that this machine's cores can run.
+    PaveTwinError: it is negative, or above the number of cores.
     """
     cores = os.cpu_count() or 1
     if not 0 <= threads <= cores:
@@ -104,7 +103,7 @@ def check_threads(threads: int) -> None:
 
 
 def open_session(path: Path, threads: int) -> tuple[Any, ModelFacts]:
-    """An onnxruntime session on the processor, and what the file says of itself.
+    """An onnxruntime session on the CPU, and the properties of the file.
 
     Args:
         threads: of the session; 0 takes one for each core.
@@ -132,7 +131,7 @@ def open_session(path: Path, threads: int) -> tuple[Any, ModelFacts]:
     facts = ModelFacts.of_properties(session.get_modelmeta().custom_metadata_map, f"'{path}'")
     wanted = OUTPUTS if facts.mask_px else OUTPUTS[:-1]
     if tuple(each.name for each in session.get_outputs()) != wanted:
-        raise PaveTwinError(f"'{path}' has other outputs than its properties say; export it again.")
+        raise PaveTwinError(f"'{path}' has other outputs than its properties state; export it again.")
     return session, facts
 
 

@@ -9,7 +9,7 @@ from pavetwin.perception.uploads import FIELD, ServerLimits
 
 _ERRORS: Final = {
     "400": "The form or an image is damaged, there are too many files, or a parameter is not known.",
-    "413": "Too many bytes or pixels, or looking at them takes too long.",
+    "413": "Too many bytes or pixels, or the search takes too long.",
     "415": "No form with files, or a file that is no image.",
     "429": "Busy: try again in a second.",
 }
@@ -41,7 +41,7 @@ _SCHEMAS: Final[dict[str, Any]] = {
             "cls_conf": _SHARE,
             "box": {**_BOX, "description": "Left, top, right, bottom in pixels."},
             "outline": {**_CORNERS, "description": "Corners of the mask in pixels; empty without a mask."},
-            "sizes": {"type": "object", "description": "Where the photograph tells its ground resolution."},
+            "sizes": {"type": "object", "description": "Measured sizes, where the ground resolution is known."},
             "ground": {**_CORNERS, "description": "Longitude and latitude of the box's corners, where known."},
         },
     },
@@ -91,30 +91,30 @@ def _predict(name: str, summary: str, file: dict[str, Any], reply: dict[str, Any
         "parameters": [asked],
         "requestBody": {"required": True, "content": {"multipart/form-data": {"schema": form}}},
         "responses": {
-            "200": _content("What was found, the most confident first.", reply),
-            **{status: _content(words, error) for status, words in _ERRORS.items()},
+            "200": _content("Detections, the most confident first.", reply),
+            **{status: _content(reason, error) for status, reason in _ERRORS.items()},
         },
     }
 
 
-def _content(words: str, schema: dict[str, Any]) -> dict[str, Any]:
-    return {"description": words, "content": {"application/json": {"schema": schema}}}
+def _content(description: str, schema: dict[str, Any]) -> dict[str, Any]:
+    return {"description": description, "content": {"application/json": {"schema": schema}}}
 
 
 def page(document: dict[str, Any]) -> str:
     """The same as HTML, with a form to try it."""
     rows = []
     for path, methods in document["paths"].items():
-        for method, told in methods.items():
+        for method, operation in methods.items():
             answers = "".join(
-                f"<li>{status}: {escape(each['description'])}</li>" for status, each in told["responses"].items()
+                f"<li>{status}: {escape(each['description'])}</li>" for status, each in operation["responses"].items()
             )
             asked = "".join(
                 f"<p><code>?{each['name']}=</code> {', '.join(each['schema']['enum'])}</p>"
-                for each in told.get("parameters", ())
+                for each in operation.get("parameters", ())
             )
             rows.append(
-                f"<h2><code>{method.upper()} {path}</code></h2><p>{escape(told['summary'])}.</p>{asked}"
+                f"<h2><code>{method.upper()} {path}</code></h2><p>{escape(operation['summary'])}.</p>{asked}"
                 f"<ul>{answers}</ul>"
             )
     about = document["info"]

@@ -1,7 +1,6 @@
-"""What a photograph says of how it was taken, in EXIF and in the XMP tags of DJI's cameras, and what follows for the
-ground: how large a pixel is, and where on the earth it lies.
+"""The pose of a photograph from its EXIF and DJI's XMP tags, and the size and place of its pixels on the ground.
 
-The ground is taken as a plane at the height of the take-off, and the camera as held level (no roll).
+The ground is assumed to be a plane at the height of the take-off, and the camera to be level (no roll).
 """
 
 from dataclasses import dataclass
@@ -25,7 +24,7 @@ from pavetwin.perception.drone_tags import (
 from pavetwin.world.georeference import ELLIPSOID
 
 MOST_TILT_DEG: Final = 30.0
-"""From straight down, up to which sizes are given; our assumption."""
+"""Tilt from straight down up to which sizes are given; our assumption."""
 
 FARTHEST: Final = 10.0
 """Distance on the ground, as a multiple of the height, up to which places are given; our assumption."""
@@ -36,15 +35,15 @@ SAME_HEIGHT_M: Final = 0.5
 
 @dataclass(frozen=True, slots=True)
 class PhotographPose:
-    """Where a photograph was taken, and how the camera looked; None for what it does not say."""
+    """Place and direction of the camera; None for values that the photograph does not state."""
 
     size_px: tuple[int, int]
     """Width and height."""
     lonlat: LonLat | None = None
     height_m: float | None = None
-    """Above the ground of the take-off."""
+    """Height above the ground of the take-off."""
     heading_deg: float | None = None
-    """Of the view, or of the picture's upper edge where it looks straight down; clockwise from north."""
+    """Direction of the view, or of the image's upper edge for a view straight down; clockwise from north."""
     pitch_deg: float | None = None
     """−90 straight down, 0 level."""
     focal_px: float | None = None
@@ -53,18 +52,18 @@ class PhotographPose:
     above_sea_m: float | None = None
     """Height above the sea."""
     is_turned: bool = False
-    """Whether EXIF says that it is stored turned or mirrored: where its camera's upper edge pointed is not known then,
-    and its view is left out."""
+    """Whether EXIF states that it is stored turned or mirrored: the direction of the camera's upper edge is then not
+    known, and its view is left out."""
 
     @property
     def is_nadir(self) -> bool:
-        """Whether it looks near enough straight down for sizes."""
+        """Whether it looks steeply enough down for sizes."""
         return self.pitch_deg is not None and abs(self.pitch_deg + 90.0) <= MOST_TILT_DEG
 
     @property
     def is_height_above_sea(self) -> bool:
-        """Whether the height above the ground is the one above the sea: the ground lies at sea level, or it is the
-        wrong height."""
+        """Whether the height above the ground equals that above the sea: the ground is at sea level, or the height is
+        wrong."""
         heights = (self.height_m, self.above_sea_m)
         return None not in heights and abs(heights[0] - heights[1]) <= SAME_HEIGHT_M  # type: ignore[operator]
 
@@ -130,7 +129,7 @@ class PhotographPose:
 
 
 def pose_of(image: Image.Image) -> PhotographPose:
-    """What a picture that was opened by Pillow says. Damaged tags count as none."""
+    """The pose of an open Pillow image. Damaged tags count as missing."""
     try:
         return _pose(image)
     # Pillow's readers of tags raise nearly anything for damaged ones.

@@ -1,4 +1,4 @@
-"""The HTTP server. Images are received at the same time and looked at one after the other."""
+"""The HTTP server. It receives images concurrently and searches them one after the other."""
 
 import asyncio
 import json
@@ -21,27 +21,27 @@ from pavetwin.perception.uploads import RefusedRequestError, ServerLimits, decod
 MEGABYTE: Final = 1_000_000
 
 _LARGEST_DISCARDED: Final = 1 << 30
-"""Bytes of a body that is refused, which are read and dropped so that the client gets to read the answer."""
+"""Most bytes of a refused body that are read and dropped, so that the client can read the answer."""
 
 _BUSY: Final = "The server is busy; try again in a second."
 
 _BUFFER: Final = 1 << 20
-"""Of a connection, in bytes."""
+"""Buffer of a connection, in bytes."""
 
 
 class PredictionServer:
-    """A detector, what it is doing, and the limits."""
+    """A detector with its queue of requests and their limits."""
 
     def __init__(self, detector: Detector, model: str, limits: ServerLimits | None = None) -> None:
         """Args:
-        model: name that `/health` tells.
+        model: name shown by `/health`.
         """
         self.detector, self.model = detector, model
         self.limits = limits or ServerLimits()
         self.held = 0
-        """Bytes of bodies that are being received or wait."""
+        """Bytes of request bodies that are being received or wait."""
         self.waiting = 0
-        """Requests that wait for the detector, and the one that it looks at."""
+        """Requests that wait for the detector or are being processed."""
         self._started_s = monotonic()
         self._worker = ThreadPoolExecutor(1, "detector")
         self._http: HTTPServer | None = None
@@ -84,7 +84,7 @@ class PredictionServer:
         return bound
 
     async def stop(self) -> None:
-        """Listen no more, close all connections, and end what the detector is doing after its present tiles."""
+        """Stop listening, close all connections, and end the detector's work after its current tiles."""
         self._is_stopped = True
         if self._http is not None:
             await close_all(self._http)
@@ -106,10 +106,10 @@ class PredictionServer:
         }
 
     async def detect(self, files: list[HTTPFile], is_gone: Callable[[], bool]) -> list[DetectedImage]:
-        """The detections of files, by the one thread that detects.
+        """The detections of files, from the detector's only thread.
 
         Args:
-            is_gone: whether nobody waits for the answer any more.
+            is_gone: returns whether the client has disconnected.
         """
         return await asyncio.get_running_loop().run_in_executor(self._worker, self._detect, files, is_gone)
 
@@ -118,10 +118,10 @@ class PredictionServer:
 
         def check(_done: float = 0.0) -> None:
             if is_gone() or self._is_stopped:
-                raise RefusedRequestError(400, "Nobody waits for the answer.")
+                raise RefusedRequestError(400, "The client has disconnected.")
             if monotonic() > until_s:
-                words = f"Looking at it takes longer than {self.limits.look_s:g} s; send fewer or smaller images."
-                raise RefusedRequestError(413, words)
+                message = f"The search takes longer than {self.limits.look_s:g} s; send fewer or smaller images."
+                raise RefusedRequestError(413, message)
 
         done = []
         for file in files:
@@ -134,10 +134,10 @@ class PredictionServer:
 
 @stream_request_body
 class _AnyHandler(RequestHandler):
-    """Errors as JSON. What is sent is dropped as it comes, before the answer."""
+    """Base of all handlers: errors as JSON; request bodies are dropped."""
 
     allowed = "GET"
-    """The method that is answered."""
+    """The accepted method."""
 
     def initialize(self, server: PredictionServer) -> None:
         self.server = server
@@ -151,12 +151,12 @@ class _AnyHandler(RequestHandler):
 
     def write_error(self, status_code: int, **how: Any) -> None:
         error = how.get("exc_info", (None, None, None))[1]
-        words = str(error) if isinstance(error, RefusedRequestError) else f"{self._reason}."
+        message = str(error) if isinstance(error, RefusedRequestError) else f"{self._reason}."
         if status_code == 405:
             self.set_header("Allow", self.allowed)
-        self.tell({"error": words})
+        self.reply({"error": message})
 
-    def tell(self, content: Any) -> None:
+    def reply(self, content: Any) -> None:
         """Answer with JSON."""
         self.set_header("Content-Type", "application/json; charset=utf-8")
         self.finish(json.dumps(content, ensure_ascii=False))
@@ -171,12 +171,12 @@ class _UnknownHandler(_AnyHandler):
 
 class _HealthHandler(_AnyHandler):
     def get(self) -> None:
-        self.tell(self.server.health)
+        self.reply(self.server.health)
 
 
 class _DocumentHandler(_AnyHandler):
     def get(self) -> None:
-        self.tell(description(__version__, self.server.limits))
+        self.reply(description(__version__, self.server.limits))
 
 
 class _PageHandler(_AnyHandler):
@@ -187,7 +187,7 @@ class _PageHandler(_AnyHandler):
 class _PredictHandler(_AnyHandler):
     allowed = "POST"
     most = 1
-    """Files."""
+    """Most files of a request."""
 
     def initialize(self, server: PredictionServer) -> None:
         super().initialize(server)
@@ -208,8 +208,8 @@ class _PredictHandler(_AnyHandler):
             self.server.held += len(chunk)
 
     def _check_length(self, length: int) -> None:
-        """Keep no more of a body that is too long. The rest is read and dropped before it is answered, since a client
-        that still sends does not read."""
+        """Discard a body that is too long. The rest is read and dropped before the answer, since a client that is still
+        sending does not read."""
         limits = self.server.limits
         if self._refusal is not None:
             return
@@ -243,8 +243,8 @@ class _PredictHandler(_AnyHandler):
             self.answer([REPLIES[asked](image) for image in found])
 
     def answer(self, images: list[Any]) -> None:
-        """Tell what was found."""
-        self.tell(images[0])
+        """Send the replies for all images."""
+        self.reply(images[0])
 
     def send_error(self, status_code: int = 500, **how: Any) -> None:
         error = how.get("exc_info", (None, None, None))[1]
@@ -256,7 +256,7 @@ class _PredictHandler(_AnyHandler):
 
     def on_connection_close(self) -> None:
         self._is_gone = True
-        # The detector's turn comes later: until then the files take the memory that they took.
+        # Files that wait for the detector keep their memory until it has run.
         if not self._is_handed_over:
             self._release()
 
@@ -279,16 +279,16 @@ class _BatchHandler(_PredictHandler):
         self.most = server.limits.batch
 
     def answer(self, images: list[Any]) -> None:
-        self.tell(images)
+        self.reply(images)
 
 
-async def serve_forever(server: PredictionServer, host: str, port: int, tell: Callable[[int], None]) -> None:
+async def serve_forever(server: PredictionServer, host: str, port: int, report: Callable[[int], None]) -> None:
     """Run until the task is cancelled.
 
     Args:
-        tell: is called with the port once it listens.
+        report: called with the port once the server listens.
     """
-    tell(server.start(host, port))
+    report(server.start(host, port))
     try:
         await asyncio.Event().wait()
     finally:

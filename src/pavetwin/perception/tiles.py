@@ -1,4 +1,4 @@
-"""Large images at their own resolution: in tiles that overlap, and what crosses a seam put together again."""
+"""Overlapping tiles of large images, and the merging of detections across seams."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -15,17 +15,17 @@ from pavetwin.labels.class_names import CRACKS, coarse_of_classes
 from pavetwin.perception.suppression import areas
 
 OVERLAP: Final = 0.2
-"""Of neighbouring tiles, as a share of their side, at least."""
+"""Least overlap of neighbouring tiles, as a share of their side."""
 
 EDGE_PX: Final = 16.0
-"""A box that ends this near to a seam may go on behind it: boxes of thin cracks often end before the crack does."""
+"""Distance to a seam within which a box may continue behind it: boxes of thin cracks often end before the crack."""
 
 SAME: Final = 0.5
-"""IoU from which two tiles' boxes of one coarse class are one object, compared in what both tiles see."""
+"""IoU from which two tiles' boxes of one coarse class are one object, within the area that both tiles see."""
 
 GOES_ON: Final = 0.3
-"""The same of two single cracks, between the boxes around what their masks cover there, which are coarse: masks have
-28 × 28 cells."""
+"""IoU from which two single cracks are one, between the boxes around the cells of their masks, which are coarse: masks
+have 28 × 28 cells."""
 
 ABSORBED: Final = 0.7
 """Share of a part within the box of an object from which it adds nothing to it."""
@@ -49,17 +49,17 @@ def tile_windows(size_px: tuple[int, int], side_px: int) -> list[PixelBox]:
 
 
 def merged(found: Sequence[Detections], tiles: Sequence[PixelBox]) -> Detections:
-    """The detections of an image from those of its tiles, an object once.
+    """Merge the detections of an image's tiles, so that each object appears once.
 
-    Two boxes of one coarse class are one object where they agree (IoU) in what both tiles see. Single cracks that end
-    at seams are compared by the boxes around what their masks cover there: a crack that runs across a seam at an angle
-    has a box in each tile that goes its own way from there, and two cracks side by side have boxes that overlap. The
-    most confident one goes first and takes those with it, as non-maximum suppression does. What one tile sees whole
-    stays as it is; parts that end at seams are joined, unless they are much less confident: a doubtful box never makes
-    a good one larger. The class of an object is that of its most confident part, weighted by the part's area.
+    Two boxes of one coarse class are one object where their IoU within the area that both tiles see is high. Single
+    cracks that end at seams are compared by the boxes around the cells of their masks there: the boxes of a slanting
+    crack diverge from the seam, and those of two parallel cracks overlap. As in non-maximum suppression, the most
+    confident box comes first and absorbs those that match it. An object that one tile sees whole is kept as it is;
+    parts that end at seams are joined, unless they are much less confident, so that a doubtful box never enlarges a
+    good one. The class of an object is that of its most confident part, weighted by the part's area.
 
     Args:
-        found: of each tile, in pixels of the image.
+        found: detections of each tile, in pixels of the image.
         tiles: left, top, right, bottom. One may be the whole image.
     """
     pieces = _pieces(found, tiles)
@@ -81,8 +81,8 @@ class _Pieces:
     is_cut: BoolArray
     """Whether it ends at a seam."""
     cells: tuple[Float64Array | None, ...]
-    """(n,) of a single crack that ends at a seam: (cells, 4) left, top, right and bottom of what its mask covers, in
-    pixels of the image; None of others."""
+    """(n,) For a single crack that ends at a seam, the edges (cells, 4) of its mask's cells in pixels of the image;
+    None for others."""
     coarse: IndexArray
     """Number of the coarse class."""
 
@@ -120,7 +120,7 @@ def _groups(pieces: _Pieces, tiles: Sequence[PixelBox]) -> list[list[int]]:
     """The pieces that make up each object, the most confident objects first."""
     windows = np.array(tiles, dtype=float)
     in_tile = [np.flatnonzero(pieces.tile == at) for at in range(len(tiles))]
-    near = [_beside(at, windows, in_tile) for at in range(len(tiles))]
+    near = [_neighbours(at, windows, in_tile) for at in range(len(tiles))]
     is_left = np.ones(len(pieces.boxes), dtype=bool)
     groups = []
     for first in np.argsort(-pieces.confidence, kind="stable").tolist():
@@ -147,19 +147,19 @@ def _groups(pieces: _Pieces, tiles: Sequence[PixelBox]) -> list[list[int]]:
 
 
 def _covers(piece: int, group: Sequence[int], pieces: _Pieces) -> bool:
-    """Whether a piece shows most of what the pieces of a group show together."""
+    """Whether a piece covers most of the box around a group."""
     return bool(_shares(_box(group, pieces)[None], pieces.boxes[piece])[0] >= ABSORBED)
 
 
-def _beside(tile: int, windows: Float64Array, in_tile: Sequence[IndexArray]) -> IndexArray:
-    """The pieces of all other tiles that see some of what a tile sees."""
+def _neighbours(tile: int, windows: Float64Array, in_tile: Sequence[IndexArray]) -> IndexArray:
+    """The pieces of all other tiles that overlap a tile."""
     starts, ends = np.maximum(windows[:, :2], windows[tile, :2]), np.minimum(windows[:, 2:], windows[tile, 2:])
-    beside = np.flatnonzero((starts < ends).all(axis=1)).tolist()
-    return np.concatenate([in_tile[at][:0] if at == tile else in_tile[at] for at in beside])
+    others = np.flatnonzero((starts < ends).all(axis=1)).tolist()
+    return np.concatenate([in_tile[at][:0] if at == tile else in_tile[at] for at in others])
 
 
 def _same(piece: int, others: IndexArray, pieces: _Pieces, windows: Float64Array, is_left: BoolArray) -> IndexArray:
-    """Which of other tiles' pieces show the same object, the most confident ones first."""
+    """The pieces of other tiles that show the same object, the most confident first."""
     others = others[is_left[others] & (pieces.coarse[others] == pieces.coarse[piece])]
     window = windows[pieces.tile[piece]]
     theirs = windows[pieces.tile[others]]
@@ -173,13 +173,13 @@ def _same(piece: int, others: IndexArray, pieces: _Pieces, windows: Float64Array
         for at in np.flatnonzero(both > 0):
             theirs_cells = pieces.cells[others[at]]
             if theirs_cells is not None:
-                is_same[at] = _go_on(cells, theirs_cells, shared[at])
+                is_same[at] = _is_one_crack(cells, theirs_cells, shared[at])
     same = others[is_same]
     return same[np.argsort(-pieces.confidence[same], kind="stable")]
 
 
-def _go_on(first: Float64Array, second: Float64Array, shared: Float64Array) -> bool:
-    """Whether two parts of cracks are one: the boxes around what their masks cover agree in what both tiles see."""
+def _is_one_crack(first: Float64Array, second: Float64Array, shared: Float64Array) -> bool:
+    """Whether two parts are one crack: the boxes around their cells agree within the area that both tiles see."""
     seen = [_around(cells, shared) for cells in (first, second)]
     if seen[0] is None or seen[1] is None:
         return False
@@ -189,14 +189,14 @@ def _go_on(first: Float64Array, second: Float64Array, shared: Float64Array) -> b
 
 
 def _around(cells: Float64Array, window: Float64Array) -> Float64Array | None:
-    """The box around what lies within a window; None where nothing does."""
+    """The box around the cells within a window; None without any."""
     inside = _within(cells, np.broadcast_to(window, cells.shape))
     inside = inside[(inside[:, :2] < inside[:, 2:]).all(axis=1)]
     return np.concatenate([inside[:, :2].min(axis=0), inside[:, 2:].max(axis=0)]) if len(inside) else None
 
 
 def _cells(parts: Sequence[MaskPart]) -> Float64Array | None:
-    """(cells, 4) what a mask covers; None where it covers nothing, or there is none."""
+    """(cells, 4) The cells that a mask covers; None for an empty or missing mask."""
     found = []
     for part in parts:
         rows, columns = np.nonzero(part.grid >= IS_COVERED)
@@ -217,10 +217,10 @@ def _within(boxes: Float64Array, windows: Float64Array) -> Float64Array:
 
 
 def _shares(boxes: Float64Array, window: Float64Array) -> Float64Array:
-    """How much of each box lies within a window."""
+    """(n,) Share of each box within a window."""
     return areas(_within(boxes, np.broadcast_to(window, boxes.shape))) / np.maximum(areas(boxes), 1e-9)
 
 
 def _judge(group: Sequence[int], pieces: _Pieces) -> int:
-    """The piece that decides class and confidence of an object."""
+    """The piece that gives an object its class and confidence."""
     return max(group, key=lambda at: pieces.confidence[at] * areas(pieces.boxes[[at]])[0])

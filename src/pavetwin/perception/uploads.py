@@ -1,4 +1,4 @@
-"""What clients send: how much is taken, and images from bytes that nobody has checked."""
+"""Uploads to the server: their limits, and the decoding of untrusted images."""
 
 from dataclasses import dataclass
 from io import BytesIO
@@ -13,30 +13,30 @@ from pavetwin.perception.images import of_any_size, pixels_of
 from pavetwin.perception.photograph import PhotographPose, pose_of
 
 FIELD: Final = "file"
-"""Of the multipart form."""
+"""Field of the multipart form."""
 
 KINDS: Final = ("JPEG", "PNG", "WEBP", "BMP", "TIFF")
-"""What is taken, as Pillow names it; a JPEG may hold several pictures (MPO)."""
+"""Accepted formats by Pillow's names; a JPEG may hold several images (MPO)."""
 
 
 @dataclass(frozen=True, slots=True)
 class ServerLimits:
-    """What a server takes. What is more is refused with a 4xx."""
+    """Limits of a server; requests beyond them are refused with a 4xx status."""
 
     upload_mb: float = 32.0
-    """Of one request."""
+    """Size of a request."""
     megapixels: float = 50.0
-    """Of one image."""
+    """Size of an image."""
     batch: int = 16
-    """Images of one request."""
+    """Images in a request."""
     waiting: int = 64
-    """Requests that wait for the detector or are being looked at."""
+    """Requests that wait for the detector or are being processed."""
     held_mb: float = 256.0
-    """Of all requests together that are being received or wait; never less than one of them may have."""
+    """Size of all requests together that are being received or wait; at least `upload_mb` is allowed."""
     timeout_s: float = 30.0
-    """For the headers of a request, and for its body."""
+    """Time for the headers of a request, and for its body."""
     look_s: float = 60.0
-    """For the detector to look at all images of a request, between whose tiles it is checked."""
+    """Time for the detector to search all images of a request, checked between tiles."""
 
     def __post_init__(self) -> None:
         for name in ("upload_mb", "megapixels", "batch", "waiting", "held_mb", "timeout_s", "look_s"):
@@ -45,10 +45,10 @@ class ServerLimits:
 
 
 class RefusedRequestError(Exception):
-    """A request that is answered with an error of the client's."""
+    """A request that is answered with a client error."""
 
-    def __init__(self, status: int, words: str) -> None:
-        super().__init__(words)
+    def __init__(self, status: int, message: str) -> None:
+        super().__init__(message)
         self.status = status
 
 
@@ -56,7 +56,7 @@ def files_of(content_type: str, body: bytes, most: int) -> list[HTTPFile]:
     """The files of a multipart form's field `file`, at least one.
 
     Raises:
-        RefusedRequestError: it is no such form, or has none or too many.
+        RefusedRequestError: it is not a multipart form, or has no file or too many.
     """
     kind, _, rest = content_type.partition(";")
     boundary = next((part.strip()[9:] for part in rest.split(";") if part.strip().startswith("boundary=")), "")
@@ -72,30 +72,29 @@ def files_of(content_type: str, body: bytes, most: int) -> list[HTTPFile]:
     if not found:
         raise RefusedRequestError(400, f"The form has no file as its field '{FIELD}'.")
     if len(found) > most:
-        raise RefusedRequestError(400, f"{len(found)} files; at most {most} are taken in one request.")
+        raise RefusedRequestError(400, f"{len(found)} files; at most {most} are accepted in a request.")
     return found
 
 
 def decoded(file: HTTPFile, megapixels: float) -> tuple[UInt8Array, PhotographPose]:
-    """An image as red, green and blue (rows, columns, 3), turned as its EXIF says, and how it was taken.
+    """An image as red, green and blue (rows, columns, 3), turned by its EXIF orientation, and its pose.
 
-    Its size is read before its pixels are.
+    Its size is checked before its pixels are read.
 
     Raises:
-        RefusedRequestError: it is no image of a known kind, is damaged, or has too many pixels.
+        RefusedRequestError: it is no image of an accepted format, is damaged, or has too many pixels.
     """
     name = file["filename"][:100] or "the file"
     Image.init()  # its readers of all kinds, once
     try:
         with of_any_size(BytesIO(file["body"]), KINDS) as held:
             if held.width * held.height > megapixels * 1e6:
-                raise RefusedRequestError(
-                    413, f"'{name}' has {held.width} × {held.height} px; at most {megapixels:g} megapixels are taken."
-                )
+                size = f"{held.width} × {held.height} px"
+                raise RefusedRequestError(413, f"'{name}' has {size}; at most {megapixels:g} megapixels are accepted.")
             pose = pose_of(held)
             return pixels_of(held), pose
     except UnidentifiedImageError as error:
-        raise RefusedRequestError(415, f"'{name}' is no image of a kind that is taken: {', '.join(KINDS)}.") from error
+        raise RefusedRequestError(415, f"'{name}' is no image in an accepted format ({', '.join(KINDS)}).") from error
     except RefusedRequestError:
         raise
     # Pillow's decoders raise nearly anything for damaged files.

@@ -14,7 +14,7 @@ from pavetwin.detections import NOT_RESOLVABLE, SIZES, Detections, possible_seve
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import FloatBox
 from pavetwin.labels.class_names import NO_SUBTYPE, ROAD_DEFECT, class_of, coarse_of_classes
-from pavetwin.perception.images import Picture
+from pavetwin.perception.images import ImageLike
 from pavetwin.perception.measuring import stated_sizes, with_sizes
 from pavetwin.training.evaluation.labelled import LabelledImage, LabelledSplit
 
@@ -198,7 +198,7 @@ LEAST_CONFIDENCE: Final = 0.001
 class Detects(Protocol):
     """A detector of objects in images."""
 
-    def detect(self, images: Iterable[Picture]) -> list[Detections]:
+    def detect(self, images: Iterable[ImageLike]) -> list[Detections]:
         """The detections of each image."""
 
 
@@ -222,7 +222,7 @@ def found_by(
 class AsksRegions(Protocol):
     """A classifier of given regions."""
 
-    def subtypes_at(self, image: Picture, boxes: Sequence[FloatBox]) -> list[int]:
+    def subtypes_at(self, image: ImageLike, boxes: Sequence[FloatBox]) -> list[int]:
         """The number in `SUBTYPES` of each region of an image."""
 
 

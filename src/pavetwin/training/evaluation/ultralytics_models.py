@@ -19,7 +19,7 @@ from pavetwin.arrays import Int64Array
 from pavetwin.detections import Detections
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.labels.class_names import CLASS_LABELS, CLASSES
-from pavetwin.perception.images import Picture, pixels_of
+from pavetwin.perception.images import ImageLike, pixels_of
 
 NETWORKS: Final = tuple(f"{family}{size}" for family in ("yolov8", "yolo11", "yolo12") for size in "nsml")
 
@@ -50,12 +50,12 @@ class UltralyticsModel:
         """Size of its parameters in single precision."""
         return float(sum(each.numel() for each in self.model.model.parameters()) * 4 / 1e6)
 
-    def detect(self, images: Iterable[Picture]) -> list[Detections]:
+    def detect(self, images: Iterable[ImageLike]) -> list[Detections]:
         """The detections of each image, by the package's own prediction in PyTorch; those of other classes are left
         out. The one confidence that these networks give stands for that of the coarse class."""
         return [self._of_image(image) for image in images]
 
-    def _of_image(self, image: Picture) -> Detections:
+    def _of_image(self, image: ImageLike) -> Detections:
         pixels = pixels_of(image)
         # Arrays are taken for blue, green, red.
         (result,) = self.model.predict(

@@ -11,7 +11,7 @@ import torch
 from pavetwin.arrays import UInt8Array
 from pavetwin.labels.boxes import FloatBox, share_within
 from pavetwin.perception.detector import Detector
-from pavetwin.perception.images import Picture, pixels_of
+from pavetwin.perception.images import ImageLike, pixels_of
 from pavetwin.perception.model_file import ModelFacts
 from pavetwin.perception.tiles import tile_windows
 from pavetwin.training.network.network import DetectLimits, detect
@@ -47,7 +47,7 @@ class WeightsDetector(Detector):
         return {name: torch.cat(values).numpy() for name, values in parts.items()}
 
     @torch.no_grad()
-    def subtypes_at(self, image: Picture, boxes: Sequence[FloatBox]) -> list[int]:
+    def subtypes_at(self, image: ImageLike, boxes: Sequence[FloatBox]) -> list[int]:
         """Most probable index into `SUBTYPES` of each region.
 
         Args:
