@@ -31,6 +31,35 @@ EVERY_S: Final = 0.1
 """Least time between two reports of progress of one stage."""
 
 
+class TaskReport(Protocol):
+    """Channel of a task to the page."""
+
+    def __call__(self, share: float, what: str, /) -> None:
+        """The share done, 0 … 1, and what is being done."""
+
+    def ready(self, values: Mapping[str, Any], /) -> None:
+        """Report data that is usable while the task continues."""
+
+    def live(self, values: Mapping[str, Any], /) -> None:
+        """Report the present state of a task that runs with the clock."""
+
+    def messages(self) -> list[Mapping[str, Any]]:
+        """Messages to the task since the last call, in order."""
+        ...
+
+
+def failure_words(error: Exception) -> str:
+    """A failure in one line, with a hint; an internal error asks for a report."""
+    if isinstance(error, PaveTwinError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return "It needs more memory than the page may use."
+    if isinstance(error, OSError):
+        place = f" ('{error.filename}')" if error.filename else ""
+        return f"The server could not do this: {error.strerror or error}{place}. {hint(error, 'try it again')}."
+    return f"Unexpected failure: {type(error).__name__}: {' '.join(str(error).split())}. Please report it."
+
+
 def main() -> None:
     """Run tasks until the input ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which then ends this process
@@ -108,32 +137,3 @@ def _exit(number: int, frame: FrameType | None) -> NoReturn:  # noqa: ARG001 - t
 
 if __name__ == "__main__":
     main()
-
-
-class TaskReport(Protocol):
-    """Channel of a task to the page."""
-
-    def __call__(self, share: float, what: str, /) -> None:
-        """The share done, 0 … 1, and what is being done."""
-
-    def ready(self, values: Mapping[str, Any], /) -> None:
-        """Report data that is usable while the task continues."""
-
-    def live(self, values: Mapping[str, Any], /) -> None:
-        """Report the present state of a task that runs with the clock."""
-
-    def messages(self) -> list[Mapping[str, Any]]:
-        """Messages to the task since the last call, in order."""
-        ...
-
-
-def failure_words(error: Exception) -> str:
-    """One line: what is known of it, or that it is a mistake of ours."""
-    if isinstance(error, PaveTwinError):
-        return str(error)
-    if isinstance(error, MemoryError):
-        return "It needs more memory than the page may use."
-    if isinstance(error, OSError):
-        place = f" ('{error.filename}')" if error.filename else ""
-        return f"The server could not do this: {error.strerror or error}{place}. {hint(error, 'try it again')}."
-    return f"Unexpected failure: {type(error).__name__}: {' '.join(str(error).split())}. Please report it."
