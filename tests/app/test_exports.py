@@ -69,7 +69,7 @@ def test_the_page_asks_nobody_for_anything(text: str) -> None:
     assert "default-src 'none'" in policy
     assert "connect-src" not in policy
     assert "http" not in policy
-    assert 'content="my &quot;first&quot; &lt;mission>"' in text
+    assert 'content="my &quot;first&quot; &lt;mission&gt;"' in text
     assert "uplot" in text.split("-->")[0], "the licences of what is inside"
 
 

@@ -3,6 +3,7 @@
 import re
 from base64 import b64encode
 from collections.abc import Iterator, Mapping, Sequence
+from html import escape
 from importlib import import_module
 from importlib.util import find_spec
 from json import dumps
@@ -82,7 +83,7 @@ def replay_page(played: Path, map_file: Path, name: str) -> bytes:
     page = _ICON.sub(lambda found: f'href="{_url("image/svg+xml", _text(found[1]))}"', page)
     head = (
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
-        f'<meta name="pavetwin-mission" content="{_escaped(name)}">\n'
+        f'<meta name="pavetwin-mission" content="{escape(name)}">\n'
         f"<!--\n{_text('vendor-licences.txt')}\n-->"
     )
     page = page.replace('<meta charset="utf-8">', f'<meta charset="utf-8">\n{head}', 1).replace(_SCRIPT, script, 1)
@@ -118,10 +119,6 @@ def _url(kind: str, text: str) -> str:
 
 def _base64(content: bytes) -> str:
     return b64encode(content).decode()
-
-
-def _escaped(text: str) -> str:
-    return text.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
 
 
 PACKAGE: Final = "rerun-sdk"
@@ -268,33 +265,11 @@ _PLANS: Final = {
 def exports() -> list[dict[str, Any]]:
     """Available exports: name, description, whether the mission must be flown again, and whether of one mission
     where several policies were flown."""
-    made = [
-        {
-            "name": HTML,
-            "words": "Page that plays offline (.html)",
-            "of_missions": False,
-            "of_one": False,
-        }
-    ]
-    made += [
-        {
-            "name": name,
-            "words": f"Flight plan: {_PLANS.get(name, name)}",
-            "of_missions": True,
-            "of_one": True,
-        }
-        for name in PLAN_FORMATS.names()
-    ]
+    offered = [(HTML, "Page that plays offline (.html)", False, False)]
+    offered += [(name, f"Flight plan: {_PLANS.get(name, name)}", True, True) for name in PLAN_FORMATS.names()]
     if is_installed():
-        made.append(
-            {
-                "name": RRD,
-                "words": "Recording for rerun (.rrd)",
-                "of_missions": True,
-                "of_one": False,
-            }
-        )
-    return made
+        offered.append((RRD, "Recording for rerun (.rrd)", True, False))
+    return [dict(zip(("name", "words", "of_missions", "of_one"), each, strict=True)) for each in offered]
 
 
 def make_export(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, Any]:
