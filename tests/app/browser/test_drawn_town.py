@@ -104,7 +104,7 @@ def test_the_town_shows_the_moment_of_the_clock_from_four_cameras(drawn: Browser
     assert len(moving) > 0
     assert shown.keys() == moving.keys()
     assert all(agent["x"] == moving[key]["x"] and agent["yaw"] == moving[key]["yaw"] for key, agent in shown.items())
-    assert len(listed) - len(shown) == len(drawn.value("pavetwin.mission.parked.x_m"))
+    assert len(listed) - len(shown) == len(drawn.value("pavetwin.mission.environment.x_m"))
     now = drawn.value("pavetwin.stateAt(20)")
     pictures = []
     for key, mode in enumerate(("orbit", "follow", "uav", "car"), start=1):
@@ -189,7 +189,7 @@ def test_each_layer_of_the_town_is_shown_and_hidden(drawn: BrowserTab) -> None:
     drawn.page.keyboard.press("2")
     settled(drawn)
     moving = drawn.value("pavetwin.agentsAt(20).filter(({ group }) => group !== 'aircraft').length")
-    standing = drawn.value("pavetwin.mission.parked.x_m.length")
+    standing = drawn.value("pavetwin.mission.environment.x_m.length")
     found = {}
     for layer in ("traffic", "parked vehicles", "UAV", "trees and street furniture", "outlines of defects"):
         before, other, again = drawn.page.evaluate(LAYER, layer)
