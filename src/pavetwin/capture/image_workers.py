@@ -40,7 +40,7 @@ class TilePrefetcher:
         plugins: modules that the world or the style need.
         """
         self._process = WaitingProcess(ahead=partial(_begin_tiles, world, style, tuple(plugins)))
-        # The process reads when it has begun, and a pipe holds little: nobody else waits for that.
+        # The process reads when it has begun, and a pipe holds little: nothing else waits for that.
         self._sender = ThreadPoolExecutor(1)
         self._sender.submit(self._send, _start_tiles)
 
@@ -71,7 +71,7 @@ def _begin_tiles(world: Path, style: str, plugins: Sequence[str]) -> None:
     _SCENE[0].make_plan(ahead=True)
 
 
-def _start_tiles(on_tick: OnTick) -> Callable[[Sequence[LitView]], None]:  # noqa: ARG001 - nobody watches
+def _start_tiles(on_tick: OnTick) -> Callable[[Sequence[LitView]], None]:  # noqa: ARG001 - nothing reports
     return _make_tiles
 
 

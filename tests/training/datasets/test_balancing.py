@@ -280,7 +280,7 @@ def test_the_command_prints_instances_before_and_after(dataset: Path, balanced: 
     assert "note: Car: the dataset shows none, so it cannot be balanced" in done.stderr
     assert "dropped: images: left out, so that no class has more than 6 instances (" in done.stderr
     for arguments, words in (
-        ((dataset,), "Give the folder of the new dataset"),
+        ((dataset,), "Missing option '--output' / '-o'."),
         ((dataset, "-o", tmp_path / "no", "--copies", "999"), "--copies: it must be less than or equal to 200"),
         ((balanced, "-o", tmp_path / "no"), "holds copies already"),
         ((dataset, "-o", dataset), "needs a folder of its own"),

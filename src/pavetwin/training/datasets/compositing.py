@@ -95,94 +95,69 @@ def road_gsd_mm(image: AnnotatedImage, picture: UInt8Array, road: BoolArray) -> 
 
 
 class CompositePlanner:
-    """Chooses objects for one road picture after the other; what it chooses depends on those before."""
+    """Chooses objects for one road image after the other; what it chooses depends on those before.
+
+    An image gets objects of its own split alone, so that none is in train and in test.
+    """
 
     def __init__(
-        self, library: Sequence[StoredCutOut], *, most: int, enlarge: float, reduce: float, repeat: int
+        self,
+        library: Sequence[tuple[str, StoredCutOut]],
+        splits: Mapping[str, str],
+        settings: "CompositeSettings",
     ) -> None:
         """Args:
-        library: all with a ground resolution.
-        most: objects on a picture.
-        enlarge: an object is scaled up by this at most.
-        reduce: a picture is scaled down by this at most.
-        repeat: pictures that one object stands on, at most.
+        library: each with its scene; all with a ground resolution.
+        splits: scene → split.
         """
-        self._library = library
-        self._most, self._enlarge, self._reduce, self._repeat = most, enlarge, reduce, repeat
+        self._settings, self._splits = settings, splits
+        self._libraries = {name: [each for scene, each in library if splits[scene] == name] for name in SPLITS}
         self._uses: Counter[str] = Counter()
+        self._asked: Counter[str] = Counter()
+        self._short: Counter[str] = Counter()
 
     def plan(self, image: AnnotatedImage, gsd_mm: float | None, rng: np.random.Generator) -> CompositePlan:
-        """Plan the objects on a road picture of this ground resolution."""
+        """Plan the objects on a road image of this ground resolution, and fix its split."""
+        split = self._splits[image.group]
+        image = replace(image, attributes={**image.attributes, KEPT: split})
         if gsd_mm is None:
             return CompositePlan(image, reasons=Counter([UNKNOWN]))
-        fitting = [each for each in self._library if self._fits(each, image, gsd_mm)]
+        plan = self._planned(image, split, gsd_mm, rng)
+        self._asked[split] += 1
+        self._short[split] += bool(plan.reasons)
+        return plan
+
+    def _planned(self, image: AnnotatedImage, split: str, gsd_mm: float, rng: np.random.Generator) -> CompositePlan:
+        fitting = [each for each in self._libraries[split] if self._fits(each, image, gsd_mm)]
         if not fitting:
             return CompositePlan(image, reasons=Counter([NONE_FITS]))
         reasons: Counter[str] = Counter()
         chosen: list[StoredCutOut] = []
         categories = sorted({each.category for each in fitting})
-        for _ in range(int(rng.integers(1, self._most + 1))):
+        for _ in range(int(rng.integers(1, self._settings.most + 1))):
             category = categories[int(rng.integers(len(categories)))]
             free = [each for each in fitting if each.category == category and each not in chosen]
             if not free:
                 reasons[f"no other {category} fits"] += 1
                 continue
-            least = min(self._uses[each.name] for each in free)
-            if least >= self._repeat:
-                reasons[f"every {category} that fits stands on {self._repeat} images already"] += 1
+            least, limit = min(self._uses[each.name] for each in free), self._settings.repeat
+            if least >= limit:
+                reasons[f"every {category} that fits stands on {limit} images already"] += 1
                 continue
             seldom = [each for each in free if self._uses[each.name] == least]
             chosen.append(seldom[int(rng.integers(len(seldom)))])
         self._uses.update(each.name for each in chosen)
-        coarsest = max([gsd_mm, *(_known(each) / self._enlarge for each in chosen)])
+        coarsest = max([gsd_mm, *(_known(each) / self._settings.enlarge for each in chosen)])
         return CompositePlan(image, coarsest, gsd_mm / coarsest, tuple(chosen), reasons)
 
     def _fits(self, cut_out: StoredCutOut, image: AnnotatedImage, gsd_mm: float) -> bool:
         scale = _known(cut_out) / gsd_mm
         width, height = image.size_px
         return (
-            SMALLEST <= scale <= self._enlarge * self._reduce
+            SMALLEST <= scale <= self._settings.enlarge * self._settings.reduce
             and cut_out.length_px * scale < max(width, height)
             and cut_out.length_px * cut_out.width_px * scale**2 <= LARGEST * width * height
         )
-
-
-class SplitPlanner:
-    """Plans road pictures with the objects of their own split alone, so that none is in train and in test."""
-
-    def __init__(
-        self,
-        library: Sequence[tuple[str, StoredCutOut]],
-        splits: Mapping[str, str],
-        *,
-        most: int,
-        enlarge: float,
-        reduce: float,
-        repeat: int,
-    ) -> None:
-        """Args:
-        library: each with its scene.
-        splits: scene → split.
-        most, enlarge, reduce, repeat: as of `CompositePlanner`.
-        """
-        self._splits = splits
-        self._libraries = {name: [each for scene, each in library if splits[scene] == name] for name in SPLITS}
-        self._planners = {
-            name: CompositePlanner(held, most=most, enlarge=enlarge, reduce=reduce, repeat=repeat)
-            for name, held in self._libraries.items()
-        }
-        self._asked: Counter[str] = Counter()
-        self._short: Counter[str] = Counter()
-
-    def plan(self, image: AnnotatedImage, gsd_mm: float | None, rng: np.random.Generator) -> CompositePlan:
-        """Plan the objects on a road picture of this ground resolution, and fix its split."""
-        split = self._splits[image.group]
-        image = replace(image, attributes={**image.attributes, KEPT: split})
-        plan = self._planners[split].plan(image, gsd_mm, rng)
-        if gsd_mm is not None:
-            self._asked[split] += 1
-            self._short[split] += bool(plan.reasons)
-        return plan
 
     def add_shortfalls(self, report: Report) -> None:
         """Report the cut-outs of each split with fewer objects than drawn."""
@@ -200,7 +175,6 @@ def _known(cut_out: StoredCutOut) -> float:
 
 THERE: Final = "it has a composite already"
 
-PLANNED: Final = {"most", "enlarge", "reduce", "repeat"}  # Settings that decide what stands on which road
 COMPOSITE: Final = "-composite"  # With which the name of a composite ends, after that of its image
 COMPOSITE_OF: Final = "composite_of"  # Attribute of a composite: the image whose road it shows
 
@@ -308,7 +282,7 @@ def compose(
             (output / inner).mkdir(exist_ok=True)
         with staging_folder(output / "staging") as staging:
             library = cut_out_all(folder, output, staging, settings.objects, report, on_progress)
-            planner = SplitPlanner(library, splits.splits, **settings.model_dump(include=PLANNED))
+            planner = CompositePlanner(library, splits.splits, settings)
             composites = _compose(folder, output, staging, planner, settings, seed, report, on_progress)
             scenes = _scenes_of(output, composites, {each.name: scene for scene, each in library})
             given = {scene: splits.splits[scene] for scene in scenes}
@@ -344,7 +318,7 @@ def _compose(
     folder: Path,
     output: Path,
     staging: Path,
-    planner: SplitPlanner,
+    planner: CompositePlanner,
     settings: CompositeSettings,
     seed: int,
     report: Report,

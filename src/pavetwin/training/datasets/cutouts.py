@@ -74,10 +74,6 @@ class CutOut:
     gsd_mm: float | None
     """Ground resolution of its image; None if unknown."""
 
-    @property
-    def estimated_gsd_mm(self) -> float:
-        return usual_gsd_mm(self.category, self.length_px, self.width_px)
-
 
 @dataclass(frozen=True, slots=True)
 class _Mask:
@@ -287,7 +283,9 @@ def ground_resolution(image: AnnotatedImage, found: list[CutOut]) -> float | Non
     if image.gsd_mm is not None:
         return image.gsd_mm
     for category in (CAR.name, PERSON.name):
-        estimates = [each.estimated_gsd_mm for each in found if each.category == category]
+        estimates = [
+            usual_gsd_mm(category, each.length_px, each.width_px) for each in found if each.category == category
+        ]
         if estimates:
             return float(median(estimates))
     return None

@@ -105,11 +105,11 @@ def _sorted_out(places: list[ImagePlace], report: Report, on_progress: OnStage) 
         on_progress(done / len(places), f"Comparing {done}/{len(places)}")
         folder, name = place
         if isinstance(found, PictureError):
-            report.add(Finding.REFUSED, _told(place), f"{found}; the image is left out")
+            report.add(Finding.REFUSED, _label(place), f"{found}; the image is left out")
             continue
         scene = read_image(annotation_path(folder, name)).group
         if (first := hashes.setdefault(found.sha256, (place, scene)))[0] != place:
-            report.add(Finding.DROPPED, _told(place), f"the same picture as {_told(first[0])}")
+            report.add(Finding.DROPPED, _label(place), f"the same picture as {_label(first[0])}")
             scenes.join(first[1], scene)
             continue
         readable.append(place)
@@ -121,10 +121,10 @@ def _sorted_out(places: list[ImagePlace], report: Report, on_progress: OnStage) 
         are_two = scenes.join(groups[one], groups[other])
         if correlation >= SAME and not {one, other} & dropped:
             dropped.add(other)
-            report.add(Finding.DROPPED, _told(readable[other]), f"the same picture as {_told(readable[one])}")
+            report.add(Finding.DROPPED, _label(readable[other]), f"the same picture as {_label(readable[one])}")
         elif are_two:
-            words = f"shows the same place as {_told(readable[one])}; their scenes are one"
-            report.add(Finding.NOTE, _told(readable[other]), words)
+            words = f"shows the same place as {_label(readable[one])}; their scenes are one"
+            report.add(Finding.NOTE, _label(readable[other]), words)
     pairs = list(candidates(described))
     for done, (one, other) in enumerate(pairs, start=1):
         on_progress(done / len(pairs), f"Comparing places {done}/{len(pairs)}")
@@ -132,8 +132,8 @@ def _sorted_out(places: list[ImagePlace], report: Report, on_progress: OnStage) 
             continue
         if overlap(described[one], described[other]):
             scenes.join(groups[one], groups[other])
-            words = f"overlaps {_told(readable[one])}; their scenes are one"
-            report.add(Finding.NOTE, _told(readable[other]), words)
+            words = f"overlaps {_label(readable[one])}; their scenes are one"
+            report.add(Finding.NOTE, _label(readable[other]), words)
     return [place for at, place in enumerate(readable) if at not in dropped], scenes
 
 
@@ -161,8 +161,8 @@ def _write(kept: list[ImagePlace], scenes: _Scenes, output: Path, report: Report
         for done, (folder, name) in enumerate(kept, start=1):
             on_progress(done / len(kept), f"Writing {done}/{len(kept)}")
             if (other := taken.setdefault(name.casefold(), (folder, name))) != (folder, name):
-                words = f"two images of one name, this and {_told(other)}; the second is left out"
-                report.add(Finding.REFUSED, _told((folder, name)), words)
+                words = f"two images of one name, this and {_label(other)}; the second is left out"
+                report.add(Finding.REFUSED, _label((folder, name)), words)
                 continue
             if annotation_path(output, name).is_file():
                 continue
@@ -172,5 +172,5 @@ def _write(kept: list[ImagePlace], scenes: _Scenes, output: Path, report: Report
     return len(taken)
 
 
-def _told(place: ImagePlace) -> str:
+def _label(place: ImagePlace) -> str:
     return f"{place[0].name}/{place[1]}"

@@ -55,7 +55,7 @@ class LabelledRegion:
 
     @property
     def has_subtype(self) -> bool:
-        """Whether it is a defect of a known subtype and not ignored."""
+        """True for a defect of a known subtype that is not ignored."""
         is_defect = self.true.coarse == ROAD_DEFECT and not self.true.is_ignored
         return is_defect and self.true.subtype != NO_SUBTYPE
 
@@ -86,7 +86,7 @@ class LabelledSplit:
     """Number of a class in the file → coarse class and subtype."""
     images: tuple[LabelledImage, ...]
     is_renumbered: bool = False
-    """Whether image numbers differ from those in the file, so that a file of detections cannot refer to them."""
+    """True if image numbers differ from those in the file, so that a file of detections cannot refer to them."""
 
 
 def numbered_after(split: LabelledSplit, other: LabelledSplit) -> LabelledSplit:

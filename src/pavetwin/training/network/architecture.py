@@ -31,7 +31,7 @@ class Architecture:
     activation: str = "silu"
     """`silu` or `relu`."""
     masks: bool = True
-    """Whether there is a mask head."""
+    """True with a mask head."""
     mask_points: int = 14
     """Sampling points of ROIAlign along each side of a box: 14 or 28, or 7, which is enough without masks. A mask has
     twice as many pixels along a side."""
@@ -65,7 +65,6 @@ class Architecture:
         return max(round(base * self.depth), 1)
 
     def as_mapping(self) -> dict[str, Any]:
-        """Field values by name."""
         return asdict(self)
 
     def difference(self, other: "Architecture") -> str:

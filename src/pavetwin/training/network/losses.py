@@ -41,7 +41,6 @@ class Targets:
     """(regions,) bool."""
 
     def to(self, device: torch.device) -> Self:
-        """Copy on another device."""
         moved = {each.name: getattr(self, each.name).to(device, non_blocking=True) for each in fields(self)}
         return replace(self, **moved)
 
@@ -182,7 +181,6 @@ class Losses:
     mask: Tensor
 
     def total(self, weights: LossWeights) -> Tensor:
-        """Weighted sum of the parts."""
         return (
             weights.box * self.box
             + weights.classes * self.classes

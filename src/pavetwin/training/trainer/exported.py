@@ -32,7 +32,7 @@ _LAYERS: Final = ("Conv", "ConvTranspose", "Gemm")
 
 
 def is_exported(path: Path) -> bool:
-    """Whether a file has the suffix of an exported model."""
+    """Return whether a file has the suffix of an exported model."""
     return path.suffix.lower() == SUFFIX
 
 

@@ -83,7 +83,6 @@ class TrainingOptions:
 
     @property
     def architecture(self) -> Architecture:
-        """Architecture of the network."""
         given = {"depth": self.depth, "width": self.width}
         others = {name: value for name, value in given.items() if value}
         return variant(
@@ -96,12 +95,10 @@ class TrainingOptions:
 
     @property
     def without_classes(self) -> frozenset[str]:
-        """Classes that may be missing from the data."""
         return frozenset(filter(None, (name.strip() for name in self.without.split(","))))
 
     @property
     def weights(self) -> LossWeights:
-        """Weights of the losses."""
         return LossWeights(subtype=self.subtype_weight, mask=self.mask_weight)
 
     def views(self, *, mosaic: bool) -> ViewOptions:
@@ -119,7 +116,6 @@ class TrainingOptions:
         )
 
     def as_mapping(self) -> dict[str, Any]:
-        """Values by name."""
         return asdict(self)
 
     @classmethod

@@ -26,7 +26,7 @@ GIGABYTE: Final = 10**9
 
 
 def is_inherited() -> bool:
-    """Whether worker processes inherit the memory of this process."""
+    """Return whether worker processes inherit the memory of this process."""
     return get_start_method() == "fork"
 
 

@@ -74,11 +74,9 @@ class RunFolder:
 
     @property
     def has_checkpoint(self) -> bool:
-        """Whether there is a checkpoint."""
         return (self.path / CHECKPOINT).is_file()
 
     def save(self, state: Mapping[str, Any]) -> None:
-        """Write the checkpoint and the curves."""
         _save(self.path / CHECKPOINT, state)
         self.write_curves(state["curves"])
 

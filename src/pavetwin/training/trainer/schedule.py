@@ -29,7 +29,7 @@ class Phase:
     """Number of images that every epoch draws from the rest."""
     epochs: int
     classifier: bool
-    """Whether only the heads of regions are trained."""
+    """True if only the heads of regions are trained."""
 
 
 def phases_of(members: Sequence[Member], options: TrainingOptions) -> list[Phase]:

@@ -57,7 +57,7 @@ _CPP_COMPILERS: Final = {"darwin": "clang++", "win32": "cl"}
 def draws_views(
     training: Sequence[Member], options: TrainingOptions, machine: TrainingMachine, device: torch.device
 ) -> bool:
-    """Whether the device holds the training images and draws the views.
+    """Return whether the device holds the training images and draws the views.
 
     Raises:
         PaveTwinError: this is requested, and the device has too little memory.
@@ -121,8 +121,8 @@ def device_of(machine: TrainingMachine) -> torch.device:
 
 
 def has_half(device: torch.device) -> bool:
-    """Whether bfloat16 is faster than single precision: on most graphics cards, and on processors with AMX or AVX-512
-    BF16."""
+    """Return whether bfloat16 is faster than single precision: on most graphics cards, and on processors with AMX or
+    AVX-512 BF16."""
     if device.type == "cuda":
         return torch.cuda.is_bf16_supported()
     capabilities = getattr(torch.cpu, "get_capabilities", None)  # missing in some versions

@@ -94,7 +94,6 @@ class LabelledView:
 
     @property
     def objects(self) -> tuple[SeenObject, ...]:
-        """Labelled objects."""
         return self.labels.objects
 
 
