@@ -17,8 +17,9 @@ from pavetwin.app.live import joined
 from pavetwin.app.steering import DRIVER, PEDALS, SEGMENTS, STICKS
 from pavetwin.app.task_pool import Messages, TaskProcess
 from pavetwin.capture.platforms.car import REAR
-from pavetwin.driving.drive import Drive, drive_again, pedals_of_values
-from pavetwin.mission.by_hand import PILOT, ByHand, fly_again, sticks_of_values
+from pavetwin.driving.car import Pedals
+from pavetwin.driving.drive import Drive, drive_again
+from pavetwin.mission.by_hand import PILOT, ByHand, Stick, changes_of_values, fly_again
 from pavetwin.mission.inputs import load_inputs
 from pavetwin.mission.planning import plan_mission
 from pavetwin.sensing import load_sensor
@@ -75,7 +76,7 @@ def test_a_flight_grows_lands_is_played_and_can_be_flown_again(page: RunningPage
     sensor = load_sensor(spec.settings.sensing, spec.seed)
     again = ByHand(inputs.environment, inputs.traffic, spec.settings, [], policy=PILOT, sensor=sensor.name)
     written = page.get(f"/api/played/{done['key']}/files/{STICKS}").values
-    fly_again(again, sticks_of_values(written["sticks"]), sensor)
+    fly_again(again, changes_of_values(written["sticks"], Stick), sensor)
     track = again.result(spec.seed).track
     for name in ("t_s", "x_m", "y_m", "speed_mps"):
         assert np.allclose(track[name], mission["track"][name], atol=0.6e-3)  # type: ignore[literal-required]
@@ -248,7 +249,7 @@ def test_a_drive_grows_ends_is_played_and_can_be_driven_again(page: RunningPage,
     sensor = load_sensor(spec.settings.sensing, spec.seed)
     again = Drive(inputs.environment, inputs.traffic, spec.settings, sensor, street=STREET)
     written = page.get(f"/api/played/{done['key']}/files/{PEDALS}").values
-    drive_again(again, pedals_of_values(written["pedals"]))
+    drive_again(again, changes_of_values(written["pedals"], Pedals))
     track = mission["track"]
     places = [(each.x_m, each.y_m) for each in again.states]
     assert np.allclose(places, np.column_stack([track["x_m"], track["y_m"]]), atol=0.6e-3)

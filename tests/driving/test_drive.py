@@ -13,10 +13,10 @@ from pavetwin.app.steering import BLOCKED, _played
 from pavetwin.capture.platforms.car import REAR
 from pavetwin.config import load_settings
 from pavetwin.driving.car import CarState, Pedals
-from pavetwin.driving.drive import DefectLooks, Drive, drive_again, pedals_as_values, pedals_of_values
+from pavetwin.driving.drive import DefectLooks, Drive, drive_again
 from pavetwin.driving.road import RIM_M, DrivableRoad, body
 from pavetwin.errors import PaveTwinError
-from pavetwin.mission.by_hand import STEP_S
+from pavetwin.mission.by_hand import STEP_S, changes_as_values, changes_of_values
 from pavetwin.mission.environment import MissionEnvironment, prepare
 from pavetwin.mission.inspected_defects import MissReason
 from pavetwin.sensing import load_sensor
@@ -188,7 +188,7 @@ def test_recorded_traffic_hides_the_road_and_drives_through_it(environment: Miss
 
 def test_the_same_pedals_drive_the_same_again(environment: MissionEnvironment) -> None:
     drive = driven(drive_over(environment, sensor="calibrated"), TOUR)
-    kept = pedals_of_values(json.loads(json.dumps(pedals_as_values(drive.changes))))
+    kept = changes_of_values(json.loads(json.dumps(changes_as_values(drive.changes))), Pedals)
     assert kept == drive.changes
     again = drive_over(environment, sensor="calibrated")
     drive_again(again, kept)

@@ -8,7 +8,7 @@ import pytest
 from shapely import Point
 
 from pavetwin.config import load_settings
-from pavetwin.mission.by_hand import PILOT, STEP_S, ByHand, Stick, fly_again, sticks_as_values, sticks_of_values
+from pavetwin.mission.by_hand import PILOT, STEP_S, ByHand, Stick, changes_as_values, changes_of_values, fly_again
 from pavetwin.mission.environment import MissionEnvironment, inspect_speed_mps, prepare
 from pavetwin.mission.events import BatteryRanLow, DefectsConfirmed, SegmentFinished, SegmentStarted
 from pavetwin.mission.result import MissionResult
@@ -97,11 +97,11 @@ def test_its_rows_add_up_and_count_what_was_found(environment: MissionEnvironmen
 def test_the_same_sticks_fly_the_same(environment: MissionEnvironment) -> None:
     flight, sensor = flight_over(environment)
     flown(flight, sensor, TOUR)
-    written = json.loads(json.dumps(sticks_as_values(flight.changes)))
-    assert sticks_of_values(written) == flight.changes
+    written = json.loads(json.dumps(changes_as_values(flight.changes)))
+    assert changes_of_values(written, Stick) == flight.changes
     assert len(written) == len(TOUR) + 1, "changes alone are kept"
     again, other = flight_over(environment)
-    fly_again(again, sticks_of_values(written), other)
+    fly_again(again, changes_of_values(written, Stick), other)
     assert same(flight.result(1), again.result(1))
 
 
@@ -114,14 +114,14 @@ def test_a_low_battery_ends_the_flight_at_home(environment: MissionEnvironment) 
     assert any(isinstance(event, BatteryRanLow) for event in result.events)
     assert result.track["battery"][-1] >= 0.9
     assert flight.coverage() == {row.segment: row.surface_coverage for row in result.rows}
-    assert not any(change.stick.lands for change in flight.changes)
+    assert not any(change.input.lands for change in flight.changes)
 
 
 def test_a_flight_ends_after_landing(environment: MissionEnvironment) -> None:
     flight, sensor = flight_over(environment)
     for stick in (*[AHEAD] * 60, replace(AHEAD, lands=True), *[AHEAD] * 5):
         flight.step(stick, sensor)
-    assert flight.changes[-1].stick.lands
+    assert flight.changes[-1].input.lands
     while not flight.is_over:
         flight.step(Stick(), sensor)
     assert flight.state().altitude_m == 0.0

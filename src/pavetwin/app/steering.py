@@ -37,10 +37,10 @@ from pavetwin.app.session_cache import made_once
 from pavetwin.capture.platforms.car import FRONT, REAR
 from pavetwin.draw.mission_marks import DefectOutcome
 from pavetwin.driving.car import BODY, Pedals
-from pavetwin.driving.drive import DefectLooks, Drive, DrivenSegment, pedals_as_values
+from pavetwin.driving.drive import DefectLooks, Drive, DrivenSegment
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
-from pavetwin.mission.by_hand import PILOT, STEP_S, ByHand, Stick, sticks_as_values
+from pavetwin.mission.by_hand import PILOT, STEP_S, ByHand, Stick, changes_as_values
 from pavetwin.mission.events import BatteryRanLow, DefectsConfirmed, MissionEvent
 from pavetwin.mission.inputs import MissionInputs
 from pavetwin.mission.inspected_defects import MissReason
@@ -287,7 +287,7 @@ class _Uav:
 def _written_flight(flight: ByHand, spec: MissionSpec, inputs: MissionInputs, session: Path) -> dict[str, Any]:
     """The flight as the page plays it, its files, and the list of what the pilot did."""
     result = flight.result(spec.seed)
-    sticks = {"step_s": STEP_S, "sticks": sticks_as_values(flight.changes)}
+    sticks = {"step_s": STEP_S, "sticks": changes_as_values(flight.changes)}
     known = json.dumps([spec.as_values(), sticks], sort_keys=True)
     key = sha256(known.encode()).hexdigest()[:20]
     target = session / key
@@ -427,7 +427,7 @@ def _still_drive(drive: Drive) -> dict[str, Any]:
 
 def _written_drive(drive: Drive, spec: MissionSpec, inputs: MissionInputs, session: Path) -> dict[str, Any]:
     """The drive as the page plays it, its files, and the list of what the driver did."""
-    pedals = {"step_s": STEP_S, "limits": asdict(drive.limits), "pedals": pedals_as_values(drive.changes)}
+    pedals = {"step_s": STEP_S, "limits": asdict(drive.limits), "pedals": changes_as_values(drive.changes)}
     known = json.dumps([spec.as_values(), pedals], sort_keys=True)
     key = sha256(known.encode()).hexdigest()[:20]
     target = session / key

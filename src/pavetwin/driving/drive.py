@@ -13,10 +13,10 @@ not react, and drives through the car. The same pedals give the same drive: `dri
 """
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from math import hypot
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import shapely
@@ -28,7 +28,7 @@ from pavetwin.config import MissionSettings
 from pavetwin.driving.car import CarLimits, CarState, Pedals, moved, speed_after, steering_after
 from pavetwin.driving.road import ASIDE, DrivableRoad, body
 from pavetwin.errors import PaveTwinError
-from pavetwin.mission.by_hand import STEP_S
+from pavetwin.mission.by_hand import STEP_S, InputChange, input_by_step, surface_below
 from pavetwin.mission.detections import DetectionLog
 from pavetwin.mission.environment import MissionEnvironment, shutter_s
 from pavetwin.mission.inspected_defects import HIDDEN, MissReason
@@ -131,14 +131,6 @@ CAPTURE_EVERY_M: Final = 1.5
 
 
 @dataclass(frozen=True, slots=True)
-class PedalChange:
-    """A change of the pedals, which holds from `step` on."""
-
-    step: int
-    pedals: Pedals
-
-
-@dataclass(frozen=True, slots=True)
 class Capture:
     """One image of the rear camera."""
 
@@ -193,7 +185,7 @@ class Drive:
         self.limits = limits or CarLimits()
         self.road = DrivableRoad(environment.world, environment.parked, self.limits)
         self.state = self.road.start(street)
-        self.changes: list[PedalChange] = []
+        self.changes: list[InputChange[Pedals]] = []
         self.states: list[CarState] = [self.state]
         """State at each step, from the start on."""
         self.stops: list[bool] = [False]
@@ -246,7 +238,7 @@ class Drive:
         if self._pedals.ends:
             pedals = replace(pedals, ends=True)
         if pedals != self._pedals or not self.changes:
-            self.changes.append(PedalChange(len(self.states) - 1, pedals))
+            self.changes.append(InputChange(len(self.states) - 1, pedals))
         self._pedals = pedals
         before, self.state = self.state, self._next(pedals)
         moved_m = hypot(self.state.x_m - before.x_m, self.state.y_m - before.y_m)
@@ -320,15 +312,8 @@ class Drive:
         self.meetings += len(met - self._met)
         self._met, self.is_met = frozenset(met), bool(met)
 
-    def _below(self) -> int:
-        here = shapely.Point(self.camera_place)
-        inside = sorted(self._surfaces.query(here, predicate="intersects").tolist())
-        if self.below is not None and (not inside or self.below in inside):
-            return self.below
-        return int(inside[0] if inside else self._surfaces.nearest(here))
-
     def _look(self) -> list[int]:
-        below = self.below = self._below()
+        below = self.below = surface_below(self._surfaces, self.camera_place, self.below)
         viewpoint = Viewpoint(position=self.camera_place, altitude_m=REAR.z_m, yaw_rad=self.state.yaw_rad)
         is_capture = self._captured_m >= CAPTURE_EVERY_M
         targets = self._surfaces.query(self._window(), predicate="intersects").tolist()
@@ -391,30 +376,13 @@ class Drive:
         return sorted(number for number in here if window.intersects(self.environment.defects[number].centre))
 
 
-def drive_again(drive: Drive, changes: Iterable[PedalChange]) -> None:
+def drive_again(drive: Drive, changes: Iterable[InputChange[Pedals]]) -> None:
     """Repeat a recorded drive to its end.
 
     Args:
         drive: a new drive over the same inputs.
         changes: the recorded changes, in the order of time; the last one ends the drive.
     """
-    given = {change.step: change.pedals for change in changes}
-    pedals, step = Pedals(), 0
+    pedals = input_by_step(changes, Pedals())
     while not drive.is_over:
-        pedals = given.get(step, pedals)
-        drive.step(pedals)
-        step += 1
-
-
-def pedals_as_values(changes: Sequence[PedalChange]) -> list[dict[str, Any]]:
-    """Changes as plain values, without the fields of pedals at rest."""
-    rest = asdict(Pedals())
-    return [
-        {"step": each.step, **{name: value for name, value in asdict(each.pedals).items() if value != rest[name]}}
-        for each in changes
-    ]
-
-
-def pedals_of_values(values: Iterable[dict[str, Any]]) -> list[PedalChange]:
-    """Changes from the values of `pedals_as_values`."""
-    return [PedalChange(each["step"], Pedals(**{k: v for k, v in each.items() if k != "step"})) for each in values]
+        drive.step(next(pedals))

@@ -10,9 +10,10 @@ from shapely import Point, Polygon, STRtree
 
 from pavetwin.driving.car import BODY, CarLimits, CarState
 from pavetwin.errors import PaveTwinError
+from pavetwin.mission.environment import parked_solids
 from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.world.model import LaneKind, World
-from pavetwin.world.solids import parked_boxes, solids
+from pavetwin.world.solids import solids
 
 RIM_M: Final = 0.3
 """A wheel may be this far beyond the carriageway's edge, which bridges gaps between surfaces: a gutter's width."""
@@ -34,10 +35,7 @@ class DrivableRoad:
         self._world, self._limits = world, limits
         surfaces = [*(each.polygon for each in world.segments), *(each.polygon for each in world.junctions)]
         self._surfaces = STRtree(surfaces)
-        boxes = parked_boxes(
-            np.column_stack([parked.x, parked.y]), parked.yaw_rad, parked.length_m, parked.width_m, parked.height_m
-        )
-        standing = solids(world).with_others(boxes)
+        standing = solids(world).with_others(parked_solids(parked))
         in_the_way = standing.between(LOWEST_M, BODY.height_m)
         self._obstacles = STRtree([Polygon(standing.base(int(number))) for number in in_the_way])
 

@@ -13,9 +13,10 @@ or when the pilot lands, it comes to rest, flies home and lands by itself.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Final
+from itertools import count
+from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
 import shapely
@@ -56,12 +57,49 @@ class Stick:
     """Fly home and land; cannot be taken back."""
 
 
+Input = TypeVar("Input")
+"""A stick, or the pedals of a car."""
+
+
 @dataclass(frozen=True, slots=True)
-class StickChange:
-    """A change of the stick, which holds from `step` on."""
+class InputChange(Generic[Input]):
+    """A change of the input, which holds from `step` on."""
 
     step: int
-    stick: Stick
+    input: Input
+
+
+def input_by_step(changes: Iterable[InputChange[Input]], rest: Input) -> Iterator[Input]:
+    """The recorded input at each step, without end; `rest` before the first change."""
+    given = {change.step: change.input for change in changes}
+    held = rest
+    for step in count():
+        held = given.get(step, held)
+        yield held
+
+
+def changes_as_values(changes: Iterable[InputChange[Any]]) -> list[dict[str, Any]]:
+    """Changes as plain values, without the fields of an input at rest."""
+    values = []
+    for each in changes:
+        rest = asdict(type(each.input)())
+        given = {name: value for name, value in asdict(each.input).items() if value != rest[name]}
+        values.append({"step": each.step, **given})
+    return values
+
+
+def changes_of_values(values: Iterable[Mapping[str, Any]], kind: type[Input]) -> list[InputChange[Input]]:
+    """Changes of an input from the values of `changes_as_values`."""
+    return [InputChange(each["step"], kind(**{k: v for k, v in each.items() if k != "step"})) for each in values]
+
+
+def surface_below(surfaces: STRtree, place: tuple[float, float], previous: int | None) -> int:
+    """Index of the segment at a place; between segments the previous one, or at first the nearest."""
+    here = shapely.Point(place)
+    inside = sorted(surfaces.query(here, predicate="intersects").tolist())
+    if previous is not None and (not inside or previous in inside):
+        return previous
+    return int(inside[0] if inside else surfaces.nearest(here))
 
 
 @dataclass
@@ -71,7 +109,7 @@ class ByHand(Mission):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.targets = []
-        self.changes: list[StickChange] = []
+        self.changes: list[InputChange[Stick]] = []
         self._stick, self._steps = Stick(), 0
         self._by_segment: dict[int, SegmentMetrics] = {}
         self._surfaces = STRtree([segment.polygon for segment in self.environment.world.segments])
@@ -86,7 +124,7 @@ class ByHand(Mission):
         if self._stick.lands:
             stick = replace(stick, lands=True)
         if stick != self._stick or not self.changes:
-            self.changes.append(StickChange(self._steps, stick))
+            self.changes.append(InputChange(self._steps, stick))
         self._stick = stick
 
         def answer(event: Event) -> None:
@@ -153,7 +191,7 @@ class ByHand(Mission):
                 return
 
     def _command(self, stick: Stick) -> None:
-        target = self._below()
+        target = surface_below(self._surfaces, self.flight.position, self._segment)
         if target != self._segment:
             if self._segment is not None:
                 self._leave(self._segment)
@@ -169,14 +207,6 @@ class ByHand(Mission):
             left_mps=stick.left * speed_mps,
             turn_rad_s=stick.turn * float(np.radians(uav.yaw_rate_deg_s)),
         )
-
-    def _below(self) -> int:
-        """The segment below the UAV; between segments the previous one, or at first the nearest."""
-        here = shapely.Point(self.flight.position)
-        below = sorted(self._surfaces.query(here, predicate="intersects").tolist())
-        if self._segment is not None and (not below or self._segment in below):
-            return self._segment
-        return int(below[0] if below else self._surfaces.nearest(here))
 
     def _leave(self, target: int) -> None:
         """Close a visit to a segment and add it to the segment's row."""
@@ -210,7 +240,7 @@ class ByHand(Mission):
         )
 
 
-def fly_again(flight: ByHand, changes: Iterable[StickChange], sensor: Sensor) -> None:
+def fly_again(flight: ByHand, changes: Iterable[InputChange[Stick]], sensor: Sensor) -> None:
     """Repeat a recorded manual flight to its end.
 
     Args:
@@ -220,23 +250,6 @@ def fly_again(flight: ByHand, changes: Iterable[StickChange], sensor: Sensor) ->
     Raises:
         PaveTwinError: as `ByHand.step`.
     """
-    given = {change.step: change.stick for change in changes}
-    stick, step = Stick(), 0
+    sticks = input_by_step(changes, Stick())
     while not flight.is_over:
-        stick = given.get(step, stick)
-        flight.step(stick, sensor)
-        step += 1
-
-
-def sticks_as_values(changes: Sequence[StickChange]) -> list[dict[str, Any]]:
-    """Changes as plain values, without the fields of a stick at rest."""
-    rest = asdict(Stick())
-    return [
-        {"step": each.step, **{name: value for name, value in asdict(each.stick).items() if value != rest[name]}}
-        for each in changes
-    ]
-
-
-def sticks_of_values(values: Iterable[dict[str, Any]]) -> list[StickChange]:
-    """Changes from the values of `sticks_as_values`."""
-    return [StickChange(each["step"], Stick(**{k: v for k, v in each.items() if k != "step"})) for each in values]
+        flight.step(next(sticks), sensor)

@@ -36,8 +36,7 @@ from pavetwin.world.model import Defect, Segment, Surface, World, defects_hash
 from pavetwin.world.solids import SolidKind, Solids, parked_boxes, solids
 
 if TYPE_CHECKING:
-    from pavetwin._core import Ground, NadirCamera, PoseColumns
-
+    from pavetwin._core import PoseColumns
 
 FIRST_ID: Final = 2**31
 """Ids of parked vehicles as agents begin here; those of recorded traffic are lower."""
@@ -102,7 +101,7 @@ def parked_solids(parked: ParkedVehicles) -> Solids:
 
 
 def permanently_hidden(
-    ground: "Ground", segment: int, passes: list[Pass], camera: "NadirCamera", altitude_m: float
+    ground: Ground, segment: int, passes: list[Pass], camera: NadirCamera, altitude_m: float
 ) -> float:
     """Share of a segment's cells that no capture along its passes can see because of parked vehicles.
 
