@@ -6,7 +6,7 @@ from pathlib import Path
 
 from benchmarks.measure import Kind, Line, Size
 from benchmarks.process import Used, run
-from pavetwin.world.cache import tile_folder
+from pavetwin.world.cache import cache_folder
 
 ALTITUDES_M = (6.0, 10.0, 15.0)
 SEED = 1
@@ -25,7 +25,7 @@ def lines(world: Path, folder: Path, size: Size) -> Iterator[Line]:
         ("from the command to the first frame", 1, 4.0, "`capture --images 1`, labels and files included"),
         (f"{size.images} labelled images, traffic recorded", size.images, 30.0, f"{flown} m"),
     ):
-        shutil.rmtree(tile_folder(), ignore_errors=True)
+        shutil.rmtree(cache_folder("tiles"), ignore_errors=True)
         for which in (f"{what}, tiles made", "the same, tiles from the cache"):
             used = _captured(world, folder, count)
             told = f"{note}; processor time {used.processor_s:.1f} s, {used.peak_mib:,.0f} MiB; one run"

@@ -27,7 +27,7 @@ from pavetwin.scene.scene import SCENE_SEED, Scene
 from pavetwin.scene.values import GroundMaps, TileKey
 from pavetwin.scene.view import View, nadir
 from pavetwin.uav.cameras import find_camera
-from pavetwin.world.cache import tile_folder
+from pavetwin.world.cache import cache_folder
 from pavetwin.world.folder import CACHE_VARIABLE
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world, save_world
@@ -77,7 +77,7 @@ def test_a_process_makes_what_frames_will_ask_for_and_nothing_is_made_again(
     with TilePrefetcher(world, "varied") as ahead:
         ahead.make([(view, NOON) for view in views])
         last = wanted_keys(Scene(load_world(world), seed=SCENE_SEED), views[-1], NOON)
-        assert is_over(lambda: all(list(tile_folder().rglob(f"{x}_{y}/tile")) for x, y in last))
+        assert is_over(lambda: all(list(cache_folder("tiles").rglob(f"{x}_{y}/tile")) for x, y in last))
 
     def never(*_: object, **__: object) -> None:
         raise AssertionError("made, and not read from the cache")
@@ -118,7 +118,7 @@ def test_ground_out_of_view_is_not_made(world: Path, monkeypatch: pytest.MonkeyP
 def test_a_process_that_cannot_begin_costs_nothing(tmp_path: Path) -> None:
     with TilePrefetcher(tmp_path / "no-such-world", "varied") as ahead:
         ahead.make([(above(10.0), NOON)])
-    assert not tile_folder().exists()
+    assert not cache_folder("tiles").exists()
 
 
 def test_it_ends_with_its_block_wherever_it_has_got_to(world: Path) -> None:
@@ -128,7 +128,7 @@ def test_it_ends_with_its_block_wherever_it_has_got_to(world: Path) -> None:
         assert process.is_alive()
     with pytest.raises(ValueError, match="closed"):
         process.is_alive()
-    assert not list(tile_folder().rglob(".*"))
+    assert not list(cache_folder("tiles").rglob(".*"))
 
 
 @pytest.mark.parametrize(
@@ -222,7 +222,7 @@ def test_datasets_prefetch_what_they_will_show(world: Path, tmp_path: Path, monk
 @pytest.mark.needs_adapter
 def test_images_are_the_same_with_prefetched_tiles(world: Path, tmp_path: Path) -> None:
     capture(world, FEW, tmp_path / "prefetched", frame_source_factory=SceneFrameSource, jobs=2)
-    shutil.rmtree(tile_folder())
+    shutil.rmtree(cache_folder("tiles"))
     capture(world, FEW, tmp_path / "alone", frame_source_factory=SceneFrameSource, jobs=1)
     assert contents(tmp_path / "prefetched") == contents(tmp_path / "alone")
 

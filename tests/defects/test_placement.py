@@ -38,7 +38,7 @@ from pavetwin.experiments import fly_unit
 from pavetwin.mission.inputs import defects_of
 from pavetwin.mission.spec import DefectInput
 from pavetwin.workers import started
-from pavetwin.world.cache import placed_folder
+from pavetwin.world.cache import cache_folder
 from pavetwin.world.folder import CACHE_VARIABLE
 from pavetwin.world.model import Defect, World
 from pavetwin.world.store import load_world, save_world
@@ -285,7 +285,7 @@ def values(defects: Sequence[Defect]) -> list[object]:
 
 
 def files() -> list[Path]:
-    return list(placed_folder().iterdir()) if placed_folder().is_dir() else []
+    return list(cache_folder("defects").iterdir()) if cache_folder("defects").is_dir() else []
 
 
 def test_a_second_process_reads_the_same_to_the_bit(world: World, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,7 +25,7 @@ from pavetwin.scene.ground import ground_plan as plans
 from pavetwin.scene.scene import Scene, SceneCache, kept_of_all
 from pavetwin.scene.values import GroundMaps, Mesh, Model
 from pavetwin.world import cache as kept
-from pavetwin.world.cache import tile_folder
+from pavetwin.world.cache import cache_folder
 from pavetwin.world.folder import CACHE_VARIABLE
 from pavetwin.world.model import World
 from scenes import tiny
@@ -46,7 +46,7 @@ def world() -> World:
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
-    return tile_folder()
+    return cache_folder("tiles")
 
 
 def parts(value: Any) -> Iterator[object]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pavetwin.scene.texture_cache import kept
-from pavetwin.world.cache import texture_folder
+from pavetwin.world.cache import cache_folder
 from pavetwin.world.folder import CACHE_VARIABLE
 
 
@@ -26,7 +26,7 @@ class Maker:
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
-    return texture_folder()
+    return cache_folder("textures")
 
 
 def is_whole(found: Mapping[str, np.ndarray]) -> bool:

@@ -23,7 +23,7 @@ from pavetwin.labels import SPLITS
 from pavetwin.seeds import Stream, child
 from pavetwin.traffic.record import record
 from pavetwin.traffic.recording import Recording
-from pavetwin.world.cache import ValueStore, made_by, short_sha256, split_folder
+from pavetwin.world.cache import ValueStore, cache_folder, made_by, short_sha256
 from pavetwin.world.model import World
 
 SAMPLED_S: Final = 10.0
@@ -121,7 +121,7 @@ def street_splits(
     except PackageNotFoundError:
         return found()  # raises with what to install
     inputs = (world.content_hash, world.defects_hash, seed, tuple(shares), sumo)
-    return _STORE.kept(split_folder() / short_sha256(f"{inputs!r} {made_by(*MADE_BY)}"), found)
+    return _STORE.kept(cache_folder("splits") / short_sha256(f"{inputs!r} {made_by(*MADE_BY)}"), found)
 
 
 def split_streets(

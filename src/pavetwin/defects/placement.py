@@ -38,7 +38,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.seeds import Stream, child
 from pavetwin.workers import OnTick, WaitingProcess, WorkerPool, cores, may_start, started
 from pavetwin.world.build import BuildOptions, BuildRecord, Built, build_world
-from pavetwin.world.cache import ValueStore, made_by, placed_folder, short_sha256
+from pavetwin.world.cache import ValueStore, cache_folder, made_by, short_sha256
 from pavetwin.world.content import snapped
 from pavetwin.world.folder import check_target
 from pavetwin.world.generate import NetworkKind
@@ -415,7 +415,7 @@ def placed_on(
     if not world.content_hash or not all(kind.ships for kind, _ in whole.shares()):
         return make()
     inputs = (world.content_hash, [segment.id for segment in segments], seed, whole.model_dump_json())
-    return _STORE.kept(placed_folder() / short_sha256(f"{inputs!r} {made_by(*MADE_BY)}"), make)
+    return _STORE.kept(cache_folder("defects") / short_sha256(f"{inputs!r} {made_by(*MADE_BY)}"), make)
 
 
 MOST_PLACERS: Final = 8

@@ -61,7 +61,7 @@ from pavetwin.scene.values import (
 from pavetwin.scene.wires import Wires, shaded_strips, wire_instances, wires_of
 from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.traffic.recording import Recording
-from pavetwin.world.cache import ValueStore, made_by, mark_used, short_sha256, tile_folder
+from pavetwin.world.cache import ValueStore, cache_folder, made_by, mark_used, short_sha256
 from pavetwin.world.ground import Bounds
 from pavetwin.world.model import Furniture, FurnitureKind, World
 
@@ -99,7 +99,7 @@ class SceneCache:
                 style_sha256(style),
                 street_style(style),
             )
-            self._folder = tile_folder() / short_sha256(f"{inputs!r} {made_by(*MADE_BY)}")
+            self._folder = cache_folder("tiles") / short_sha256(f"{inputs!r} {made_by(*MADE_BY)}")
 
     def kept(self, name: str, make: Callable[[], Value], /) -> Value:
         """A value: from its file, else made and written.
@@ -131,7 +131,7 @@ class SceneCache:
 
 def kept_of_all(name: str, make: Callable[[], Value]) -> Value:
     """A value that is the same in every scene, as `SceneCache.kept` keeps others."""
-    return _STORE.kept(tile_folder() / short_sha256(made_by(*MADE_BY)) / name, make)
+    return _STORE.kept(cache_folder("tiles") / short_sha256(made_by(*MADE_BY)) / name, make)
 
 
 SCENE_SEED: Final = 0

@@ -17,7 +17,7 @@ from pavetwin.arrays import AnyArray
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import writing
 from pavetwin.seeds import __file__ as seeds_file
-from pavetwin.world.cache import texture_folder
+from pavetwin.world.cache import cache_folder
 
 _FILES: Final = 3  # Files kept of one name, the last made, for other variants and earlier code
 
@@ -29,7 +29,7 @@ def kept(name: str, make: Callable[[], Mapping[str, AnyArray]], variant: int | s
         name: of the file; a hash of the code of scenes follows.
         variant: what else they depend on: a seed, or a hash of something.
     """
-    path = texture_folder() / f"{name}-{code_hash()}-{variant}.npz"
+    path = cache_folder("textures") / f"{name}-{code_hash()}-{variant}.npz"
     with suppress(OSError, ValueError, KeyError, EOFError, BadZipFile), np.load(path) as file:
         return {column: file[column] for column in file.files}
     made: Mapping[str, Any] = make()

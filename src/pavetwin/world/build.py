@@ -112,7 +112,10 @@ def build_world(
             report("segments", 0.3)
             roads = _Roads.of(net, options, record.source)
             report("map", 0.35)
-            features = MapFeatures() if osm_file is None else _features(osm_file, georeference, roads.segments)
+            features = MapFeatures()
+            if osm_file is not None:
+                near = MultiPolygon([part for segment in roads.segments for part in polygons_of(segment.polygon)])
+                features = read_features(osm_file, georeference, near)
             layout = _Layout(made, roads, features, options.seed)
             if rule is not None and (made.georeference or osm_file):  # a network of the user's own stays as it is
                 report("parking", 0.45)
@@ -206,11 +209,6 @@ class _Layout:
         return parking_lanes(
             roads.net, roads.streets, roads.segments, self.buildings, self.features.parking, rule, houses
         )
-
-
-def _features(osm_file: Path, georeference: GeoReference, segments: Sequence[Segment]) -> MapFeatures:
-    near = MultiPolygon([part for segment in segments for part in polygons_of(segment.polygon)])
-    return read_features(osm_file, georeference, near)
 
 
 def _with_lanes(

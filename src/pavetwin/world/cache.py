@@ -26,7 +26,7 @@ from importlib.metadata import version
 from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, TypeVar
+from typing import Any, Final, Literal, TypeVar, get_args
 
 import numpy as np
 import shapely
@@ -51,16 +51,16 @@ IN_USE_S: Final = 86_400.0
 """Files of worlds that were used within this time are not removed: a mission may be reading them."""
 
 
-def cache_folder() -> Path:
+CacheSection = Literal["worlds", "textures", "tiles", "defects", "splits"]
+"""Folders of the cache: recordings and NavMeshes by world, textures that all worlds share, tiles of scenes and their
+ingredients, defects placed on segments, splits of streets for datasets."""
+
+
+def cache_folder(section: CacheSection | Literal[""] = "") -> Path:
     """Folder of the cache: `PAVETWIN_CACHE`, or `pavetwin` in the user's cache (`XDG_CACHE_HOME`, `~/.cache`)."""
-    if own := os.environ.get(CACHE_VARIABLE):
-        return Path(own).absolute()
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pavetwin"
-
-
-def texture_folder() -> Path:
-    """Folder of textures that all worlds share."""
-    return cache_folder() / "textures"
+    own = os.environ.get(CACHE_VARIABLE)
+    users = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return (Path(own).absolute() if own else users / "pavetwin") / section
 
 
 def cached(world: World, file: str) -> Path:
@@ -73,7 +73,7 @@ def cached(world: World, file: str) -> Path:
         PaveTwinError: the world was never saved.
     """
     folder = world.network_file.parent
-    path = cache_folder() / "worlds" / (world.content_hash[:16] or folder.name) / file
+    path = cache_folder("worlds") / (world.content_hash[:16] or folder.name) / file
     mark_used(path)
     return path
 
@@ -82,21 +82,6 @@ def mark_used(path: Path) -> None:
     """Note that a file of the cache is used now, if it is there: many file systems do not note when a file is read."""
     with suppress(OSError):
         os.utime(path, ns=(time.time_ns(), path.stat().st_mtime_ns))
-
-
-def tile_folder() -> Path:
-    """Folder of the tiles of scenes and of their ingredients."""
-    return cache_folder() / "tiles"
-
-
-def placed_folder() -> Path:
-    """Folder of the defects placed on segments of worlds."""
-    return cache_folder() / "defects"
-
-
-def split_folder() -> Path:
-    """Folder of the splits of worlds' streets for datasets."""
-    return cache_folder() / "splits"
 
 
 def most_bytes() -> int:
@@ -117,7 +102,7 @@ def most_bytes() -> int:
 
 def cache_size() -> tuple[int, int]:
     """Number of worlds in the cache, and bytes of all its files."""
-    folder = cache_folder() / "worlds"
+    folder = cache_folder("worlds")
     worlds = sum(path.is_dir() for path in folder.iterdir()) if folder.is_dir() else 0
     return worlds, sum(status.st_size for _, status in _files())
 
@@ -132,7 +117,7 @@ def make_room() -> None:
     held = sum(status.st_size for _, status in files)
     if held <= most:
         return
-    worlds, in_use = cache_folder() / "worlds", time.time() - IN_USE_S
+    worlds, in_use = cache_folder("worlds"), time.time() - IN_USE_S
     for path, status in sorted(files, key=lambda file: _last_use(file[1])):
         if held <= (1 - LEFT_FREE) * most:
             break
@@ -151,14 +136,10 @@ def _last_use(status: os.stat_result) -> float:
 def _files() -> Iterator[tuple[Path, os.stat_result]]:
     """Complete files of the cache; foreign files are left out."""
     # Other processes make and remove folders meanwhile; `os.walk` passes over what is gone.
-    for folder, _, names in chain.from_iterable(map(os.walk, _folders())):
+    for folder, _, names in chain.from_iterable(map(os.walk, map(cache_folder, get_args(CacheSection)))):
         for path in (Path(folder, name) for name in names if not name.startswith(".")):
             with suppress(OSError):
                 yield path, path.stat()
-
-
-def _folders() -> tuple[Path, ...]:
-    return cache_folder() / "worlds", texture_folder(), tile_folder(), placed_folder(), split_folder()
 
 
 def clear_cache() -> None:
@@ -167,7 +148,7 @@ def clear_cache() -> None:
     Raises:
         PaveTwinError: something cannot be removed.
     """
-    for folder in _folders():
+    for folder in map(cache_folder, get_args(CacheSection)):
         try:
             if folder.is_dir():
                 shutil.rmtree(folder)

@@ -355,16 +355,15 @@ def columns_of(table: "pl.DataFrame") -> tuple[dict[str, AnyArray], dict[str, Bo
     texts, where there is none."""
     import polars as pl
 
-    values = {name: _filled(table[name]) for name in table.columns}
-    return values, {name: table[name].is_null().to_numpy() for name in table.columns if table[name].dtype != pl.String}
-
-
-def _filled(column: "pl.Series") -> AnyArray:
-    import polars as pl
-
-    if column.dtype == pl.String:
-        return np.array(column.to_list(), dtype=object)
-    return column.fill_null(False if column.dtype == pl.Boolean else 0).to_numpy()
+    values: dict[str, AnyArray] = {}
+    masks: dict[str, BoolArray] = {}
+    for column in table:
+        if column.dtype == pl.String:
+            values[column.name] = np.array(column.to_list(), dtype=object)
+        else:
+            values[column.name] = column.fill_null(False if column.dtype == pl.Boolean else 0).to_numpy()
+            masks[column.name] = column.is_null().to_numpy()
+    return values, masks
 
 
 @contextmanager
