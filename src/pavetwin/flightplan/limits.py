@@ -51,7 +51,8 @@ def check_limits(plan: FlightPlan, world: World, limits: PlanLimits, most: Colle
     for number, flight in _flown(plan, most):
         _check_height(number, flight, limits.highest_m)
         legs = list(_legs(flight, world.georeference))
-        _check_buildings(number, [*legs, *_columns(flight, world.georeference)], world, limits.from_buildings_m)
+        columns = [(Point(xy), 0.0) for xy in from_wgs84(world.georeference, flight.lonlat[[0, -1]])]
+        _check_buildings(number, [*legs, *columns], world, limits.from_buildings_m)
         for name, zone in zones:
             inside = next((leg for leg, _ in legs if leg.intersects(zone)), None)
             if inside is not None:
@@ -79,6 +80,7 @@ def _check_height(number: str, flight: PlannedFlight, highest_m: float | None) -
 def _check_buildings(
     number: str, legs: Sequence[tuple[LineString | Point, float]], world: World, least_m: float
 ) -> None:
+    """`legs` in the world frame, each with its lower height; climb and landing are points on the ground."""
     tree = STRtree([each.polygon for each in world.buildings])
     for leg, height_m in legs:
         for index in tree.query(leg, predicate="dwithin", distance=max(least_m, 1e-9)):
@@ -101,12 +103,6 @@ def _legs(flight: PlannedFlight, place: GeoReference) -> Iterator[tuple[LineStri
     heights = [each.height_m for each in flight.waypoints]
     for begin in range(len(xy) - 1):
         yield LineString(xy[begin : begin + 2]), min(heights[begin : begin + 2])
-
-
-def _columns(flight: PlannedFlight, place: GeoReference) -> Iterator[tuple[Point, float]]:
-    """Climb and landing in the world frame, each with its lower height (the ground)."""
-    for xy in from_wgs84(place, flight.lonlat[[0, -1]]):
-        yield Point(xy), 0.0
 
 
 def _place(shape: shapely.Geometry, place: GeoReference) -> str:

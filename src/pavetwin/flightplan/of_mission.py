@@ -1,7 +1,7 @@
 """Plans of flown missions, and of selected segments that need no mission."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import groupby, pairwise
 from math import atan2, degrees, hypot
@@ -68,23 +68,20 @@ def plan_of(mission: MissionFolder, world: World, *, trigger: Trigger = Trigger.
         PaveTwinError: the world has no place on the earth, or the track is missing or damaged.
     """
     check_place(world)
-    rows = _rows(mission)
-    plan = plan_of_track(rows, mission.spec.settings, world, name=mission.name, trigger=trigger)
+    try:
+        plan = plan_of_track(mission.track, mission.spec.settings, world, name=mission.name, trigger=trigger)
+    except pl.exceptions.PolarsError as error:
+        raise PaveTwinError(f"'{mission.folder / TRACK}' is damaged; fly the mission again: {error}") from error
     if not plan.flights:
         raise PaveTwinError(f"'{mission.folder / TRACK}' holds no flight.")
     return plan
 
 
 def plan_of_track(
-    rows: Sequence[Mapping[str, Any]], settings: MissionSettings, world: World, *, name: str, trigger: Trigger
+    track: pl.DataFrame, settings: MissionSettings, world: World, *, name: str, trigger: Trigger
 ) -> FlightPlan:
-    """The plan of a track.
-
-    Args:
-        rows: `x_m`, `y_m`, `altitude_m`, `mode` and `segment` of each sample, in order.
-        settings: settings of the flight.
-        name: name of the plan.
-    """
+    """The plan of a track, as `track_table` makes it."""
+    rows = track.select(COLUMNS).cast({"mode": pl.String}).to_dicts()
     inspect_mps = inspect_speed_mps(settings)
     speeds = {True: inspect_mps, False: settings.uav.transit_speed_mps}
     made = [_flight(each, speeds, world.georeference) for each in _flights(rows)]
@@ -130,13 +127,6 @@ def check_place(world: World) -> None:
         )
 
 
-def _rows(mission: MissionFolder) -> Sequence[Mapping[str, Any]]:
-    try:
-        return mission.track.select(COLUMNS).cast({"mode": pl.String}).to_dicts()
-    except pl.exceptions.PolarsError as error:
-        raise PaveTwinError(f"'{mission.folder / TRACK}' is damaged; fly the mission again: {error}") from error
-
-
 def _flights(rows: Sequence[Mapping[str, Any]]) -> Iterator[list[_Sample]]:
     """Samples on the route, per set of batteries: each set begins with a climb."""
     number, numbers = 0, []
@@ -145,8 +135,8 @@ def _flights(rows: Sequence[Mapping[str, Any]]) -> Iterator[list[_Sample]]:
         numbers.append(number)
     for _, group in groupby(zip(numbers, rows, strict=True), key=lambda each: each[0]):
         route = [_sample(row) for _, row in group if row["mode"] in _ROUTE]
-        if len(route) > 1:
-            yield [*route, _closing(route)]
+        if len(route) > 1:  # the end is above the take-off point
+            yield [*route, replace(route[0], height_m=route[-1].height_m, photographs=False, segment=None)]
 
 
 def _sample(row: Mapping[str, Any]) -> _Sample:
@@ -157,12 +147,6 @@ def _sample(row: Mapping[str, Any]) -> _Sample:
         photographs=row["mode"] == Mode.INSPECT,
         segment=row["segment"],
     )
-
-
-def _closing(route: Sequence[_Sample]) -> _Sample:
-    """The end of the flight, above the take-off point."""
-    first, last = route[0], route[-1]
-    return _Sample(first.x_m, first.y_m, last.height_m, photographs=False, segment=None)
 
 
 def _flight(samples: Sequence[_Sample], speeds: Mapping[bool, float], place: GeoReference) -> PlannedFlight:
@@ -271,5 +255,4 @@ def plan_of_selection(
     targets = choose_targets(environment, names=segments, order=order)
     check_reach(environment, bare, targets)
     flown = fly_over(environment, EmptyStreets(), bare, targets, "baseline", on_progress=on_progress)
-    rows = track_table(flown).select(COLUMNS).cast({"mode": pl.String}).to_dicts()
-    return plan_of_track(rows, settings, world, name=world.name, trigger=trigger)
+    return plan_of_track(track_table(flown), settings, world, name=world.name, trigger=trigger)

@@ -198,7 +198,7 @@ def _matched(mission: MissionFolder, defects: pl.DataFrame, condition: Condition
     outcomes = set(defects["outcome"].to_list()) | {"found", "missed"}
     known = {None, *map(str, MissReason)}
     fits = (
-        set(defects["id"]) == placed.keys() == {*defects["id"]}
+        set(defects["id"]) == placed.keys()
         and defects.height == len(placed)
         and found == captured
         and len(found) == mission.totals.get("confirmed")

@@ -239,9 +239,7 @@ def _planned(
     }
     source = _defects(design, world)
     mix = traffic_input(world, seed=design.seed, **given).mix
-    environment = prepare(
-        world, settings, defects_of(world, source), parking_seed=design.seed, parking_mix=mix
-    )  # fmt: skip
+    environment = prepare(world, settings, defects_of(world, source), parking_seed=design.seed, parking_mix=mix)
     planned = plan_mission(
         world,
         settings,

@@ -61,12 +61,11 @@ class Page:
     credit: str
 
 
-def page_of(handover: Handover, credit: str, *, most_streets: int | None = None) -> Page:
+def page_of(handover: Handover, credit: str) -> Page:
     """The page of a handover.
 
     Args:
         credit: whom the world's data come from.
-        most_streets: in the table of streets; all unless given.
     """
     mission = handover.mission
     spec = mission.spec
@@ -81,7 +80,7 @@ def page_of(handover: Handover, credit: str, *, most_streets: int | None = None)
             Paragraphs("What will not be seen", tuple(_unseen(handover))),
             Paragraphs("Responsibility", (PILOT,)),
         ),
-        tables=(_severities(handover), _streets(handover, most_streets)),
+        tables=(_severities(handover), _streets(handover)),
         credit=credit,
     )
 
@@ -202,12 +201,12 @@ def _severities(handover: Handover) -> PageTable:
     return PageTable("Defects by severity", ("class, severity", "defects", "found", "missed"), tuple(rows))
 
 
-def _streets(handover: Handover, most: int | None) -> PageTable:
+def _streets(handover: Handover) -> PageTable:
     advice = handover.advice
     heads = ["street", "length m", "surface seen %", "defects found", "PCI, true", "PCI, found", "rating of that"]
     heads += ["recommended", "found % there"] if advice else []
     rows = []
-    for row in handover.streets.head(most or handover.streets.height).iter_rows(named=True):
+    for row in handover.streets.iter_rows(named=True):
         cells = [row["street"], f"{row['length_m']:.0f}", f"{100 * row['surface_coverage']:.0f}"]
         cells += [f"{row['found']} of {row['defects']}", f"{row['pci']:.1f}", f"{row['pci_found']:.1f}"]
         cells.append(row["rating_found"])
@@ -215,9 +214,7 @@ def _streets(handover: Handover, most: int | None) -> PageTable:
             expected = row["expected_coverage"]
             cells += [row["fly"] or MISSING, MISSING if expected is None else f"{100 * expected:.0f}"]
         rows.append(tuple(cells))
-    left = handover.streets.height - len(rows)
-    more = [f"And {counted(left, 'more street')} in streets.csv; the worst come first."] if left else []
-    return PageTable("Streets, the worst first", tuple(heads), tuple(rows), " ".join([*more, *_advice(handover)]))
+    return PageTable("Streets, the worst first", tuple(heads), tuple(rows), " ".join(_advice(handover)))
 
 
 def _advice(handover: Handover) -> Iterator[str]:
