@@ -172,21 +172,10 @@ def advise(
     chosen_by = {name for name in varied if name not in {*ASSUMED, *given} and len(levels_of(table, name)) > 1}
     by = [name for name in varied if name in chosen_by | {"altitude_m", "policy"}]
     assumed = [name for name in ASSUMED if len(levels_of(table, name)) > 1]
-    parts = table.partition_by(assumed, maintain_order=True) if assumed else [table]
-    return [_advice(part, limits, objective, by, assumed, seed, design) for part in parts]
-
-
-def _advice(
-    table: pl.DataFrame,
-    limits: MissionLimits,
-    objective: Objective,
-    by: list[str],
-    assumed: list[str],
-    seed: int,
-    design: Mapping[str, Any] | None,
-) -> Advice:
-    made = recommend(table, limits, by, objective=objective, seed=seed)
-    first = table.row(0, named=True)
-    option = made.best or made.nearest
-    view = ground_view({**first, **option}, design) if option and design else None
-    return Advice(opened(setting(first, assumed)) if assumed else "", made, view)
+    advice = []
+    for part in table.partition_by(assumed, maintain_order=True) if assumed else [table]:
+        made = recommend(part, limits, by, objective=objective, seed=seed)
+        first, option = part.row(0, named=True), made.best or made.nearest
+        view = ground_view({**first, **option}, design) if option and design else None
+        advice.append(Advice(opened(setting(first, assumed)) if assumed else "", made, view))
+    return advice

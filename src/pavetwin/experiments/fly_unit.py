@@ -74,15 +74,7 @@ _TYPES: Final = {int: pl.Int64, float: pl.Float64, str: pl.String, bool: pl.Bool
 Row = dict[str, Any]
 
 
-OnFlown = Callable[[Unit, Cell, MissionResult], None]
-
-
-def fly_unit(
-    plan: Plan,
-    unit: Unit,
-    on_recorded: Callable[[], None] = lambda: None,
-    on_flown: OnFlown = lambda _unit, _cell, _result: None,
-) -> bytes:
+def fly_unit(plan: Plan, unit: Unit, on_recorded: Callable[[], None] = lambda: None) -> bytes:
     """Fly a unit's missions, and give its part of the table as a Parquet file.
 
     The same plan and unit give the same bytes in every process. Failures are not raised: the missions that
@@ -90,14 +82,13 @@ def fly_unit(
 
     Args:
         on_recorded: called once the traffic is recorded, before the first mission.
-        on_flown: called with each mission that was flown, for those who keep more of it than its row.
     """
     try:
         check_files(plan)
         ground = _Ground.of(plan, unit)
         on_recorded()
         with ground.replay:
-            rows = [row for cell in plan.cells_of(unit) for row in _flown(plan, unit, cell, ground, on_flown)]
+            rows = [row for cell in plan.cells_of(unit) for row in _flown(plan, unit, cell, ground)]
     except Exception as error:
         return failed_unit(plan, unit, _words(error))
     return part_of(pl.DataFrame(rows, schema=schema(plan)))
@@ -119,6 +110,7 @@ def schema(plan: Plan) -> dict[str, Any]:
         for name, hint in get_type_hints(SegmentMetrics).items()
         if name not in _LEFT_OUT
     }
+    has_fitted = any(sensor_class(name).is_fitted for name in design.sensors)
     return {
         **{factor: pl.Float64 if factor == "altitude_m" else pl.String for factor in FACTORS},
         **swept,
@@ -127,15 +119,10 @@ def schema(plan: Plan) -> dict[str, Any]:
         **({FILES: pl.String} if plan.files else {}),
         **dict.fromkeys(("version", RENDERER, STATUS, REASON), pl.String),
         **measured,
-        **(dict.fromkeys(COVERAGE_DRAWS, pl.Float64) if has_fitted(design) else {}),
+        **(dict.fromkeys(COVERAGE_DRAWS, pl.Float64) if has_fitted else {}),
         **(dict.fromkeys(DETECTED, pl.Float64) if measures_sizes(design) else {}),
         **(MISSION_COLUMNS if design.tours else {}),
     }
-
-
-def has_fitted(design: Design) -> bool:
-    """True if a study has a fitted sensor."""
-    return any(sensor_class(name).is_fitted for name in design.sensors)
 
 
 def measures_sizes(design: Design) -> bool:
@@ -158,7 +145,7 @@ def part_of(table: pl.DataFrame) -> bytes:
     return buffer.getvalue()
 
 
-def _flown(plan: Plan, unit: Unit, cell: Cell, ground: "_Ground", on_flown: OnFlown) -> list[Row]:
+def _flown(plan: Plan, unit: Unit, cell: Cell, ground: "_Ground") -> list[Row]:
     """The rows of one mission; it may fail."""
     try:
         settings = cell.settings(plan.design)
@@ -168,7 +155,6 @@ def _flown(plan: Plan, unit: Unit, cell: Cell, ground: "_Ground", on_flown: OnFl
         inputs = MissionInputs(environment, ground.replay)
         result = fly(spec, inputs=inputs, sensor=eyes, image_source=ground.image_source(environment))
         detected, reason = _detected(result) if eyes.measures_sizes else ({}, None)
-        on_flown(unit, cell, result)
     except Exception as error:
         return _failed(plan, unit, cell, _words(error))
     common: Row = {RENDERER: renderer_of(result.spec.versions), STATUS: FLOWN, REASON: reason}

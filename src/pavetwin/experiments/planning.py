@@ -252,7 +252,7 @@ def with_levels_in_reach(
     """
     if not design.or_nearest:
         return design
-    of_area = _records_areas(design)
+    of_area = area_if_known(design) is not None
     entries = []
     for entry, world in zip(design.worlds, worlds, strict=True):
         nearest = {} if entry.traffics else _nearest(design.densities, world, tell, of_area=of_area)
@@ -271,12 +271,13 @@ def replaced_sentence(world: str, nearest: Mapping[str, str]) -> str:
     return f"{what} of service {missed} {are} out of reach in '{world}'; the nearest {are} flown: {flown}."
 
 
-def _records_areas(design: Design) -> bool:
-    """True if traffic is recorded around the inspected segments; False for a design that is refused later."""
+def area_if_known(design: Design) -> float | None:
+    """Distance around the inspected segments within which traffic is recorded; None for whole towns, and for a design
+    that does not fit."""
     with suppress(PaveTwinError):
         load_plugins(design.plugins)
-        return traffic_area_m(design, cells_of(design)) is not None
-    return False
+        return traffic_area_m(design, cells_of(design))
+    return None
 
 
 def _nearest(densities: Sequence[str], world: World, tell: OnProgress, *, of_area: bool) -> dict[str, str]:

@@ -62,91 +62,72 @@ def run(
         PaveTwinError: the design does not fit its worlds, the folder holds another, or it cannot be written. Flown
             units are kept, and the same call resumes.
     """
-    early = nullcontext() if folder.exists() else engine.started()  # else there may be nothing left to fly
-    with early:
-        return _run(
-            design,
-            folder,
-            engine,
-            image_source_factory,
-            on_progress or (lambda _share, _what: None),
-            on_notice,
-            retry=retry,
-        )
+    report = on_progress or (lambda _share, _what: None)
+    with nullcontext() if folder.exists() else engine.started():  # in a folder there may be nothing left to fly
+        store = Store(folder)
+        worlds = load_worlds(design)
+        design = with_levels_in_reach(design, worlds, report, on_notice)
+        store.check_design(design)
+        made = plan(design, worlds, lambda what: report(0.0, what))
+        made = replace(made, image_source_factory=image_source_factory)
+        with working_in(folder):
+            store.check(made)
+            missing = store.missing(made, failed=retry)
+            flying = sum(len(made.cells_of(unit)) for unit in missing)
+            if missing:
+                store.check_models(made)
+            done, recorded = made.missions - flying, 0
+            if outdated := store.outdated(made):
+                files = listed(store.changed_files(made)) or "A file"
+                on_notice(
+                    f"{files} changed since: {outdated} of {made.missions} missions are flown again; their former rows "
+                    f"are kept in {folder / FORMER}."
+                )
+
+            if missing and made.owners:
+                notes = ownership_notes(design, made.owners, made.policies)
+                on_notice(f"{' '.join(notes)} That makes {counted(made.missions, 'mission')}.")
+
+            def on_ready() -> None:
+                store.begin(made)
+                flown()
+
+            def on_unit(unit: Unit, part: bytes) -> None:
+                nonlocal done
+                store.write(made, unit, part)
+                done += len(made.cells_of(unit))
+                flown()
+
+            def on_recorded() -> None:
+                nonlocal recorded
+                recorded = min(recorded + 1, len(missing))  # that of a unit whose process died is recorded again
+                flown()
+
+            def flown() -> None:
+                recording = (
+                    f"Recording traffic {recorded}/{len(missing)}, flying" if recorded < len(missing) else "Flying"
+                )
+                report(done / made.missions, f"{recording} missions {done}/{made.missions}")
+
+            for world, traffic in dict.fromkeys((unit.world, unit.traffic) for unit in missing):
+                if traffic in design.traffics(world) and not design.worlds[world].traffics:
+                    _find_demand(worlds[world], traffic, report, of_areas=made.traffic_area_m is not None)
+            if missing:
+                listener = Listener(on_ready, on_unit, lambda what: report(0.0, what), on_recorded)
+                engine.fly(made, missing, listener)
+            else:
+                store.begin(made)
+            return Ran(made, store.table(), flying)
 
 
-def _run(
-    design: Design,
-    folder: Path,
-    engine: Engine,
-    image_source_factory: ImageSourceFactory | None,
-    tell: OnProgress,
-    on_notice: Callable[[str], None],
-    *,
-    retry: bool,
-) -> Ran:
-    store = Store(folder)
-    worlds = load_worlds(design)
-    design = with_levels_in_reach(design, worlds, tell, on_notice)
-    store.check_design(design)
-    made = plan(design, worlds, lambda what: tell(0.0, what))
-    made = replace(made, image_source_factory=image_source_factory)
-    with working_in(folder):
-        store.check(made)
-        missing = store.missing(made, failed=retry)
-        flying = sum(len(made.cells_of(unit)) for unit in missing)
-        if missing:
-            store.check_models(made)
-        done, recorded = made.missions - flying, 0
-        if outdated := store.outdated(made):
-            files = listed(store.changed_files(made)) or "A file"
-            on_notice(
-                f"{files} changed since: {outdated} of {made.missions} missions are flown again; their former rows "
-                f"are kept in {folder / FORMER}."
-            )
-
-        if missing and made.owners:
-            notes = ownership_notes(design, made.owners, made.policies)
-            on_notice(f"{' '.join(notes)} That makes {counted(made.missions, 'mission')}.")
-
-        def on_ready() -> None:
-            store.begin(made)
-            flown()
-
-        def on_unit(unit: Unit, part: bytes) -> None:
-            nonlocal done
-            store.write(made, unit, part)
-            done += len(made.cells_of(unit))
-            flown()
-
-        def on_recorded() -> None:
-            nonlocal recorded
-            recorded = min(recorded + 1, len(missing))  # that of a unit whose process died is recorded again
-            flown()
-
-        def flown() -> None:
-            recording = f"Recording traffic {recorded}/{len(missing)}, flying" if recorded < len(missing) else "Flying"
-            tell(done / made.missions, f"{recording} missions {done}/{made.missions}")
-
-        for world, traffic in dict.fromkeys((unit.world, unit.traffic) for unit in missing):
-            if traffic in design.traffics(world) and not design.worlds[world].traffics:
-                _find_demand(worlds[world], traffic, tell, of_areas=made.traffic_area_m is not None)
-        if missing:
-            listener = Listener(on_ready, on_unit, lambda what: tell(0.0, what), on_recorded)
-            engine.fly(made, missing, listener)
-        else:
-            store.begin(made)
-        return Ran(made, store.table(), flying)
-
-
-def _find_demand(world: World, traffic: str, tell: OnProgress, *, of_areas: bool) -> None:
+def _find_demand(world: World, traffic: str, report: OnProgress, *, of_areas: bool) -> None:
     """Search for the density of a level of service or an hour once, before every worker process would.
 
     A world that cannot reach it does not fail the study; its units report it.
     """
 
     def on_search(_share: float) -> None:
-        tell(0.0, f"Finding the demand of {traffic} in {world.name}")
+        report(0.0, f"Finding the demand of {traffic} in {world.name}")
 
     asked = density_named(traffic)
     with suppress(PaveTwinError):

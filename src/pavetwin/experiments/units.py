@@ -95,7 +95,7 @@ def _is_of_policies(key: str) -> bool:
     return ALIASES.get(key, key).startswith("policy.")
 
 
-def _options(section: str, name: str) -> Mapping[str, object]:
+def _options(section: str, name: str) -> Mapping[str, OptionValue]:
     return (policy_class(name) if section == "policy" else sensor_class(name)).default_options
 
 
@@ -151,12 +151,8 @@ class Cell:
                 if not isinstance(layer, dict):
                     raise PaveTwinError(f"the design: '{key}' is not a setting.")
             layer[leaf] = value
-        if len(design.sensors) > 1:
-            has = {name: sensor_class(name).default_options for name in design.sensors}
-            _keep_own_options(nested, "sensing", self.sensor, has, owners="sensor of the design")
-        if len(design.policies) > 1:
-            has = {name: policy_class(name).default_options for name in design.policies}
-            _keep_own_options(nested, "policy", self.policy, has, owners="policy of the design")
+        _keep_own_options(nested, "sensing", self.sensor, design.sensors, owners="sensor of the design")
+        _keep_own_options(nested, "policy", self.policy, design.policies, owners="policy of the design")
         return load_settings(self.preset, **nested)
 
 
@@ -336,16 +332,11 @@ def traffic_area_m(design: Design, cells: Sequence[Cell]) -> float | None:
     return max(known) if len(known) == len(asked) else None
 
 
-def _keep_own_options(
-    values: dict[str, Any], section: str, name: str, has: Mapping[str, Mapping[str, OptionValue]], *, owners: str
-) -> None:
-    """Leave of a section's options those that one of several policies or sensors has.
-
-    Raises:
-        PaveTwinError: none of them has an option.
-    """
+def _keep_own_options(values: dict[str, Any], section: str, name: str, names: Sequence[str], *, owners: str) -> None:
+    """Leave of a section's options those that one of several policies or sensors has."""
     inner = values.get(section)
-    if isinstance(inner, dict) and isinstance(options := inner.get("options"), Mapping):
+    if len(names) > 1 and isinstance(inner, dict) and isinstance(options := inner.get("options"), Mapping):
+        has = {each: _options(section, each) for each in names}
         inner["options"] = options_of_one(name, has, options, key=f"{section}.options", owners=owners)
 
 

@@ -41,9 +41,7 @@ def overview(group: Group, gain: Metric, cost: Metric, traffics: Sequence[Any]) 
         for traffic, cells, panel in zip(traffics, found, axes[0], strict=True):
             for option in cells:
                 look = chosen[option.policy]
-                x, y = option.cost["mean"] * cost.scale, option.gain["mean"] * gain.scale
-                _interval_line(panel, option.cost, cost.scale, y, look.colour, flat=True)
-                _interval_line(panel, option.gain, gain.scale, x, look.colour, flat=False)
+                x, y = _interval_lines(panel, option, gain, cost, color=look.colour, linewidth=0.9, alpha=0.7)
                 panel.plot(
                     x, y, look.marker, color=look.colour, markersize=_MARK_PT, markeredgecolor=style.INK,
                     markerfacecolor=_altitude_fill(group, option.altitude_m, look.colour),
@@ -58,10 +56,14 @@ def overview(group: Group, gain: Metric, cost: Metric, traffics: Sequence[Any]) 
     return figure
 
 
-def _interval_line(axes: Axes, row: Any, scale: float, at: float, colour: str, *, flat: bool) -> None:
-    if row["low"] is not None:
-        ends = [row["low"] * scale, row["high"] * scale]
-        axes.plot(*((ends, [at, at]) if flat else ([at, at], ends)), color=colour, linewidth=0.9, alpha=0.7, zorder=2)
+def _interval_lines(axes: Axes, option: "Option", gain: Metric, cost: Metric, **look: Any) -> tuple[float, float]:
+    """Draw the intervals of an option's means, and return its place."""
+    x, y = option.cost["mean"] * cost.scale, option.gain["mean"] * gain.scale
+    if option.cost["low"] is not None:
+        axes.plot([option.cost["low"] * cost.scale, option.cost["high"] * cost.scale], [y, y], zorder=2, **look)
+    if option.gain["low"] is not None:
+        axes.plot([x, x], [option.gain["low"] * gain.scale, option.gain["high"] * gain.scale], zorder=2, **look)
+    return x, y
 
 
 def _altitude_fill(group: Group, altitude: Any, colour: str) -> str:
@@ -308,9 +310,6 @@ def _row_level(factor: str, level: Any) -> str:
 _MARK_SIZES_PT: Final = (3.4, 5.0, 6.6, 8.0, 9.2)
 """Sizes of marks, from the lowest altitude up."""
 
-GainAndCost = tuple[float, float]
-"""Gain (more is better) and cost (less is better)."""
-
 
 @dataclass(frozen=True)
 class Option:
@@ -323,12 +322,12 @@ class Option:
     on_front: bool
 
 
-def dominates(one: GainAndCost, other: GainAndCost) -> bool:
-    """True if `one` is at least as good in both and better in one."""
+def dominates(one: tuple[float, float], other: tuple[float, float]) -> bool:
+    """True if `one` is at least as good in gain (more is better) and cost (less is better), and better in one."""
     return one[0] >= other[0] and one[1] <= other[1] and one != other
 
 
-def on_front(points: Sequence[GainAndCost]) -> list[bool]:
+def on_front(points: Sequence[tuple[float, float]]) -> list[bool]:
     """For each point, True if none dominates it (the Pareto front). Equal points are on the front together."""
     return [not any(dominates(one, point) for one in points) for point in points]
 
@@ -375,22 +374,14 @@ def _front_panel(
     gain, cost = metrics
     for option in cells:
         look, strong = chosen[option.policy], 1.0 if option.on_front else 0.4
-        x, y = option.cost["mean"] * cost.scale, option.gain["mean"] * gain.scale
-        for row, scale, place in ((option.cost, cost.scale, 0), (option.gain, gain.scale, 1)):
-            if row["low"] is not None:
-                ends = [row["low"] * scale, row["high"] * scale]
-                line = (ends, [y, y]) if place == 0 else ([x, x], ends)
-                axes.plot(*line, color=look.colour, linestyle=look.dash, linewidth=0.7, alpha=0.45 * strong, zorder=2)
+        drawn: dict[str, Any] = {"color": look.colour, "linestyle": look.dash, "linewidth": 0.7, "alpha": 0.45 * strong}
+        x, y = _interval_lines(axes, option, gain, cost, **drawn)
         axes.plot(
             x, y, look.marker, color=look.colour, markersize=_mark_size(group, option.altitude_m), alpha=strong,
             markeredgecolor=style.INK if option.on_front else style.PAPER, markeredgewidth=0.7, zorder=4,
         )  # fmt: skip
-    _front_line(axes, [o for o in cells if o.on_front], gain, cost)
-
-
-def _front_line(axes: Axes, front: Sequence[Option], gain: Metric, cost: Metric) -> None:
-    """Steps: at a cost between two cells of the front, the cheaper one is the best there is."""
-    ends = sorted((o.cost["mean"] * cost.scale, o.gain["mean"] * gain.scale) for o in front)
+    # Steps: at a cost between two cells of the front, the cheaper one is the best there is.
+    ends = sorted((o.cost["mean"] * cost.scale, o.gain["mean"] * gain.scale) for o in cells if o.on_front)
     if ends:
         axes.step([x for x, _ in ends], [y for _, y in ends], where="post", color=style.INK, linewidth=0.9, zorder=3)
 
@@ -477,14 +468,16 @@ def _at_level(frame: pl.DataFrame, column: str, level: Any) -> pl.DataFrame:
 
 _NO_FACTORS: Final = ("replicate", "residual")
 """Terms that are not factors of the design."""
+_MOST_TERMS: Final = 16
 
 
-def effect_bars(effects: pl.DataFrame, metrics: Sequence[Metric], most: int = 16) -> Figure:
-    """η² as bars, ω² as marks; terms in the order of the frame, at most so many."""
-    terms = effects["term"].unique(maintain_order=True).to_list()[:most]
+def effect_bars(effects: pl.DataFrame, metrics: Sequence[Metric]) -> Figure:
+    """η² as bars, ω² as marks; terms in the order of the frame."""
+    terms = effects["term"].unique(maintain_order=True).to_list()[:_MOST_TERMS]
     with style.styled():
         figure, panels = canvas.side_by_side(len(metrics), 0.85 + 0.2 * len(terms))
-        widest = 1.32 * _widest_effect(effects, terms)
+        shown = effects.filter(pl.col("term").is_in(terms)).select(pl.max_horizontal("eta2", "omega2").max()).item()
+        widest = 132 * float(shown or 0.01)  # all panels have one scale, in per cent
         for axes, metric in zip(panels, metrics, strict=True):
             rows = effects.filter(pl.col(METRIC) == metric.name).iter_rows(named=True)
             _effect_panel(axes, metric, terms, {row["term"]: row for row in rows})
@@ -514,12 +507,6 @@ def _effect_panel(axes: Axes, metric: Metric, terms: Sequence[str], rows: dict[s
     axes.set(ylim=(len(terms) - 0.4, -0.6), xlabel="share of variation, %")
     axes.tick_params(axis="y", length=0)
     canvas.panel_title(axes, metric.label)
-
-
-def _widest_effect(effects: pl.DataFrame, terms: Sequence[str]) -> float:
-    """The largest share of any panel, so that all have one scale; in per cent."""
-    shown = effects.filter(pl.col("term").is_in(terms)).select(pl.max_horizontal("eta2", "omega2").max()).item()
-    return 100 * float(shown or 0.01)
 
 
 def _effect_colour(term: str, p: float | None) -> str:

@@ -21,11 +21,10 @@ from pavetwin.draw.world_map import ABOVE_WORLD, EVERYTHING, MapLayer, draw_worl
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
 from pavetwin.experiments.metrics import COMPARED, FAILED, FLOWN, REASON, STATUS, metric_named
-from pavetwin.experiments.planning import replaced_sentence
+from pavetwin.experiments.planning import area_if_known, replaced_sentence
 from pavetwin.experiments.report import figures
 from pavetwin.experiments.report.study import AXES, METRIC, Group, Study
 from pavetwin.experiments.statistics.effects import EFFECT_ALPHA, significant_terms
-from pavetwin.experiments.units import cells_of, traffic_area_m
 from pavetwin.experiments.words import factor_text, heading, level_text, shown, term_text
 from pavetwin.reports.blocks import Block, ReportFigure, Section, Table, TableCell, text_cells
 from pavetwin.reports.canvas import raster, vector
@@ -327,7 +326,9 @@ def traffic_section(study: Study) -> Section:
 
 
 def _rows(study: Study) -> Iterator[tuple[TableCell, ...]]:
-    distance_m = _area_m(study)
+    distance_m = None
+    with suppress(PaveTwinError):
+        distance_m = area_if_known(Design.parse(study.design, where="the design"))
     for name, world in study.worlds.items():
         for traffic in study.levels("traffic"):
             here = study.table.filter(world=name, traffic=traffic)["traffic_seed"].drop_nulls()
@@ -345,14 +346,6 @@ def _entry_of(study: Study, world: World) -> Mapping[str, Any]:
     own = (entry for entry in study.design.get("worlds", ()) if isinstance(entry, Mapping))
     folder = world.folder.absolute() if world.folder else None
     return next((entry for entry in own if Path(entry["path"]).absolute() == folder), {})
-
-
-def _area_m(study: Study) -> float | None:
-    """Within which distance of what is inspected traffic was recorded; None for whole towns."""
-    with suppress(PaveTwinError):
-        design = Design.parse(study.design, where="the design")
-        return traffic_area_m(design, cells_of(design))
-    return None
 
 
 def _recordings(

@@ -130,7 +130,8 @@ def _shrunk(
     spread = np.sqrt((freedom + 1) / freedom) if freedom else 0.0
     tails = np.sqrt(freedom / rng.chisquare(freedom, len(deviations))) if freedom else np.zeros(len(deviations))
     expected, draws = np.zeros_like(observed), np.zeros_like(deviations)
-    average = _per_contrast([spread * (deviations @ basis) for basis in parts[1:]])
+    variances = [(spread * (deviations @ basis)).var(axis=0) for basis in parts[1:]]
+    average = float(np.concatenate(variances or [np.zeros(1)]).mean())  # over all contrasts
     share = unseen / (freedom + 1 + unseen)
     for number, basis in enumerate(parts):
         own, errors = basis.T @ observed, spread * (deviations @ basis)
@@ -141,12 +142,6 @@ def _shrunk(
         draws += ((1 - kappa)[:, np.newaxis] * own + (np.sqrt(1 - kappa) * tails)[:, np.newaxis] * errors) @ basis.T
         expected += basis @ ((1 - kappa.mean()) * own)
     return expected, draws
-
-
-def _per_contrast(errors: Sequence[Float64Array]) -> float:
-    """The mean variance of (draws, contrasts) errors over all contrasts; 0 of none."""
-    variances = np.concatenate([part.var(axis=0) for part in errors]) if errors else np.zeros(1)
-    return float(variances.mean())
 
 
 def _kappa(own: Float64Array, errors: Float64Array, uniform: Float64Array) -> Float64Array:
