@@ -1,4 +1,4 @@
-"""`pavetwin compare`: models side by side."""
+"""`pavetwin compare`: compare models in one table."""
 
 import os
 from pathlib import Path
@@ -33,15 +33,17 @@ def compare(
         list[str] | None,
         typer.Option(metavar="[NAME=]FILE.pt", help="Weights trained with Ultralytics, if installed; repeatable."),
     ] = None,
-    dataset: Annotated[Path | None, typer.Option(help="What accuracy is measured on; none without it.")] = None,
-    split: Annotated[str, typer.Option(help="Of the dataset: test, val or train.")] = "test",
-    frames: Annotated[int, typer.Option(min=1, help="How many are timed for each model.")] = 30,
-    threads: Annotated[int, typer.Option(min=0, help="Of one image; 0: one for each core.")] = 0,
+    dataset: Annotated[
+        Path | None, typer.Option(help="Dataset to measure accuracy on; without it, accuracy is left empty.")
+    ] = None,
+    split: Annotated[str, typer.Option(help="Split of the dataset: test, val or train.")] = "test",
+    frames: Annotated[int, typer.Option(min=1, help="Number of frames that each model is timed on.")] = 30,
+    threads: Annotated[int, typer.Option(min=0, help="Number of threads per image; 0: one per core.")] = 0,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="The table as a file, such as models.csv.")
     ] = None,
 ) -> None:
-    """Compare models: accuracy on a dataset, size of the file, frames a second on this machine, operations.
+    """Compare models: accuracy on a dataset, size of the file, frames per second on this machine, operations.
 
     \b
     pavetwin compare --sizes n,s,m,l
@@ -49,8 +51,8 @@ def compare(
     pavetwin compare photographs rendered --dataset datasets/streets
     pavetwin compare --sizes n,s --ultralytics yolov8n,yolo11n,yolo12n --weights eleven=runs/eleven/best.pt
 
-    A cell that was not measured is empty. FPS: one image of 640 × 480, from pixels to detections, seen as `detect`
-    sees it by default. GFLOPs: one image of 640 × 640. Needs onnxruntime (`pip install pavetwin\\[detect]`);
+    Cells without a measurement are empty. FPS: one image of 640 × 480, from pixels to detections, with the defaults
+    of `detect`. GFLOPs: one image of 640 × 640. Needs onnxruntime (`pip install pavetwin\\[detect]`);
     untrained networks and GFLOPs need PyTorch too (`pavetwin\\[train]`), accuracy pycocotools
     (`pavetwin\\[evaluate]`). Ultralytics is not part of PaveTwin: it is AGPL-3.0, runs in PyTorch here, and its sizes
     are those of its parameters in single precision.

@@ -40,7 +40,7 @@ NOTES_SHOWN = 3
 
 
 def print_report(report: "Report", folder: Path) -> None:
-    """The report's first lines, refusals first, on the error stream; and where all of it is."""
+    """Print the first lines of a report on the error stream, refusals first, and the path of its file."""
     from pavetwin.training.datasets.report import FILE, UNLABELLED, Finding
 
     order = list(Finding)
@@ -55,13 +55,13 @@ def print_report(report: "Report", folder: Path) -> None:
         err.line(f"{counts}; all{more} in {folder / FILE}")
     if report.unlabelled:
         err.line(
-            f"Pictures without a label: {folder / UNLABELLED}. Look at them; those that show nothing of any class are "
+            f"Images without a label: {folder / UNLABELLED}. Check them; those that show nothing of any class are "
             "kept as background if this list is given (--background, or `background` of a recipe)."
         )
 
 
 def splits_table(found: "SplitShares") -> "Table":
-    """A row a class: the share of its instances in each split."""
+    """A row per class: the share of its instances in each split."""
     from pavetwin.labels import SPLITS
 
     made = table("share of", *(f"{name} %" for name in SPLITS))
@@ -71,7 +71,7 @@ def splits_table(found: "SplitShares") -> "Table":
 
 
 def balance_table(plan: "CopyPlan") -> "Table":
-    """A row a class that the dataset shows: its instances before and after."""
+    """A row per class of the dataset: its instances before and after."""
     from pavetwin.labels.common_form import class_names
 
     made = table("instances of", "before", "after", "of target %")
@@ -82,7 +82,7 @@ def balance_table(plan: "CopyPlan") -> "Table":
 
 
 def counts_table(title: str, counts: "DatasetCounts") -> "Table":
-    """A row a source, and the sums."""
+    """A row per source, and the sums."""
     from pavetwin.labels.common_form import class_names
 
     several = len(counts.sources) > 1
@@ -147,9 +147,12 @@ def import_folder(
     tiles: Annotated[
         bool, typer.Option("--tiles", help="Cut larger images into tiles instead: thin cracks vanish when shrunk.")
     ] = False,
-    gsd: Annotated[float | None, typer.Option(help="Millimetres a pixel of the source covers, if it is known.")] = None,
+    gsd: Annotated[
+        float | None, typer.Option(help="Ground resolution of the source in millimetres per pixel, if known.")
+    ] = None,
     target_gsd: Annotated[
-        float | None, typer.Option(help="Millimetres a pixel shall cover, where the source's are known.")
+        float | None,
+        typer.Option(help="Ground resolution to scale to, in millimetres per pixel, if that of the source is known."),
     ] = None,
     background: Annotated[
         Path | None,
@@ -206,16 +209,16 @@ def _end(summary: "ImportSummary | BalanceSummary | CompositeSummary", output: P
 @app.command()
 def merge(
     datasets: Annotated[
-        list[Path], typer.Argument(help="Folders of datasets; of a picture that is in two, the first counts.")
+        list[Path], typer.Argument(help="Folders of datasets; an image in several is taken from the first.")
     ],
     output: NewDataset,
 ) -> None:
-    """Merge datasets into one: pictures that are there more than once are kept once.
+    """Merge datasets into one, and drop repeated images.
 
     \b
     pavetwin data merge datasets/china datasets/uapd datasets/cars -o datasets/all
 
-    Pictures are compared by what they show. Those of one place become one scene, which a split keeps together.
+    Images are compared by their content. Those of one place become one scene, which a split keeps together.
     """
     from pavetwin.training.datasets.merging import merge as merged
 
@@ -233,12 +236,12 @@ def balance(
         int | None, typer.Option(help="Instances of each class, at least; with --leave-out exactly so many.")
     ] = None,
     leave_out: Annotated[
-        bool, typer.Option("--leave-out", help="Leave images out where copies alone make classes not equal.")
+        bool, typer.Option("--leave-out", help="Leave images out where copies alone do not make classes equal.")
     ] = False,
     copies: Annotated[int, typer.Option(help="Copies of one image, at most.")] = 50,
-    seed: Annotated[int, typer.Option(help="Random seed; 0 is a seed too.")] = 0,
+    seed: Annotated[int, typer.Option(help="Random seed; 0 is valid.")] = 0,
 ) -> None:
-    """Bring all classes to equally many instances by changed copies of images: flipped, rotated, lighter, noisier.
+    """Balance the classes by changed copies of images: flipped, rotated, lighter, noisier.
 
     \b
     pavetwin data balance datasets/all -o datasets/balanced
@@ -269,16 +272,16 @@ def composite(
     roads: Annotated[
         str, typer.Option(help="Sources whose pictures look straight down on roads, with commas, as in uav-pdd2023.")
     ] = "",
-    share: Annotated[float, typer.Option(help="Percent of the road images that become a composite too.")] = 30.0,
+    share: Annotated[float, typer.Option(help="Percentage of the road images to make composites of.")] = 30.0,
     repeat: Annotated[int, typer.Option(min=1, help="Images that one cut-out stands on, at most.")] = 20,
     road_masks: Annotated[
         Path | None,
-        typer.Option(help="Folder of masks NAME.png, white where an image shows road; else its look decides."),
+        typer.Option(help="Folder of masks NAME.png, white where an image shows road; else colour and texture decide."),
     ] = None,
     shares: Annotated[str, typer.Option(help="Percent of train/val/test, as the dataset will be split.")] = "70/20/10",
-    seed: Annotated[int, typer.Option(help="Random seed; 0 is a seed too.")] = 0,
+    seed: Annotated[int, typer.Option(help="Random seed; 0 is valid.")] = 0,
 ) -> None:
-    """Put people and vehicles, cut out of some images, on the roads of others: new images besides the existing ones.
+    """Add images with people and vehicles, cut out of some images, on the roads of others.
 
     \b
     pavetwin data composite datasets/all -o datasets/mixed --objects uav-cars --roads uav-pdd2023
@@ -317,7 +320,7 @@ def composite(
 def split(
     dataset: DatasetFolder,
     shares: Annotated[str, typer.Option(help="Percent of train/val/test.")] = "70/20/10",
-    seed: Annotated[int, typer.Option(help="Random seed; 0 is a seed too.")] = 0,
+    seed: Annotated[int, typer.Option(help="Random seed; 0 is valid.")] = 0,
 ) -> None:
     """Divide a dataset into train, val and test: every class in these shares, scenes undivided.
 
@@ -555,7 +558,7 @@ def _pack(settings: "RecipePack", folders: list[Path], output: Path) -> None:
 
 
 def _joined_table(joined: "JoinedImages") -> "Table":
-    """A row a class: its labels by split."""
+    """A row per class: its labels by split."""
     from pavetwin.labels import SPLITS
 
     splits = [split for split in SPLITS if joined.images[split]]

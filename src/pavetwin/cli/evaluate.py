@@ -1,4 +1,4 @@
-"""`pavetwin evaluate`: how good detections are, against a dataset's labels."""
+"""`pavetwin evaluate`: quality of detections against a dataset's labels."""
 
 from math import isnan
 from pathlib import Path
@@ -30,16 +30,17 @@ def evaluate(
     detections: Annotated[
         Path,
         typer.Argument(
-            metavar="MODEL", help="model.onnx, what ships by name, weights such as best.pt, or detections (COCO)."
+            metavar="MODEL",
+            help="model.onnx, a shipped detector by name, weights such as best.pt, or detections (COCO).",
         ),
     ],
     dataset: Annotated[Path, typer.Argument(help="Folder with annotations/instances_SPLIT.json and images/SPLIT/.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the report.")],
-    split: Annotated[str, typer.Option(help="Of the dataset: test, val or train.")] = "test",
-    confidence: Annotated[float, typer.Option(help="At which precision, recall and F1 are stated.")] = 0.25,
+    split: Annotated[str, typer.Option(help="Split of the dataset: test, val or train.")] = "test",
+    confidence: Annotated[float, typer.Option(help="Confidence at which precision, recall and F1 are stated.")] = 0.25,
     against: Annotated[
         list[Path] | None,
-        typer.Option(help="Another model or its detections; differences are these less the others. Repeatable: runs."),
+        typer.Option(help="Another model or its detections, to state the differences; repeat it for several runs."),
     ] = None,
     runs: Annotated[
         list[Path] | None,
@@ -49,10 +50,12 @@ def evaluate(
         bool,
         typer.Option(
             "--overview",
-            help="The model (and --run) looks in tiles and as a whole, as of `detect`; --against does not.",
+            help="Search in tiles and in the whole image, as `detect --overview`; for MODEL and --run only.",
         ),
     ] = False,
-    regions: Annotated[Path | None, typer.Option(help="File with subtypes of true regions, see the how-to.")] = None,
+    regions: Annotated[
+        Path | None, typer.Option(help="File with subtypes of true regions; see the how-to page on evaluation.")
+    ] = None,
     true_regions: Annotated[
         bool,
         typer.Option("--true-regions", help="Also classify true regions with a model; needs PyTorch and onnx."),

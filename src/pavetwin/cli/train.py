@@ -208,7 +208,7 @@ def export(
     licence: Annotated[
         str,
         typer.Option(
-            help="Licence of the weights to be stated in the file, such as Apache-2.0; default: that of a model."
+            help="Licence of the weights, stated in the file, such as Apache-2.0; default: that of an exported model."
         ),
     ] = "",
 ) -> None:
