@@ -42,7 +42,7 @@ def test_the_legend_ends_within_the_sheet() -> None:
     left=st.integers(-10, 290), top=st.integers(-10, 190), width=st.integers(6, 60), height=st.integers(6, 60),
     size_px=st.sampled_from([None, CELL_PX]),
 )  # fmt: skip
-def test_a_part_shows_its_box_where_it_says(left: int, top: int, width: int, height: int, size_px: int | None) -> None:
+def test_a_part_shows_its_box_where_stated(left: int, top: int, width: int, height: int, size_px: int | None) -> None:
     picture = Image.new("RGB", (300, 200), "#808080")
     picture.paste("#FF0000", (left, top, left + width, top + height))
     box = (float(left), float(top), float(left + width), float(top + height))

@@ -1,4 +1,4 @@
-"""Names in any script are readable on pictures: by a font that has their letters, or in Latin letters or as an id."""
+"""Names in any script are readable on images: by a font that has their letters, or in Latin letters or as an id."""
 
 import re
 import warnings

@@ -109,7 +109,7 @@ def test_parked_vehicles_and_what_they_hide_are_on_the_map_and_in_its_legend() -
     assert "Surface that can be seen" not in [name for name, _ in main_numbers(empty)]
 
 
-def test_waits_are_as_long_as_the_metrics_say() -> None:
+def test_waits_are_as_long_as_the_metrics_state() -> None:
     result = tiny.result("car_that_leaves", "hover")
     stays = waits(result.track)
     assert stays
@@ -199,14 +199,14 @@ def test_a_segment_lies_along_the_page() -> None:
         assert (left + right, bottom + top) == pytest.approx((0, 0), abs=1e-6)
 
 
-def test_the_segment_with_most_occlusions_tells_most() -> None:
+def test_the_segment_with_most_occlusions_is_the_most_notable() -> None:
     result = tiny.result("lively_street", "hover")
     (row,) = result.rows
     other = replace(row, segment="other", occlusions=row.occlusions + 1, length_m=1.0)
     assert notable_segments([replace(result, rows=(row, other))]) == ["other", row.segment]
 
 
-def test_a_comparison_says_why_it_shows_that_segment() -> None:
+def test_a_comparison_states_why_it_shows_that_segment() -> None:
     result = tiny.result("lively_street", "hover")
     (row,) = result.rows
     for change, reason in (
@@ -266,7 +266,7 @@ def test_a_mission_that_saw_nothing_has_a_map_too(tmp_path: Path) -> None:
     assert (tmp_path / "map.png").is_file()
 
 
-def test_a_policy_of_ones_own_has_one_colour_in_a_comparison_and_in_a_report() -> None:
+def test_a_policy_of_the_users_own_has_one_colour_in_a_comparison_and_in_a_report() -> None:
     results = [tiny.result("queue_that_leaves", policy) for policy in ("baseline", "hover")]
     calm = replace(results[1], policy="calm")
     with style.styled():

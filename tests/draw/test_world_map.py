@@ -12,9 +12,11 @@ import shapely
 from PIL import Image
 from shapely import affinity
 
+from pavetwin.arrays import UInt8Array
 from pavetwin.cli import main
 from pavetwin.draw import lettering, style
 from pavetwin.draw.shapes import shadow, stripes
+from pavetwin.draw.style import with_palette
 from pavetwin.draw.world_map import ABOVE_WORLD, draw_world, lane_lines
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.model import World
@@ -43,7 +45,7 @@ def town(tmp_path_factory: pytest.TempPathFactory) -> World:
     return save_world(damaged("town", 4), folder)
 
 
-def test_show_says_where_the_map_is(
+def test_show_states_where_the_map_is(
     cross: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(monkeypatch, "world", "show", cross) == 0
@@ -73,7 +75,7 @@ def test_a_town_fits_in_half_a_megabyte_and_has_room_for_all_ids(
     assert "no room" not in capsys.readouterr().out
 
 
-def test_the_page_loads_nothing_and_tells_of_every_segment_and_defect(
+def test_the_page_loads_nothing_and_lists_every_segment_and_defect(
     cross: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert run(monkeypatch, "world", "show", cross, "--html", "-o", tmp_path / "m.png") == 0
@@ -223,9 +225,48 @@ def test_a_user_style_is_left_aside_and_comes_back(cross: Path, tmp_path: Path) 
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
-def test_who_is_named_and_scales_are_round() -> None:
+def test_attribution_is_stated_and_scales_are_round() -> None:
     assert attribution("berlin.osm.pbf") == "© OpenStreetMap contributors"
     assert attribution("generated town") is None
     assert [style.nice_length_m(length) for length in (0.7, 1, 9, 123, 999)] == [0.5, 1, 5, 100, 500]
     with pytest.raises(PaveTwinError, match="png"):
         style.save_figure(style.new_figure(1, 1), Path("x.gif"))
+
+
+def opaque(rgb: UInt8Array) -> UInt8Array:
+    return np.concatenate([rgb, np.full((*rgb.shape[:2], 1), 255, np.uint8)], axis=-1)
+
+
+def test_a_palette_keeps_large_areas_and_rare_colours() -> None:
+    red, green = np.meshgrid(np.arange(256), np.arange(256))
+    pixels = np.stack([red, green, 255 - red], axis=-1).astype(np.uint8)  # 65,536 colours, as edges make many
+    pixels[:128] = (244, 241, 235)
+    pixels[200, 7:9] = (0, 132, 0)  # a mark of two pixels, unlike all others
+    drawn = with_palette(opaque(pixels))
+    assert drawn.mode == "P"
+    shown = np.asarray(drawn.convert("RGB")).astype(int)
+    away = np.abs(shown - pixels).max(axis=-1)
+    assert away[:128].max() <= 1
+    assert away[200, 7:9].max() <= 16
+    assert away.max() <= 16
+    assert len(np.unique(shown.reshape(-1, 3), axis=0)) <= 256
+
+
+def test_few_colours_stay_as_they_are() -> None:
+    pixels = np.zeros((4, 5, 3), dtype=np.uint8)
+    pixels[1:3] = (255, 255, 255)
+    pixels[0, 0] = (31, 58, 95)
+    assert np.array_equal(np.asarray(with_palette(opaque(pixels)).convert("RGB")), pixels)
+
+
+def test_a_figure_has_the_pixels_that_matplotlib_saves(tmp_path: Path) -> None:
+    with style.styled():
+        figure = style.new_figure(2.0, 1.0)
+        axes = style.axes_in(figure, 0.2, 0.2, 1.6, 0.7)
+        axes.plot([0, 1], [0, 1], color="#1F3A5F", alpha=0.5)
+        figure.savefig(tmp_path / "whole.png", format="png", dpi=style.DPI)
+    with Image.open(tmp_path / "whole.png") as saved:
+        expected = np.asarray(with_palette(np.asarray(saved.convert("RGBA"))).convert("RGB"))
+    style.save_figure(figure, tmp_path / "figure.png")
+    with Image.open(tmp_path / "figure.png") as saved:
+        assert np.array_equal(np.asarray(saved.convert("RGB")), expected)

@@ -85,7 +85,7 @@ def test_traffic_is_recorded_and_missions_fly_all_the_same(world: Path, tmp_path
     assert (tmp_path / "m" / "mission.parquet").is_file()
 
 
-def test_who_asks_again_is_told_the_same() -> None:
+def test_a_second_request_reports_the_same() -> None:
     """A failure is not remembered, and must not change what is said the second time."""
     script = """
 from pavetwin.errors import PaveTwinError

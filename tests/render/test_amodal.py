@@ -1,4 +1,4 @@
-"""The cell of an amodal object holds all of it that is in the picture, and little else."""
+"""The cell of an amodal object holds all of it that is in the image, and little else."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def cell_of(body: np.ndarray, margin_px: float = 2.0):
 
 
 def pixels_of(body: np.ndarray, moved_m: float = 0.0) -> np.ndarray:
-    """Where points all over a box appear in the picture, moved by up to some metres."""
+    """Where points all over a box appear in the image, moved by up to some metres."""
     rng = np.random.default_rng(1)
     points = rng.uniform(body.min(axis=0), body.max(axis=0), (200_000, 3)) + rng.uniform(-moved_m, moved_m, 3)
     seen = VIEW.project(points[VIEW.to_camera(points)[:, 2] >= NEAR_M])
@@ -28,7 +28,7 @@ def pixels_of(body: np.ndarray, moved_m: float = 0.0) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("x", "y"), [(1.5, -2.5), (1.5, 2.5), (2.0, -1.2), (8.0, 1.0)])
-def test_a_cell_holds_all_of_a_body_beside_the_camera(x: float, y: float) -> None:
+def test_a_cell_holds_all_of_a_body_next_to_the_camera(x: float, y: float) -> None:
     cell, seen = cell_of(box(x, y)), pixels_of(box(x, y))
     assert cell is not None
     assert len(seen) > 1000

@@ -1,4 +1,4 @@
-"""Leaves are cut out of cards alike in pictures, labels and shadows."""
+"""Leaves are cut out of cards alike in images, labels and shadows."""
 
 from functools import cache
 from math import atan, pi

@@ -115,7 +115,7 @@ def test_the_ground_is_as_deep_as_its_plane() -> None:
         assert (seen.labels == 0).all()
 
 
-def test_what_is_behind_the_camera_or_outside_the_image_is_not_told_of() -> None:
+def test_what_is_behind_the_camera_or_outside_the_image_is_not_reported() -> None:
     view = VIEWS["along the street"]
     behind, beside = Box(-20, 1, 2, 2, 2, label=1), Box(0, 40, 2, 2, 2, label=2)
     ahead = Box(0, 1, 2, 2, 2, label=3)
@@ -124,7 +124,7 @@ def test_what_is_behind_the_camera_or_outside_the_image_is_not_told_of() -> None
     assert {label for label, count in seen.amodal_px.items() if count} == {3}
 
 
-def test_a_frame_tells_only_what_it_is_asked() -> None:
+def test_a_frame_holds_only_what_is_requested() -> None:
     view, boxes = VIEWS["tilted"], scattered(VIEWS["tilted"], 6, seed=5)
     asked = frame(view, boxes)
     bare = frame(view, boxes, labels=False, depth=False)

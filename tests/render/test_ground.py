@@ -116,7 +116,7 @@ def assert_alike(seen: np.ndarray, wanted: np.ndarray) -> None:
 
 @pytest.mark.parametrize("kind", GroundKind, ids=lambda kind: kind.name)
 @pytest.mark.parametrize("light", LIGHTS.values(), ids=LIGHTS)
-def test_every_kind_of_ground_looks_as_its_formula_says(strips: Renderer, light: Light, kind: GroundKind) -> None:
+def test_every_kind_of_ground_looks_as_its_formula_states(strips: Renderer, light: Light, kind: GroundKind) -> None:
     """From where single stones show, from where they melt, and from the side."""
     x, y = ORIGIN[0] + TILE_M / 2, ORIGIN[1] + (kind + 0.5) * STRIP_M
     for height_m, pitch, aside_m in ((1.0, -pi / 2, 4.0), (5.0, -pi / 2, 0.0), (18.0, -pi / 2, 0.0), (4.0, -1.1, 0.0)):
@@ -132,7 +132,7 @@ def test_every_kind_of_ground_looks_as_its_formula_says(strips: Renderer, light:
 
 
 @pytest.mark.parametrize("light", LIGHTS.values(), ids=LIGHTS)
-def test_a_defect_looks_as_its_heightfield_says(hole: Renderer, light: Light) -> None:
+def test_a_defect_looks_as_its_heightfield_states(hole: Renderer, light: Light) -> None:
     """But for its walls: asphalt with the relief of its maps, from where a pixel is smaller than their cells."""
     defect = pothole()
     view = look(

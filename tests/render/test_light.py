@@ -49,7 +49,7 @@ def test_a_grey_plane_sends_back_its_share_of_sun_and_sky(light: Light) -> None:
     assert (seen > GREY / pi * falls * 0.99).all()
 
 
-def test_the_image_is_as_bright_as_the_exposure_says() -> None:
+def test_the_image_is_as_bright_as_the_exposure_states() -> None:
     light = SUNS[0]
     exposure = Exposure(1 / 1000, 5.6, 100.0)
     plain = ImageProcessing(contrast=1.0, saturation=1.0, adaptation=0.0, sharpening=0.0, blur_px=0.0, vignetting=0.0)
@@ -73,14 +73,14 @@ def test_an_automatic_exposure_makes_any_light_the_same_grey_and_compensation_ch
 
 
 def shadow_px(view: View, box: Box, light: Light) -> shapely.Geometry:
-    """Where the box's shadow lies in the picture, by geometry."""
+    """Where the box's shadow lies in the image, by geometry."""
     thrown = box.corners[:, :2] - light.to_sun[:2] / light.to_sun[2] * box.corners[:, 2:]
     return shapely.MultiPoint(view.project(np.column_stack([thrown, np.zeros(8)]))).convex_hull
 
 
 @pytest.mark.parametrize("azimuth_deg", [20.0, 135.0, 250.0])
 @pytest.mark.parametrize("elevation_deg", [30.0, 55.0])
-def test_a_posts_shadow_lies_where_the_sun_says(azimuth_deg: float, elevation_deg: float) -> None:
+def test_a_posts_shadow_lies_where_the_sun_states(azimuth_deg: float, elevation_deg: float) -> None:
     light = Light(elevation_deg, azimuth_deg)
     post = Box(0.3, -0.2, 0.3, 0.3, 3.0, yaw_rad=0.5)
     bare, seen = radiance(light), radiance(light, (post,))
@@ -249,7 +249,7 @@ def test_haze_and_slants_are_drawn_where_they_may_be_seen(
 
 @pytest.mark.parametrize("tree", ["tree_oval", "tree_round", "tree_spreading", "tree_young"])
 def test_boughs_high_up_hide_little_sky_from_the_ground_below(tree: str) -> None:
-    """They are not cars whose underside is near the ground: only the trunk's foot shades what is right beside it."""
+    """They are not cars whose underside is near the ground: only the trunk's foot shades what is right next to it."""
     overcast = Light(40.0, 0.0, cloud_cover=1.0)
     renderer = Renderer(Plane(models={tree: library()[tree]}))
     trunk = Instance(tree, "trunk", np.eye(4), np.tile(np.float32([1, 1, 1, 0]), (TINTS, 1)))
@@ -285,7 +285,7 @@ def towards(x: float, y: float, z: float, *, from_yaw_rad: float, distance_m: fl
 
 
 def change(renderer: Renderer, view: View, off: Instance, on: Instance) -> np.ndarray:
-    """(height, width, 3) by how much the picture of one thing gets brighter [kcd/m²]."""
+    """(height, width, 3) by how much the image of one thing gets brighter [kcd/m²]."""
     before, after = (
         light_of(renderer, view, instances=[each], light=LIGHT, truth=False).radiance[..., :3].astype(float)
         for each in (off, on)
@@ -294,7 +294,7 @@ def change(renderer: Renderer, view: View, off: Instance, on: Instance) -> np.nd
 
 
 def lamp_px(view: View, instance: Instance, slot: int) -> np.ndarray:
-    """(height, width) where a slot's triangles lie in the picture, and a pixel around them."""
+    """(height, width) where a slot's triangles lie in the image, and a pixel around them."""
     mesh = library()[instance.model].parts[instance.part]
     assert mesh.surface is not None
     mine = mesh.indices[(mesh.surface[mesh.indices, 2] == slot).any(axis=1)]
@@ -323,7 +323,7 @@ def test_brake_lamps_light_up_at_the_rear_and_nowhere_else(renderer: Renderer, k
     lit = brighter[..., 0] > 0
     assert lit.sum() >= 12
     assert not (brighter.any(axis=2) & ~lamp).any()
-    # What is seen of them is red, and bright beside sunlit paint: white paper in full sun sends 32 kcd/m².
+    # What is seen of them is red, and bright next to sunlit paint: white paper in full sun sends 32 kcd/m².
     assert brighter[lit][:, 0].mean() > 5.0
     assert brighter[lit][:, 0].mean() > 5 * brighter[lit][:, 1:].mean()
     # As much on the left as on the right.

@@ -150,7 +150,7 @@ def parked_body(row: int):
     return place.polygon
 
 
-def test_a_parked_car_darkens_the_road_beside_it(renderer: Renderer) -> None:
+def test_a_parked_car_darkens_the_road_next_to_it(renderer: Renderer) -> None:
     """Its shadow lies to the north-west of it, under a sun in the south-east."""
     alone = parked().only(parked().place == 1)
     x, y = float(alone.x[0]), float(alone.y[0])

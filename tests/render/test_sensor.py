@@ -9,7 +9,7 @@ import pytest
 import wgpu
 
 from pavetwin.render.frame import Exposure, meter, programme
-from pavetwin.render.sensor import ImageProcessing, picture
+from pavetwin.render.sensor import ImageProcessing, stored_image
 from pavetwin.render.tile_cache import TileCache
 from pavetwin.scene.light import Light, harmonics
 from pavetwin.scene.view import View, look
@@ -35,15 +35,15 @@ CROP = look((0, 0, 10), yaw_rad=pi / 2, pitch_rad=-pi / 2, size_px=(240, 160), v
 def of(
     luminance: float, *, iso: float = 100.0, seed: int = 0, style: ImageProcessing = PLAIN, light_share: float = 0.2
 ):
-    """The picture of an even luminance; the shutter is such that 1 kcd/m² fills the given share at every ISO."""
+    """The image of an even luminance; the shutter is such that 1 kcd/m² fills the given share at every ISO."""
     shutter = light_share / Exposure(1.0, 4.0, iso).share_per_light
     radiance = np.full((160, 240, 4), luminance, dtype=np.float16)
     settings = Exposure(shutter, 4.0, iso)
-    return picture(radiance, view=CROP, camera=CAMERA, light=LIGHT, exposure=settings, seed=seed, style=style)
+    return stored_image(radiance, view=CROP, camera=CAMERA, light=LIGHT, exposure=settings, seed=seed, style=style)
 
 
 def linear(rgb: np.ndarray) -> np.ndarray:
-    """Shares of saturation, from pictures of the plain style below its shoulder."""
+    """Shares of saturation, from images of the plain style below its shoulder."""
     code = rgb / 255
     return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4) / 1.5
 
@@ -53,7 +53,7 @@ def test_noise_grows_with_the_light_as_the_square_root_and_with_the_iso() -> Non
     assert bright.mean() / dim.mean() == pytest.approx(4, rel=0.02)
     # √4, less what rounding to 8 bits adds.
     assert bright.std() / dim.std() == pytest.approx(2, rel=0.25)
-    # At four times the ISO the same picture is made of a quarter of the electrons.
+    # At four times the ISO the same image is made of a quarter of the electrons.
     grainy = linear(of(1.0, iso=1600.0))
     clean = linear(of(1.0, iso=400.0))
     assert grainy.mean() == pytest.approx(clean.mean(), rel=0.02)
@@ -73,7 +73,7 @@ def shown(view: View, development: Development | None) -> np.ndarray:
     camera = CAMERA.model_copy(update={"development": development})
     settings = Exposure(0.2 / Exposure(1.0, 4.0, 400.0).share_per_light, 4.0, 400.0)
     style = ImageProcessing(vignetting=0.0)
-    return picture(radiance, view=view, camera=camera, light=LIGHT, exposure=settings, seed=0, style=style)
+    return stored_image(radiance, view=view, camera=camera, light=LIGHT, exposure=settings, seed=0, style=style)
 
 
 def test_a_mosaic_makes_neighbours_alike_and_noise_reduction_takes_noise_out() -> None:
@@ -91,7 +91,7 @@ def test_images_of_fewer_pixels_than_the_sensor_have_nothing_of_its_mosaic() -> 
     assert np.array_equal(shown(ABOVE, Development(noise_reduction=6.0)), shown(ABOVE, None))
 
 
-def test_corners_are_darker_by_what_the_style_says() -> None:
+def test_corners_are_darker_by_what_the_style_states() -> None:
     seen = linear(of(1.0, style=replace(PLAIN, vignetting=0.3)))
     corners = np.concatenate([seen[:8, :8], seen[-8:, -8:], seen[:8, -8:], seen[-8:, :8]]).mean()
     assert corners / seen[76:84, 116:124].mean() == pytest.approx(0.7 + 0.3 * 0.05, abs=0.03)
@@ -101,9 +101,11 @@ def test_light_beyond_what_half_floats_hold_blackens_no_image() -> None:
     radiance = np.full((160, 240, 4), 1.0, dtype=np.float16)
     radiance[5, 7], radiance[9, 9] = np.nan, np.inf
     settings = Exposure(1 / 1000, 4.0, 100.0)
-    seen = picture(radiance, view=ABOVE, camera=CAMERA, light=LIGHT, exposure=settings, seed=0, style=ImageProcessing())
+    seen = stored_image(
+        radiance, view=ABOVE, camera=CAMERA, light=LIGHT, exposure=settings, seed=0, style=ImageProcessing()
+    )
     radiance[5, 7] = radiance[9, 9] = 1.0
-    defect_free = picture(
+    defect_free = stored_image(
         radiance, view=ABOVE, camera=CAMERA, light=LIGHT, exposure=settings, seed=0, style=ImageProcessing()
     )
     assert np.array_equal(seen[20:], defect_free[20:])
@@ -128,7 +130,9 @@ def test_sunlit_grey_stays_grey_where_much_of_the_image_is_in_shade(elevation_de
     radiance[:, :edge, :3] = 0.2 / pi * (light.sun_klux * light.to_sun[2] + shade)
     radiance[:, edge:, :3] = 0.2 / pi * 0.7 * shade
     exposure = programme(CAMERA, meter(radiance))
-    seen = picture(radiance, view=ABOVE, camera=CAMERA, light=light, exposure=exposure, seed=0, style=ImageProcessing())
+    seen = stored_image(
+        radiance, view=ABOVE, camera=CAMERA, light=light, exposure=exposure, seed=0, style=ImageProcessing()
+    )
     assert chroma(seen[:, 10 : edge - 10]) < 8
     # The rest of the difference is the shade's, which is bluer but no paint.
     assert chroma(seen[:, edge + 10 : -10]) < 14

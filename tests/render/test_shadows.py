@@ -104,7 +104,7 @@ def test_it_is_not_in_the_image_but_its_shadow_is() -> None:
     assert share < 0.75
 
 
-def test_it_stands_beside_what_is_seen() -> None:
+def test_it_stands_next_to_what_is_seen() -> None:
     other = replace(CAR, y=-3.0, label=9)
     frame = sample(instances=[other.instance], shadow_only=[CAR.instance])
     assert set(np.unique(frame.labels)) == {0, 9}

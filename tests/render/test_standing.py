@@ -38,7 +38,7 @@ LAMPS_FROM_M = 45.0
 
 
 def tree(number: int) -> Furniture:
-    """In the road itself: from above, crowns at its kerbs hide what lies behind them, beside the road."""
+    """In the road itself: from above, crowns at its kerbs hide what lies behind them, next to the road."""
     place = Point(5.0 + 7.0 * number, (3.4, -3.2)[number % 2])
     height, crown = 6.5 + number % 3, 2.2 + 0.3 * (number % 4)
     return Furniture(f"t{number}", FurnitureKind.TREE, place, height, crown, clear_height_m=2.5 + 0.4 * (number % 3))
@@ -103,7 +103,7 @@ def drawn(ring: np.ndarray, low_m: float, high_m: float) -> Mesh:
 
 @cache
 def shares() -> np.ndarray:
-    """(n, 4) of defects that are whole in a picture: east, visible share by kernel, by masks of prisms, of models."""
+    """(n, 4) of defects that are whole in an image: east, visible share by kernel, by masks of prisms, of models."""
     scene = Bare()
     renderer = Renderer(scene)
     as_prisms = [Instance(name, "body", np.eye(4), tints()) for name in prisms()]
@@ -130,7 +130,7 @@ def visible(seen: SeenLight, label: int) -> float:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("things", ["trees", "lamps"])
-def test_prisms_hide_of_a_defect_what_the_kernel_says(things: str) -> None:
+def test_prisms_hide_of_a_defect_what_the_kernel_states(things: str) -> None:
     by_kernel, by_prisms, _ = below(things)
     assert (by_kernel < 0.98).sum() >= 3
     assert np.abs(by_kernel - by_prisms).max() <= 0.05

@@ -211,7 +211,7 @@ def test_every_texture_is_there_and_every_image_opens(written: Written) -> None:
 
 
 def test_the_ground_is_baked_the_right_way_round(written: Written) -> None:
-    """Grey where the road is, green beside it, at the place that the ground's own uv names."""
+    """Grey where the road is, green next to it, at the place that the ground's own uv names."""
     found = read(written.path)
     name = next(name for name in found.geometry if name.startswith("ground 0 0"))
     geometry = found.geometry[name]
@@ -244,7 +244,7 @@ def test_normals_are_unit_and_indices_fit(written: Written) -> None:
 
 
 def test_normal_maps_have_their_tangents(written: Written) -> None:
-    """Unit, in the surface, along the rows of the picture; crossed with the normal they give its up: north."""
+    """Unit, in the surface, along the rows of the image; crossed with the normal they give its up: north."""
     glb = written.glb
     ground = [mesh for mesh in glb.document["meshes"] if mesh["name"].startswith("ground")]
     assert len(ground) == written.made.tiles
@@ -316,7 +316,7 @@ def test_the_same_bytes_are_written_once(written: Written) -> None:
     assert len(set(content)) == len(content)
 
 
-def test_sizes_are_foretold(written: Written) -> None:
+def test_sizes_are_estimated(written: Written) -> None:
     keys = tiles_of(scene(), BOUNDS)
     assert len(keys) == written.made.tiles
     assert written.made.bytes == written.path.stat().st_size
@@ -389,7 +389,7 @@ def test_the_command_refuses_what_makes_no_sense(tmp_path: Path, arguments: list
 
 
 @pytest.mark.slow
-def test_the_command_writes_and_says_what(tmp_path: Path) -> None:
+def test_the_command_writes_and_reports_it(tmp_path: Path) -> None:
     from pavetwin.world.store import save_world
 
     loaded = save_world(built("grid"), tmp_path / "grid")

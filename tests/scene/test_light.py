@@ -60,7 +60,7 @@ def test_a_moment_without_a_time_zone_is_refused() -> None:
 
 
 @given(heights, covers)
-def test_the_sky_lights_level_ground_with_what_it_says(height: float, cover: float) -> None:
+def test_the_sky_lights_level_ground_with_what_it_states(height: float, cover: float) -> None:
     light = Light(height, 123.0, cover, enclosure=0.0)
     level = light.sky_irradiance.T @ harmonics(np.array([0.0, 0.0, 1.0]))
     assert level @ LUMINANCE == pytest.approx(light.sky_klux, rel=0.06)  # order 2 alone
@@ -82,7 +82,7 @@ def test_a_low_sun_is_redder() -> None:
     assert low[0] / low[2] > 1.5 * high[0] / high[2]
 
 
-def test_the_sun_points_where_its_azimuth_says() -> None:
+def test_the_sun_points_where_its_azimuth_states() -> None:
     east = Light(30.0, 90.0).to_sun
     np.testing.assert_allclose(east, [math.cos(math.radians(30)), 0, 0.5], atol=1e-12)
 

@@ -283,7 +283,7 @@ def test_things_of_the_street_have_their_real_sizes(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", BESIDE)
-def test_things_beside_the_road_stand_on_the_ground(name: str) -> None:
+def test_things_next_to_the_road_stand_on_the_ground(name: str) -> None:
     assert points(the_node(name))[:, 2].min() == pytest.approx(0.0, abs=0.012)
 
 
@@ -309,7 +309,7 @@ def test_signals_look_ahead_red_above_each_under_a_visor(name: str, lamps: list[
 
 
 @pytest.mark.parametrize("name", SIGNS)
-def test_a_sign_shows_its_colours_to_who_comes_towards_it(name: str) -> None:
+def test_a_sign_shows_its_colours_to_oncoming_traffic(name: str) -> None:
     node = the_node(name)
     for material in ("sign_red", "sign_white"):
         assert node[material].normals[:, 0].min() > 0.99

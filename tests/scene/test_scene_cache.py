@@ -129,7 +129,7 @@ class Maker:
 
 
 @pytest.mark.parametrize("damage", [b"", b"too short", bytes(200)])
-def test_a_damaged_file_is_made_again_and_that_is_said_once(world: World, folder: Path, damage: bytes) -> None:
+def test_a_damaged_file_is_made_again_and_that_is_reported_once(world: World, folder: Path, damage: bytes) -> None:
     cache, maker = SceneCache(world, seed=4, style="varied"), Maker()
     cache.kept("one", maker)
     (path,) = (file for file in folder.rglob("*") if file.is_file())
@@ -148,7 +148,7 @@ def test_a_damaged_file_is_made_again_and_that_is_said_once(world: World, folder
     assert "damaged" in str(warning.message)
 
 
-def test_where_nothing_can_be_written_each_process_makes_its_own_and_that_is_said_once(
+def test_where_nothing_can_be_written_each_process_makes_its_own_and_that_is_reported_once(
     world: World, folder: Path
 ) -> None:
     folder.parent.parent.mkdir(exist_ok=True)
@@ -188,7 +188,7 @@ class SlowMaker(Maker):
         return super().__call__()
 
 
-def test_who_needs_what_another_makes_waits_for_it(world: World, folder: Path) -> None:
+def test_a_process_waits_for_what_another_makes(world: World, folder: Path) -> None:
     cache, slow, others = SceneCache(world, seed=4, style="varied"), SlowMaker(), Maker()
     with ThreadPoolExecutor(9) as pool:
         first = pool.submit(cache.kept, "one", slow)
@@ -202,7 +202,7 @@ def test_who_needs_what_another_makes_waits_for_it(world: World, folder: Path) -
 
 
 @pytest.mark.usefixtures("folder")
-def test_nobody_waits_for_ever_for_one_that_hangs(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_process_that_hangs_is_not_waited_for_for_ever(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kept, "LOCK_TIMEOUT_S", 0.05)
     cache, hanging, maker = SceneCache(world, seed=4, style="varied"), SlowMaker(), Maker()
     with ThreadPoolExecutor(1) as pool:
@@ -214,7 +214,7 @@ def test_nobody_waits_for_ever_for_one_that_hangs(world: World, monkeypatch: pyt
     assert (hanging.made, maker.made) == (1, 1)
 
 
-def test_one_that_is_killed_keeps_nobody_waiting(world: World, folder: Path) -> None:
+def test_a_killed_process_keeps_no_other_waiting(world: World, folder: Path) -> None:
     cache, maker = SceneCache(world, seed=4, style="varied"), Maker()
     cache.kept("any", Maker())
     (place,) = folder.iterdir()

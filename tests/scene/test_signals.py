@@ -97,7 +97,7 @@ def test_walkers_heads_face_each_other_across_their_crossing(crossroads: World) 
 
 
 @pytest.mark.parametrize("town", ["berlin_neukoelln", "seattle_roosevelt"])
-def test_walkers_poles_stand_beside_the_carriageway(town: str) -> None:
+def test_walkers_poles_stand_next_to_the_carriageway(town: str) -> None:
     world = built(town).world
     road = world.carriageway
     signalled = [crossing for crossing in world.crossings if crossing.signalled]

@@ -183,7 +183,7 @@ def test_masts_and_arms_agree_with_the_solids(name: str) -> None:
         assert plate[:, 2].max() < high + 0.05
 
 
-def test_extras_stand_low_and_in_nobodys_way() -> None:
+def test_extras_stand_low_and_clear_of_walks_and_roads() -> None:
     town = built("town").world
     extras = StreetObjects(town, seed=0).extras()
     assert len(extras) > 40

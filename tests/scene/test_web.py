@@ -136,7 +136,7 @@ def test_normals_and_colours_come_back() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("level", [1, 2])
-def test_coarse_levels_are_as_near_to_the_finest_as_they_say(level: int) -> None:
+def test_coarse_levels_are_as_near_to_the_finest_as_they_state(level: int) -> None:
     keys = [(column, row) for column in (0, 1) for row in (0, 1)]
     fine = np.concatenate([surfaces(0, *key) for key in keys])
     coarse = surfaces(level, 0, 0) if level == 2 else np.concatenate([surfaces(level, *key) for key in keys])

@@ -33,7 +33,7 @@ class Shade:
 
 
 def save_shaded_map(world: World, shades: Sequence[Shade], *, title: str, subtitle: str, path: Path) -> None:
-    """Write the map as a image, with the shades in its legend in their order.
+    """Write the map as an image, with the shades in its legend in their order.
 
     Raises:
         PaveTwinError: it cannot be written.
@@ -57,7 +57,7 @@ DENSITY_COLOURS: Final = ("#F6E8C8", "#F0C27B", "#E08E45", "#BF4E30", "#7A1F2B")
 
 
 def save_condition_map(world: World, path: Path) -> None:
-    """Write the map as a image.
+    """Write the map as an image.
 
     Raises:
         PaveTwinError: it cannot be written.
@@ -97,7 +97,7 @@ RATING_COLOURS: Final = {
 
 
 def save_pci_map(world: World, conditions: Sequence[UnitCondition], path: Path, *, subtitle: str) -> None:
-    """Write the map as a image.
+    """Write the map as an image.
 
     Raises:
         PaveTwinError: it cannot be written.

@@ -126,7 +126,7 @@ def _header(
 def cut_around(
     picture: Image.Image, box: FloatBox, *, margin: float, least_px: float, size_px: int | None = None
 ) -> tuple[Image.Image, FloatBox]:
-    """The square part of a image around a box, black beyond the image; and the box in pixels of the part.
+    """The square part of an image around a box, black beyond the image; and the box in pixels of the part.
 
     Args:
         margin: side of the part over the longer side of the box.

@@ -33,8 +33,7 @@ class FontFace:
 
     path: str
     family: str
-    letters: frozenset[int]
-    """Code points."""
+    letters: frozenset[int]  # Code points
 
     def __contains__(self, letter: str) -> bool:
         return ord(letter) in self.letters
@@ -188,7 +187,7 @@ def choose_fonts(figure: Figure) -> None:
 
 
 def shown_names(world: World) -> dict[str, str]:
-    """By the id of each segment, its street's name in letters that a image can show; the id where there is none."""
+    """By the id of each segment, its street's name in letters that an image can show; the id where there is none."""
     lacking = fonts().lacking("".join({segment.street for segment in world.segments}))
     shown = {}
     for segment in world.segments:
@@ -213,6 +212,6 @@ def remark(world: World) -> str | None:
     count = sum(not lacking.isdisjoint(name) for name in names)
     streets = "one street's name" if count == 1 else f"the names of {count} streets"
     return (
-        f"No font on this machine has the letters of {streets}; pictures show Latin names or segment ids instead. "
+        f"No font on this machine has the letters of {streets}; images show Latin names or segment ids instead. "
         f"Install one, on Debian: apt-get install {package_for(lacking)}"
     )

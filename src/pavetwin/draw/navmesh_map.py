@@ -68,7 +68,7 @@ def bake(world: World, altitude_m: float, agent_radius_m: float) -> NavMeshRepor
 
 
 def save_navmesh_map(baked: NavMeshReport, path: Path) -> None:
-    """Write the map of a NavMesh as a image.
+    """Write the map of a NavMesh as an image.
 
     Raises:
         PaveTwinError: it cannot be written.

@@ -45,10 +45,11 @@ def _chances(axes: Axes, model: SensorModel, looks: pl.DataFrame) -> None:
     """Each dot a tenth of the looks; bars are two standard errors."""
     seen = reliability(model, looks)
     axes.plot([0, 1], [0, 1], color=style.INK_FAINT, linewidth=1)
+    errors = np.minimum(2 * seen.standard_error, np.stack([seen.observed, 1 - seen.observed]))
     axes.errorbar(
         seen.predicted,
         seen.observed,
-        yerr=np.minimum(2 * seen.standard_error, np.stack([seen.observed, 1 - seen.observed])),
+        yerr=errors,
         fmt="o",
         markersize=4,
         color=style.POLICY_COLOURS["hover"],
@@ -78,17 +79,11 @@ def _repeats(axes: Axes, model: SensorModel, looks: pl.DataFrame) -> None:
         return
     places = np.arange(count + 1)
     axes.bar(places, seen.observed / total, width=0.6, color=style.BUILDING, label="observed")
-    axes.plot(
-        places, seen.fitted / total, "o-", markersize=5, color=style.POLICY_COLOURS["hover"], label="fitted model"
-    )
-    axes.plot(
-        places,
-        seen.independent / total,
-        "^--",
-        markersize=5,
-        color=style.POLICY_COLOURS["micro"],
-        label="each look by itself",
-    )
+    for expected, line, policy, label in (
+        (seen.fitted, "o-", "hover", "fitted model"),
+        (seen.independent, "^--", "micro", "each look by itself"),
+    ):
+        axes.plot(places, expected / total, line, markersize=5, color=style.POLICY_COLOURS[policy], label=label)
     axes.set(xlabel=f"looks of {count} that found it", ylabel=f"share of {total:.0f} defects", ylim=(0, None))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.yaxis.set_major_formatter(_PERCENT)

@@ -193,8 +193,7 @@ class MapFigure:
 
     figure: Figure
     axes: Axes
-    footer: Axes
-    """The strip below; its coordinates are inches from its lower left corner."""
+    footer: Axes  # The strip below; its coordinates are inches from its lower left corner
 
 
 def map_figure(
@@ -332,7 +331,7 @@ def save_figure(figure: Figure, path: Path) -> None:
     }
     kind = path.suffix.lower()
     if kind not in metadata:
-        raise PaveTwinError(f"A picture cannot be written as '{path.name}'; end its name in .png, .svg or .pdf.")
+        raise PaveTwinError(f"An image cannot be written as '{path.name}'; end its name in .png, .svg or .pdf.")
     with writing(path) as temporary, styled():
         matplotlib.rcParams["svg.hashsalt"] = "pavetwin"
         choose_fonts(figure)

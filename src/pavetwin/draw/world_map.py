@@ -232,7 +232,7 @@ def base_symbol(axes: Axes, world: World, zorder: float = ABOVE_WORLD - 1) -> No
 
 
 def save_world_map(world: World, path: Path, *, ids: bool = False) -> list[str]:
-    """Write the map of a world as a image. Returns the ids that did not fit.
+    """Write the map of a world as an image. Returns the ids that did not fit.
 
     Raises:
         PaveTwinError: it cannot be written.

@@ -195,9 +195,9 @@ def _pages(cells: list[_AtlasCell], size: tuple[int, int]) -> list[list[_AtlasCe
     return pages
 
 
-def _shift(cell: _AtlasCell, picture: tuple[int, int], atlas: tuple[int, int]) -> tuple[float, float, float, float]:
+def _shift(cell: _AtlasCell, image: tuple[int, int], atlas: tuple[int, int]) -> tuple[float, float, float, float]:
     """Scale and offset of clip positions that move an object by whole pixels from the image into its cell."""
-    (width, height), (across, down) = picture, atlas
+    (width, height), (across, down) = image, atlas
     return (
         width / across,
         height / down,

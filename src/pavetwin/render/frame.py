@@ -15,12 +15,12 @@ LENS_TRANSMISSION: Final = 0.9
 """Transmission of a coated lens (ISO 12232 uses 0.65 including falloff and angle, which are modelled separately)."""
 
 METERED: Final = 0.185
-"""The mean of a image as a share of what saturates the sensor. ISO 12232's 18 % grey lies at 0.127; drones expose
+"""The mean of an image as a share of what saturates the sensor. ISO 12232's 18 % grey lies at 0.127; drones expose
 roads half a stop brighter: with 0.135 frames had a median lightness L* of 51, 272 photographs of RDD2022's China drone
 subset have 61."""
 
 LONGEST_S: Final = 1 / 400  # Longest shutter time in flight: beyond it the ISO is raised instead
-_HIGHLIGHT: Final = 0.85  # The 99.5th percentile of a image is kept below this share of saturation
+_HIGHLIGHT: Final = 0.85  # The 99.5th percentile of an image is kept below this share of saturation
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Exposure:
 
 
 def meter(radiance: Float16Array) -> float:
-    """The share of saturation for each kcd/m² that suits a image (height, width, 4): its mean where a camera wants
+    """The share of saturation for each kcd/m² that suits an image (height, width, 4): its mean where a camera wants
     it, its highlights kept unless they are few."""
     seen = radiance[::8, ::8, :3].astype(np.float64) @ LUMINANCE
     seen = seen[np.isfinite(seen)]

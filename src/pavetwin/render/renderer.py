@@ -19,7 +19,7 @@ from pavetwin.render.instances import InstanceBatch, InstanceBuffer, instance_ro
 from pavetwin.render.passes import DrawList, FramePasses, Materials, RenderTargets
 from pavetwin.render.pipelines import DEPTH_FORMAT, compile_pipelines
 from pavetwin.render.projection import FRAME_INFO, NEAR_M, corners, fit_shadow, frame_info
-from pavetwin.render.sensor import SHARP_PX, ImageProcessing, farthest_motion_px, picture, white_balance
+from pavetwin.render.sensor import SHARP_PX, ImageProcessing, farthest_motion_px, stored_image, white_balance
 from pavetwin.render.tile_cache import Drawable, group
 from pavetwin.scene.foliage import leaf_levels
 from pavetwin.scene.light import Light
@@ -134,7 +134,7 @@ class Renderer:
         settings = exposure or programme(camera, meter(seen.radiance) * 2.0**compensation_ev)
         blurred = seen.depth_m is not None and _moves(view, settings, moving, seen.depth_m)
         take = partial(
-            picture,
+            stored_image,
             view=view,
             camera=camera,
             light=light,

@@ -24,7 +24,7 @@ READ_NOISE: Final = 2.5  # Read noise of such a pixel in electrons, from the sam
 _READ_PITCH_UM: Final = 2.4
 
 NATIVE: Final = 1.4
-"""A pixel of a image that covers fewer of the sensor's than this, along a side, counts as one of the sensor's."""
+"""A pixel of an image that covers fewer of the sensor's than this, along a side, counts as one of the sensor's."""
 
 _PAVEMENT_WARMTH: Final = 0.08  # Logarithm of red over blue of aged asphalt and concrete under white light
 SHARP_PX: Final = 0.3
@@ -50,7 +50,7 @@ class ImageProcessing:
     `blur_px` and `sharpening` above, which hold for images that are brought to fewer pixels."""
 
 
-def picture(
+def stored_image(
     radiance: Float16Array,
     *,
     view: View,
@@ -116,7 +116,7 @@ def farthest_motion_px(
 
 
 def white_balance(light: Light, radiance: Float16Array, adaptation: float) -> tuple[float, float, float]:
-    """Gains of red, green and blue, none below 1, that turn grey objects in a image towards neutral.
+    """Gains of red, green and blue, none below 1, that turn grey objects in an image towards neutral.
 
     The illuminant lies between that of level ground in the sun and in the shade, nearer to the one that the image's
     light-weighted mean ratio of red to blue speaks for: a grey world, limited to real illuminants.

@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cache
 from typing import Final, Self
 
 import numpy as np
@@ -41,17 +42,13 @@ class Actors:
         """`ground` gives the height of the ground [m] at points (n, 2), for the feet of people."""
         self.recording = recording
         self._ground = ground
-        self._seed = seed
         self._models = models
         self._trace = trace_of(recording)
         self._ways = AgentStateReader(recording)
-        self._appearances: dict[int, AgentAppearance] = {}
+        self._appearance = cache(lambda agent: appearance_of(recording.agents, agent, seed, models))
 
     def appearance(self, agent: int) -> AgentAppearance:
-        """The appearance of an agent."""
-        if agent not in self._appearances:
-            self._appearances[agent] = appearance_of(self.recording.agents, agent, self._seed, self._models)
-        return self._appearances[agent]
+        return self._appearance(agent)
 
     def at(self, time_s: float, near: tuple[float, float, float] | None = None) -> tuple[Instance, ...]:
         """All agents at a time, or those within a disc (x, y, radius, metres)."""
@@ -93,15 +90,11 @@ class Actors:
         phase = (appearance.first_phase + walked_m / appearance.stride_m) % 1.0
         return f"walk_{round(phase * steps) % steps}"
 
-    def _frame(self, time_s: float) -> tuple[int, float]:
-        """The frame at or before a time, and the share of the step that has passed since."""
-        recording = self.recording
-        frame = min(max(0, math.floor(time_s / recording.step_s + 1e-9)), recording.frames - 1)
-        return frame, min(1.0, max(0.0, time_s / recording.step_s - frame))
-
     def _braking_and_walked(self, who: Int64Array, time_s: float) -> tuple[BoolArray, Float64Array]:
         """Whether each agent brakes, and how far it has come [m]."""
-        frame, share = self._frame(time_s)
+        steps = time_s / self.recording.step_s
+        frame = min(max(0, math.floor(steps + 1e-9)), self.recording.frames - 1)
+        share = min(1.0, max(0.0, steps - frame))
         now, then = self._ways.at(who, frame), self._ways.at(who, frame + 1)
         before = np.where(now.is_there, now.speed_mps, np.inf)
         after = np.where(then.is_there, then.speed_mps, before)
@@ -161,12 +154,8 @@ class Wheels:
 
     def scaled(self, scale: Float64Array) -> Self:
         """The model at a scale (3,) of length, width and height."""
-        return replace(
-            self,
-            front_m=self.front_m * float(scale[0]),
-            rear_m=self.rear_m * float(scale[0]),
-            half_track_m=self.half_track_m * float(scale[1]),
-        )
+        length, width = float(scale[0]), float(scale[1])
+        return type(self)(self.front_m * length, self.rear_m * length, self.half_track_m * width)
 
     @property
     def points(self) -> Float64Array:
@@ -182,7 +171,7 @@ class ParkedInstances:
     ) -> None:
         """`ground` gives the height of the ground [m] at points (n, 2)."""
         self._seed, self._models, self._ground = seed, models, ground
-        self._wheels: dict[str, Wheels] = {}
+        self._wheels_of = cache(lambda name: Wheels.of(models[name]))
         self._made: dict[Key, Instance] = {}
 
     def of(self, parked: ParkedVehicles) -> tuple[Instance, ...]:
@@ -208,11 +197,6 @@ class ParkedInstances:
             stance = self._stance(wheels[row], heights[row], appearance.model)
             transform = upright(*key[2:]) @ stance @ np.diag([*appearance.scale, 1.0])
             self._made[key] = Instance(appearance.model, BODY, transform, appearance.tints, parked_label(key[0]))
-
-    def _wheels_of(self, model: str) -> Wheels:
-        if model not in self._wheels:
-            self._wheels[model] = Wheels.of(self._models[model])
-        return self._wheels[model]
 
     def _stance(self, wheels: Wheels, heights_m: Float64Array, model: str) -> Float64Array:
         """(4, 4) in the vehicle's frame: the plane next to its four wheels' heights (4,), in least squares, as springs

@@ -36,12 +36,10 @@ _SEED: Final = 5
 class _Leaf:
     """One leaf in a cell, whose side is 1."""
 
-    foot: Float64Array
-    """(2,)"""
+    foot: Float64Array  # (2,)
     angle_rad: float
     length: float
-    slim: float
-    """Half its width over its length."""
+    slim: float  # Half its width over its length
     tone: float
     yellow: float
 

@@ -145,12 +145,9 @@ class StreetObjectKind:
 
     model: str
     share: float
-    half_m: float
-    """Radius of its free circle."""
-    behind_m: float
-    """Distance of its centre behind the sidewalk's edge."""
-    near_houses: bool | None = None
-    """True: only within 8 m of a house; False: only farther."""
+    half_m: float  # Radius of its free circle
+    behind_m: float  # Distance of its centre behind the sidewalk's edge
+    near_houses: bool | None = None  # True: only within 8 m of a house; False: only farther
     coloured: bool = False
 
 

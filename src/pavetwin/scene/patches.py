@@ -20,6 +20,7 @@ from pavetwin.defects import Heightfield, albedo_factor, heightfield_of, lost_su
 from pavetwin.defects.maps import distances_px
 from pavetwin.defects.registry import failures_named
 from pavetwin.scene.agents import upright
+from pavetwin.scene.light import LUMINANCE
 from pavetwin.scene.meshes import upward_normals
 from pavetwin.scene.values import PLAIN_FINISH, TILE_M, DefectPatch, Finish, GroundKind, Mesh, defect_label
 from pavetwin.world.model import Defect
@@ -48,7 +49,6 @@ COARSE_PIXEL_M: Final = 0.008
 aside."""
 
 MOST_TEXELS: Final = 1_500_000  # Larger maps are averaged down by whole factors: 6 × 4 m at 4 mm
-LUMINANCE: Final = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 
 
 def holes_of(defects: tuple[Defect, ...]) -> list[Polygon]:
@@ -131,7 +131,7 @@ def _mesh(defect: Defect, field: Heightfield, ring: Float64Array, tolerance_m: f
 def _maps(field: Heightfield) -> tuple[UInt8Array, UInt8Array, UInt8Array]:
     """(rows, cols, 4) normal x and y, reflectance, openness; (rows, cols) the label's mask; and the lost share."""
     share = _inward(field)
-    factor = 1 + (albedo_factor(field) @ LUMINANCE - 1) * share
+    factor = 1 + (albedo_factor(field) @ LUMINANCE.astype(np.float32) - 1) * share
     normal = normal_map(field)[..., :2].astype(np.float32) - 127.5
     bent = 128 + normal * share[..., None] * (127 / 127.5)
     openness = 255 + (occlusion_map(field).astype(np.float32) - 255) * share

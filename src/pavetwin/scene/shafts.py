@@ -6,6 +6,7 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from pavetwin.arrays import Float32Array
 from pavetwin.scene.values import Mesh, Model
@@ -41,18 +42,20 @@ def rod() -> Mesh:
     """A rod along x with few sides; white, slot 1."""
     angles = 2 * np.pi * np.arange(ROD_SIDES) / ROD_SIDES
     ring = np.column_stack([np.zeros(ROD_SIDES), np.cos(angles), np.sin(angles)])
-    here, following = np.arange(ROD_SIDES), (np.arange(ROD_SIDES) + 1) % ROD_SIDES
-    walls = [
-        np.stack([here, following, ROD_SIDES + following], axis=1),
-        np.stack([here, ROD_SIDES + following, ROD_SIDES + here], axis=1),
-    ]
     return Mesh(
         positions=np.concatenate([ring, ring + [1.0, 0.0, 0.0]]).astype(np.float32),
         normals=np.concatenate([ring, ring]).astype(np.float32),
-        indices=np.concatenate(walls).astype(np.uint32),
+        indices=_walls(ROD_SIDES).astype(np.uint32),
         colours=np.ones((2 * ROD_SIDES, 3), dtype=np.float32),
         surface=np.tile(np.array([150, 0, 1], dtype=np.uint8), (2 * ROD_SIDES, 1)),
     )
+
+
+def _walls(sides: int) -> npt.NDArray[np.integer]:
+    """(2 sides, 3) triangles between a ring of vertices and the next one."""
+    here, following = np.arange(sides), (np.arange(sides) + 1) % sides
+    lower = np.stack([here, following, sides + following], axis=1)
+    return np.concatenate([lower, np.stack([here, sides + following, sides + here], axis=1)])
 
 
 def _tube(top: float) -> Mesh:
@@ -65,18 +68,12 @@ def _tube(top: float) -> Mesh:
     side /= np.linalg.norm(side, axis=1, keepdims=True)
     up = np.tile([0.0, 0.0, 1.0], (SIDES + 1, 1))
     here, following = np.arange(SIDES), (np.arange(SIDES) + 1) % SIDES
-    walls = np.concatenate(
-        [
-            np.stack([here, following, SIDES + following], axis=1),
-            np.stack([here, SIDES + following, SIDES + here], axis=1),
-        ]
-    )
     lid = np.stack([np.full(SIDES, 3 * SIDES), 2 * SIDES + here, 2 * SIDES + following], axis=1)
     count = 3 * SIDES + 1
     return Mesh(
         positions=np.concatenate([foot, head, head, [[0.0, 0.0, 1.0]]]).astype(np.float32),
         normals=np.concatenate([side, side, up]).astype(np.float32),
-        indices=np.concatenate([walls, lid]).astype(np.uint32),
+        indices=np.concatenate([_walls(SIDES), lid]).astype(np.uint32),
         colours=np.ones((count, 3), dtype=np.float32),
         surface=np.tile(np.array([115, 60, 1], dtype=np.uint8), (count, 1)),
     )

@@ -29,7 +29,6 @@ from pavetwin.world.model import (
     Furniture,
     FurnitureKind,
     Lane,
-    SignalLink,
     World,
 )
 
@@ -91,7 +90,9 @@ def heads_of(world: World, road: BaseGeometry) -> tuple[Head, ...]:
         heads += _on_mast(mast, by_edge, kerb_lanes)
     for crossing in world.crossings:
         if crossing.signal is not None:
-            heads += _at_crossing(crossing, crossing.signal, road)
+            for corner, facing in walker_poles(crossing, road):
+                place = upright(*corner, facing, z_m=WALKER_HEAD_M)
+                heads.append(Head(WALKERS, place, crossing.signal.controller, crossing.signal.link))
     return tuple(heads)
 
 
@@ -166,12 +167,6 @@ def _through(connections: Sequence[Connection]) -> int | None:
     ranks = {turn: order.index(painted) for turn, painted in PAINTED.items()}
     ranked = [(ranks.get(each.direction, 3), each.signal.link) for each in connections if each.signal is not None]
     return min(ranked)[1] if ranked else None
-
-
-def _at_crossing(crossing: Crossing, signal: SignalLink, road: BaseGeometry) -> Iterator[Head]:
-    """A head beyond each end of a crossing, next to it, turned to people who cross."""
-    for corner, facing in walker_poles(crossing, road):
-        yield Head(WALKERS, upright(*corner, facing, z_m=WALKER_HEAD_M), signal.controller, signal.link)
 
 
 def walker_poles(crossing: Crossing, road: BaseGeometry) -> Iterator[tuple[tuple[float, float], float]]:

@@ -46,12 +46,10 @@ class Buildings:
         touching = self._touching(number, footprint)
         style = style_of(self._situation(footprint, building.height_m, touching), rng)
         plan = plan_roof(footprint, building.height_m, style, touching, rng)
-        moved = shapely.transform(plan.footprint, lambda xy: xy - np.array(origin))
         faces = Faces()
-        local = _moved(plan, moved, origin)
         for wall in self._walls(plan, touching, origin):
             WallBuilder(faces, wall, style, rng, detail).build()
-        build_roof(faces, local, style, rng, detail)
+        build_roof(faces, _moved(plan, origin), style, rng, detail)
         return tuple(FacadePiece(building.id, mesh, int(layer)) for layer, mesh in faces.meshes().items())
 
     def _situation(self, footprint: Polygon, height_m: float, touching: Float64Array) -> Situation:
@@ -113,6 +111,7 @@ def _share_touching(start: Float64Array, end: Float64Array, touching: Float64Arr
     return float((shapely.distance(line, shapely.points(touching)) < 0.05).sum()) * 0.5 / max(line.length, 0.5)
 
 
-def _moved(plan: RoofPlan, footprint: Polygon, origin: tuple[float, float]) -> RoofPlan:
+def _moved(plan: RoofPlan, origin: tuple[float, float]) -> RoofPlan:
     rectangle = None if plan.rectangle is None else plan.rectangle - np.array(origin)
+    footprint = shapely.transform(plan.footprint, lambda xy: xy - np.array(origin))
     return replace(plan, footprint=footprint, rectangle=rectangle)

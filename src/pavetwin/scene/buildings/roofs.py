@@ -88,13 +88,7 @@ def plan_roof(
     return RoofPlan(Roof.PITCHED, footprint, ridge - rise, ridge, chimney, rectangle, joined)
 
 
-def build_roof(
-    faces: Faces,
-    plan: RoofPlan,
-    style: FacadeStyle,
-    rng: np.random.Generator,
-    detail: HouseDetail = HouseDetail.FULL,
-) -> None:
+def build_roof(faces: Faces, plan: RoofPlan, style: FacadeStyle, rng: np.random.Generator, detail: HouseDetail) -> None:
     """Add a roof, with chimneys and all."""
     if plan.kind is Roof.FLAT:
         _flat(faces, plan, style, rng, detail)
@@ -261,12 +255,8 @@ def _things(area_m2: float, large: bool, rng: np.random.Generator) -> Iterator[t
     if not large:
         return
     for _ in range(int(rng.poisson(area_m2 / 110))):
-        yield (
-            float(rng.uniform(1.1, 2.2)),
-            float(rng.uniform(0.8, 1.3)),
-            float(rng.uniform(0.8, 1.3)),
-            (0.55, 0.55, 0.53),
-        )
+        length, width, height = (float(rng.uniform(*limits)) for limits in ((1.1, 2.2), (0.8, 1.3), (0.8, 1.3)))
+        yield length, width, height, (0.55, 0.55, 0.53)
     for _ in range(int(rng.poisson(area_m2 / 160))):
         yield 1.6, 1.6, 0.35, (0.50, 0.56, 0.60)
 
@@ -283,13 +273,8 @@ def _chimney(faces: Faces, plan: RoofPlan, rng: np.random.Generator) -> None:
     # The rectangle around a bent part reaches out of it.
     at = shapely.get_coordinates(shapely.shortest_line(part, wanted))[0]
     top = plan.ridge_m + plan.chimney_m
-    faces.box(
-        FacadeTexture.BRICK,
-        _ring(at, along, float(rng.uniform(0.5, 0.9)), 0.5),
-        plan.eaves_m,
-        top - 0.1,
-        (0.9, 0.9, 0.9),
-    )
+    stack = _ring(at, along, float(rng.uniform(0.5, 0.9)), 0.5)
+    faces.box(FacadeTexture.BRICK, stack, plan.eaves_m, top - 0.1, (0.9, 0.9, 0.9))
     faces.box(FacadeTexture.PLAIN, _ring(at, along, 0.35, 0.3), top - 0.1, top, (0.10, 0.06, 0.045))
 
 

@@ -49,8 +49,7 @@ class TextureCanvas:
     """A square canvas: x to the right and y up, both 0 … 1; row 0 is y = 0."""
 
     size: int
-    pixels: Float32Array = field(init=False)
-    """(size, size, 4) linear RGB and roughness."""
+    pixels: Float32Array = field(init=False)  # (size, size, 4) linear RGB and roughness
 
     def __post_init__(self) -> None:
         self.pixels = np.zeros((self.size, self.size, 4), dtype=np.float32)

@@ -22,12 +22,9 @@ class _Group(NamedTuple):
 
     attributes: dict[str, int]
     indices: int
-    finish: tuple[int, int, int]
-    """Roughness, metallic, slot."""
-    leafy: bool
-    """Whether it is cut out by the leaf atlas."""
-    colour: Float32Array
-    """(3,) the maximum of each channel; vertex colours are shares of it."""
+    finish: tuple[int, int, int]  # Roughness, metallic, slot
+    leafy: bool  # Whether it is cut out by the leaf atlas
+    colour: Float32Array  # (3,) the maximum of each channel; vertex colours are shares of it
 
 
 @dataclass

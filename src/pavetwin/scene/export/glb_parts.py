@@ -40,8 +40,7 @@ class PatchPiece:
 
     label: int
     mesh: Mesh
-    transform: Float64Array
-    """(4, 4) from the defect's frame to the world's."""
+    transform: Float64Array  # (4, 4) from the defect's frame to the world's
     images: SurfaceImages
 
 

@@ -46,7 +46,7 @@ def test_every_mark_is_in_the_style_and_can_be_painted(name: str) -> None:
         assert len(marked(**{name: 20.0}).bars) > 5
 
 
-def test_marks_are_as_many_as_their_rate_says() -> None:
+def test_marks_are_as_many_as_their_rate_states() -> None:
     length_m = sum(segment.length_m for segment in plan().world.segments)
     found = [len(marked(survey_cross=rate).bars) / 2 for rate in (2.0, 4.0)]  # two strokes each
     assert 0.5 * 2 < found[0] / (length_m / 100) < 2.2
@@ -101,7 +101,7 @@ def test_litter_and_leaves_are_of_many_forms_and_leaves_drift_to_kerbs() -> None
     assert all(plan().road.contains(shapely.Point(each.x, each.y)) for each in drifts)
 
 
-def test_water_runs_along_kerbs_as_often_as_the_style_says() -> None:
+def test_water_runs_along_kerbs_as_often_as_the_style_states() -> None:
     world = tiny.straight(length_m=400.0)
     varied = street_style("varied")
     dry, wet = (

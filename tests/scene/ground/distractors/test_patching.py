@@ -66,7 +66,7 @@ def test_a_trench_along_a_street_is_of_one_material_and_age() -> None:
     assert len(trenches) > len(set(trenches)) > 1
 
 
-def test_cold_patches_are_as_many_as_their_rate_says() -> None:
+def test_cold_patches_are_as_many_as_their_rate_states() -> None:
     few, many = (
         sum(len(cuts(plan(seed=seed, of_concrete="cold_patches", cold=rate))) for seed in range(8))
         for rate in (12.0, 48.0)
@@ -74,7 +74,7 @@ def test_cold_patches_are_as_many_as_their_rate_says() -> None:
     assert 2 * few < many < 12 * few
 
 
-def test_sealed_cracks_are_as_many_as_the_rate_of_the_pavement_says(tmp_path: Path) -> None:
+def test_sealed_cracks_are_as_many_as_the_rate_of_the_pavement_states(tmp_path: Path) -> None:
     """On 100 m of a street of age 1 on average 5 across it and 1.4 along it; none on new ones."""
     world, seeds, length_m = tiny.straight(length_m=200.0), 30, 200.0
     counts = {}

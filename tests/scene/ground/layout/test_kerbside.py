@@ -26,7 +26,7 @@ from scenes.parking import kerb_place, with_places
 from scenes.tiny import straight
 
 BAY_Y_M = 4.7
-"""Of a place 2 m wide, 0.2 m beside a street 7 m wide."""
+"""Of a place 2 m wide, 0.2 m next to a street 7 m wide."""
 
 
 def beside(position: ParkingPosition = ParkingPosition.STREET_SIDE) -> ParkingPlace:
@@ -147,7 +147,7 @@ def test_no_defect_reaches_into_a_gutter() -> None:
     assert min(defect.polygon.distance(edges) for defect in place(without, 5, options)) < GUTTER_M
 
 
-def test_gutters_are_of_concrete_and_the_road_beside_them_of_asphalt() -> None:
+def test_gutters_are_of_concrete_and_the_road_next_to_them_of_asphalt() -> None:
     where = town_plan("berlin_neukoelln")
     gutter = max(where.gutters.shapes, key=lambda shape: float(shape.area))
     spot = gutter.representative_point()

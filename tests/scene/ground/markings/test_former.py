@@ -43,7 +43,7 @@ def test_todays_markings_are_as_without_an_earlier_layout(kind: str) -> None:
     assert found.is_former.sum() + len(found.scars) > 20
 
 
-def test_what_was_painted_over_lies_centimetres_beside_and_below_it() -> None:
+def test_what_was_painted_over_lies_centimetres_next_to_and_below_it() -> None:
     found, rules = drawn("overpainted"), plan("overpainted").style.former_markings
     old, new = found.bars[found.is_former], found.bars[~found.is_former]
     assert found.bar_paints[found.is_former, 1].min() >= rules.wear.least

@@ -86,7 +86,7 @@ def style_with(folder: Path, markings: str) -> str:
     return str(path)
 
 
-def test_a_style_finds_a_standard_beside_it_and_its_hash_covers_it(tmp_path: Path) -> None:
+def test_a_style_finds_a_standard_next_to_it_and_its_hash_covers_it(tmp_path: Path) -> None:
     text = (files(PACKAGE) / "standards" / "germany.yaml").read_text(encoding="utf-8")
     hashes = set()
     for colour in ("blue", "red"):

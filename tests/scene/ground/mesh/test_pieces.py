@@ -114,7 +114,7 @@ def test_neighbouring_tiles_meet_at_one_height(name: str) -> None:
         assert np.abs(west - east).max() < 2e-3
 
 
-def test_vertices_lie_at_the_height_the_plan_tells() -> None:
+def test_vertices_lie_at_the_height_the_plan_reports() -> None:
     for key in keys("cross"):
         for part in pieces("cross", key):
             xyz = part.mesh.positions.astype(np.float64)

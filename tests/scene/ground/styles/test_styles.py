@@ -94,7 +94,7 @@ def test_pavements_range_from_near_black_to_pale() -> None:
     assert {pavement(name).material.ground for name in middles} >= {GroundKind.CHIP_SEAL, GroundKind.SLABS}
 
 
-def test_a_street_is_meshed_of_what_its_look_says(tmp_path: Path) -> None:
+def test_a_street_is_meshed_of_what_its_look_states(tmp_path: Path) -> None:
     found = plan(style_of(tmp_path, "concrete"))
     kinds = {piece.kind for piece in ground_pieces(found, tile_on_street())}
     assert GroundKind.SLABS in kinds
@@ -129,7 +129,7 @@ def test_they_agree_where_one_pavement_covers_all_of_another() -> None:
     assert agreed(differing, [(0, 0)]) == 1
 
 
-def test_a_style_may_name_a_pavement_beside_it(tmp_path: Path) -> None:
+def test_a_style_may_name_a_pavement_next_to_it(tmp_path: Path) -> None:
     written(tmp_path / "blue.yaml", BLUE)
     found = plan(style_of(tmp_path, "blue.yaml"))
     (piece,) = (each for each in ground_pieces(found, tile_on_street()) if each.kind is GroundKind.ASPHALT)

@@ -39,10 +39,8 @@ class _Fill:
     """Material of a repair."""
 
     surface: PavedSurface
-    own_tone: float
-    """Factor on the reflectance where the street's own pavement is used instead."""
-    cut: bool
-    """Whether it is another pavement than the street's."""
+    own_tone: float  # Factor on the reflectance where the street's own pavement is used instead
+    cut: bool  # Whether it is another pavement than the street's
 
 
 class Patching:

@@ -29,10 +29,8 @@ class Window:
     """A window of a grid, and the centres of its cells, in metres from the grid's south-west corner."""
 
     at: tuple[slice, slice]
-    x: Float32Array
-    """(1, columns)"""
-    y: Float32Array
-    """(rows, 1)"""
+    x: Float32Array  # (1, columns)
+    y: Float32Array  # (rows, 1)
 
 
 class RasterGrid:

@@ -29,20 +29,13 @@ centimetres; in photographs of pavements the deviation falls with the scale s as
 class StoneMix:
     """Stones and binder of a pavement."""
 
-    stones: tuple[tuple[float, float], ...]
-    """Radius [m] and share of the surface for each size."""
-    reflectance: float
-    """Mean over the surface."""
-    depth_m: float
-    """From the floor of voids to the tops of stones."""
-    mastic: float
-    """Reflectance of what is between the stones, where theirs is about 0.15."""
-    filmed: float
-    """By how much binder darkens the stones that it still covers."""
-    hollow: float
-    """Contrast of the hollows between stones, which see little of the sky and hold grime."""
-    pits_per_m2: float
-    """Stones that have left the surface."""
+    stones: tuple[tuple[float, float], ...]  # Radius [m] and share of the surface for each size
+    reflectance: float  # Mean over the surface
+    depth_m: float  # From the floor of voids to the tops of stones
+    mastic: float  # Reflectance of what is between the stones, where theirs is about 0.15
+    filmed: float  # By how much binder darkens the stones that it still covers
+    hollow: float  # Contrast of the hollows between stones, which see little of the sky and hold grime
+    pits_per_m2: float  # Stones that have left the surface
 
 
 DENSE: Final = StoneMix(

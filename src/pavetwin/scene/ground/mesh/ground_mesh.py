@@ -46,15 +46,11 @@ _GRID_M: Final = 1e-8  # Finer than `EXACT_M`, so that corners on an edge stay o
 class Face:
     """A connected part of a tile."""
 
-    polygon: Polygon
-    """World frame."""
+    polygon: Polygon  # World frame
     kind: GroundKind
-    walk: int = -1
-    """The sidewalk lane that its paving follows."""
-    gutter: bool = False
-    """Whether it lies along a kerb."""
-    pit: bool = False
-    """Whether a tree stands in it."""
+    walk: int = -1  # The sidewalk lane that its paving follows
+    gutter: bool = False  # Whether it lies along a kerb
+    pit: bool = False  # Whether a tree stands in it
     finish: Finish = PLAIN_FINISH
 
 

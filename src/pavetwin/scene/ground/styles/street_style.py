@@ -101,16 +101,11 @@ class Overhead(Settings):
 class SidewalkPaving(StrEnum):
     """Detail textures of sidewalks."""
 
-    SLABS = "slabs"
-    """Of concrete, 400 mm."""
-    CONCRETE = "concrete"
-    """Poured, with joints every 2 m."""
-    BLOCKS = "blocks"
-    """Bricks or concrete blocks in herringbone bond."""
-    TILES = "tiles"
-    """Of concrete, 250 mm, with grooves."""
-    SETTS = "setts"
-    """Of granite, in courses."""
+    SLABS = "slabs"  # Of concrete, 400 mm
+    CONCRETE = "concrete"  # Poured, with joints every 2 m
+    BLOCKS = "blocks"  # Bricks or concrete blocks in herringbone bond
+    TILES = "tiles"  # Of concrete, 250 mm, with grooves
+    SETTS = "setts"  # Of granite, in courses
 
     @property
     def ground(self) -> GroundKind:
