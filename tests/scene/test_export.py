@@ -372,10 +372,9 @@ def test_a_file_that_would_be_too_large_is_refused(tmp_path: Path, monkeypatch: 
         (["--bounds", "0,0,9,9", "--segment", "s0001"], "not both"),
         (["--segment", "nowhere"], "no segment or street 'nowhere'"),
         (["--traffic", "missing.parquet"], "no recording"),
-        (["--at", "60"], "of which recording"),
+        (["--at", "60"], "--at 60: add a recording"),
         (["--texel", "0"], "not within 0.005"),
-        (["--parking", "2"], "--parking 2: expected a share of the places (0 to 1), by-time, or none"),
-        (["--time", "23:00"], "--time: add parked vehicles with --parking"),
+        (["--time", "23:00"], "--time: add --parking"),
     ],
 )
 def test_the_command_refuses_what_makes_no_sense(tmp_path: Path, arguments: list[str], words: str) -> None:
