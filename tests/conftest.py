@@ -1,4 +1,4 @@
-"""What every test shares: Hypothesis profiles, and where real input may lie."""
+"""Hypothesis profiles, the cache, and real input for all tests."""
 
 import gc
 import os
@@ -28,13 +28,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--shared-data",
         type=Path,
         default=Path(os.environ.get("PAVETWIN_SHARED_DATA", ROOT.parent / "shared" / "data")),
-        help="folder with real input (osm/*.osm); tests that want a file that is not there are skipped and say so",
+        help="folder with real input (osm/*.osm); tests whose file is missing are skipped",
     )
 
 
 @pytest.fixture(scope="session", autouse=True)
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What tests record and bake goes here, not into the cache of who runs them."""
+    """A cache of the tests' own, instead of the user's."""
     folder = tmp_path_factory.mktemp("cache")
     os.environ["PAVETWIN_CACHE"] = str(folder)
     return folder
@@ -61,7 +61,7 @@ def heeded_interrupt() -> None:
 
 
 def pytest_collection_finish() -> None:
-    """What is there before the first test stays: the garbage collector need not look at it again and again."""
+    """Exclude all objects made before the first test from garbage collection."""
     gc.collect()
     gc.freeze()
 

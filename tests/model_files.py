@@ -50,5 +50,5 @@ def read_model(name: str) -> ModelFile:
 
 
 def points(surfaces: dict[str, Surface], *, without: frozenset[str] = frozenset()) -> npt.NDArray[np.float32]:
-    """All vertices of a node (n, 3), but for those of some materials."""
+    """All vertices of a node (n, 3), without those of some materials."""
     return np.concatenate([surface.positions for name, surface in surfaces.items() if name not in without])

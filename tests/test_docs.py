@@ -51,14 +51,6 @@ def test_links_resolve(page: Path) -> None:
     assert list(broken_links(page)) == []
 
 
-def test_a_dead_link_and_a_dead_anchor_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "there.md").write_text("# What is *here*, `now`\n", encoding="utf-8")
-    page = tmp_path / "page.md"
-    page.write_text("[a](there.md#what-is-here-now) [b](gone.md) [c](there.md#gone) `[d](code.md)`\n", encoding="utf-8")
-    monkeypatch.setitem(broken_links.__globals__, "ROOT", tmp_path)
-    assert list(broken_links(page)) == ["page.md: gone.md", "page.md: there.md#gone"]
-
-
 def test_lines_are_short() -> None:
     long = [
         f"{page.relative_to(ROOT)}:{number}"
@@ -150,20 +142,6 @@ def fetched_elsewhere(site: Path) -> Iterator[str]:
     for sheet in site.rglob("*.css"):
         text = sheet.read_text(encoding="utf-8")
         yield from (f"{sheet.name}: {address}" for address in re.findall(r"url\([\"']?((?:https?:)?//[^)]+)", text))
-
-
-def test_a_resource_from_elsewhere_is_found(tmp_path: Path) -> None:
-    (tmp_path / "index.html").write_text(
-        '<link rel="preconnect" href="https://fonts.example"><script src="assets/a.js"></script>'
-        '<a href="https://example.org">a link is fetched only when clicked</a><img src="//cdn.example/b.png">',
-        encoding="utf-8",
-    )
-    (tmp_path / "a.css").write_text("@font-face { src: url(https://fonts.example/c.woff) }", encoding="utf-8")
-    assert sorted(fetched_elsewhere(tmp_path)) == [
-        "a.css: https://fonts.example/c.woff",
-        "index.html: //cdn.example/b.png",
-        "index.html: https://fonts.example",
-    ]
 
 
 @pytest.mark.slow

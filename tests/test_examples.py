@@ -24,28 +24,18 @@ SAYS = {
     "07_python_loop": "found",
     "08_own_agent": r"found [1-9]\d* of",
 }
-"""What an example prints, at least, as a regular expression."""
+"""Regular expression for the output of each example."""
 
-SLOW = {
-    "01_first_flight",
-    "02_own_policy",
-    "03_own_defect_class",
-    "04_own_demand",
-    "05_study",
-    "06_dataset",
-    "07_python_loop",
-    "08_own_agent",
-}
 DRAWS = {"06_dataset"}
 
 
 def marked(example: Path) -> object:
-    marks = [pytest.mark.slow] * (example.stem in SLOW) + [pytest.mark.needs_adapter] * (example.stem in DRAWS)
+    marks = [pytest.mark.slow, *[pytest.mark.needs_adapter] * (example.stem in DRAWS)]
     return pytest.param(example, marks=marks, id=example.stem)
 
 
 def run(arguments: list[str], folder: Path) -> str:
-    """What a script prints."""
+    """Output of a script."""
     done = subprocess.run(
         [sys.executable, *arguments], capture_output=True, text=True, check=False, cwd=folder, timeout=500
     )

@@ -1,4 +1,4 @@
-"""pyogrio without pandas: for this package alone, and whole for whoever else imports it."""
+"""pyogrio without pandas for this package alone, and whole for other importers."""
 
 import subprocess
 import sys

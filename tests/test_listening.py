@@ -1,4 +1,4 @@
-"""Servers that are told to end."""
+"""Servers that are stopped."""
 
 import asyncio
 

@@ -27,8 +27,10 @@ print(full - freed, full - resident_mib())
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries give memory back by themselves")
 def test_what_was_freed_is_given_back() -> None:
     """Arrays of 180 MiB in all."""
-    told = subprocess.run([sys.executable, "-c", FREEING], capture_output=True, text=True, check=True).stdout.split()
-    before, after = map(float, told)
+    reported = subprocess.run(
+        [sys.executable, "-c", FREEING], capture_output=True, text=True, check=True
+    ).stdout.split()
+    before, after = map(float, reported)
     assert after > 150
     assert before < after
 
@@ -56,7 +58,9 @@ print(without, faults_of_arrays())
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries keep memory by rules of their own")
 def test_what_was_freed_is_kept_for_the_next_arrays() -> None:
     """Pages that the system has to clear for arrays of 4 MiB that come and go."""
-    told = subprocess.run([sys.executable, "-c", KEEPING], capture_output=True, text=True, check=True).stdout.split()
-    before, after = map(int, told)
+    reported = subprocess.run(
+        [sys.executable, "-c", KEEPING], capture_output=True, text=True, check=True
+    ).stdout.split()
+    before, after = map(int, reported)
     assert before > 1000
     assert after < before / 10

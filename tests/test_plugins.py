@@ -60,7 +60,7 @@ def test_settings_read_the_plugins_that_they_name(tmp_path: Path, monkeypatch: p
     assert set(plugin_hashes(settings.plugins)) == set(settings.plugins)
 
 
-def test_a_design_names_plugins_beside_itself(tmp_path: Path) -> None:
+def test_plugins_of_a_design_are_relative_to_its_file(tmp_path: Path) -> None:
     file(tmp_path, MINE)
     (tmp_path / "design.yaml").write_text("worlds: [town]\npolicies: [calm]\nplugins: [mine.py]\n")
     assert read_design(tmp_path / "design.yaml").plugins == (str(tmp_path / "mine.py"),)
@@ -107,7 +107,7 @@ def test_a_sensor_goes_by_its_file_and_keeps_the_rules(tmp_path: Path) -> None:
         load_sensor(load_settings("default", [f"sensing.sensor={path}:Blind"]).sensing, 0)
 
 
-def test_an_unknown_name_says_where_ones_own_comes_from() -> None:
+def test_an_unknown_name_is_refused_with_a_hint_at_plugins() -> None:
     with pytest.raises(PaveTwinError, match="One of your own needs its file in `plugins`"):
         POLICIES.get("calm")
 

@@ -1,4 +1,4 @@
-"""What a user installs: the wheel, in an environment of its own and outside the checkout, does the main job."""
+"""The wheel, installed into an environment of its own outside the checkout, runs the demo."""
 
 import os
 import subprocess
@@ -11,7 +11,7 @@ from uv import find_uv_bin
 
 ROOT = Path(__file__).resolve().parent.parent
 UNREACHABLE = ("error sending request", "dns error", "Failed to fetch", "Could not connect")
-"""What uv says where no package index answers."""
+"""Messages of uv when no package index answers."""
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 

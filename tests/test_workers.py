@@ -104,7 +104,7 @@ def test_processes_that_were_started_before_are_the_first_workers_and_end_unused
     assert waiting[1].process.exitcode == 0
 
 
-def test_every_task_runs_once_and_progress_is_told() -> None:
+def test_every_task_runs_once_and_progress_is_reported() -> None:
     ticks: list[int] = []
     with WorkerPool(2, squares, lambda: ticks.append(1)) as pool:
         assert ran(pool, list(range(7))) == ({task: task**2 for task in range(7)}, [])
@@ -121,7 +121,7 @@ def fails_ahead() -> None:
 
 
 def numbers_ahead(folder: Path, on_tick: OnTick) -> Callable[[int], bool]:  # noqa: ARG001
-    """Whether this process was there ahead of its tasks."""
+    """True if this process was started ahead of its tasks."""
     return lambda _: (folder / f"ahead-{os.getpid()}").exists()
 
 
@@ -151,10 +151,10 @@ def test_what_fails_ahead_is_left_to_the_tasks() -> None:
 
 
 def test_warnings_about_the_cache_reach_the_parent() -> None:
-    with warnings.catch_warnings(record=True) as said, WorkerPool(1, warns) as pool:
+    with warnings.catch_warnings(record=True) as caught, WorkerPool(1, warns) as pool:
         warnings.simplefilter("once")
         assert ran(pool, [1, 2]) == ({1: 1, 2: 2}, [])
-    assert [(each.category, str(each.message)) for each in said] == [(CacheWarning, "The cache is damaged.")]
+    assert [(each.category, str(each.message)) for each in caught] == [(CacheWarning, "The cache is damaged.")]
 
 
 def test_a_worker_that_dies_is_replaced_and_costs_other_tasks_nothing(tmp_path: Path) -> None:
@@ -176,16 +176,16 @@ def test_what_remains_of_a_lost_task_is_asked_for(tmp_path: Path) -> None:
     assert asked == ["always"] * (ATTEMPTS - 1)
 
 
-def test_an_error_keeps_its_words_and_says_where_it_was_raised() -> None:
+def test_an_error_keeps_its_words_and_its_place() -> None:
     with WorkerPool(2, broken) as pool, pytest.raises(PaveTwinError) as caught:
         ran(pool, [1, 2])
     assert str(caught.value) == "The world is damaged."
     assert "in broken" in caught.value.__notes__[0]
 
 
-def test_an_error_that_cannot_be_sent_is_told_by_its_name_and_place() -> None:
-    told = pytest.raises(RuntimeError, match="UnpicklableError: this and that")
-    with WorkerPool(1, unpicklable) as pool, told as caught:
+def test_an_error_that_cannot_be_sent_keeps_its_name_and_place() -> None:
+    reported = pytest.raises(RuntimeError, match="UnpicklableError: this and that")
+    with WorkerPool(1, unpicklable) as pool, reported as caught:
         ran(pool, [1])
     assert "in unpicklable" in caught.value.__notes__[0]
 
@@ -234,7 +234,3 @@ def test_jobs_are_bounded_by_cores_memory_and_images(
     monkeypatch.setattr(workers, "_spare_bytes", lambda: spare_gib * 2**30)
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(cores)), raising=False)
     assert default_jobs(images) == jobs
-
-
-def test_spare_memory_is_less_than_there_is() -> None:
-    assert 0 < workers._spare_bytes() < os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")

@@ -15,7 +15,7 @@ from pavetwin.world.cache import cached
 from pavetwin.world.store import load_world, save_world
 from scenes import damaged
 from scenes.command_line import pavetwin, plain_refusal
-from scenes.demand import know_demand, on_the_curve
+from scenes.traffic import know_demand, on_the_curve
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Each class keeps what its parameters say, and is rated by the standard's table."""
+"""Each class has the sizes of its parameters, and is rated by the standard's table."""
 
 from dataclasses import replace
 

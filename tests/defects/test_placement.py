@@ -19,7 +19,6 @@ from pavetwin.defects import (
     add_defects,
     defect_class,
     heightfield_of,
-    kinds,
     measure,
     place,
     placed_on,
@@ -47,17 +46,6 @@ from scenes import built, tiny
 
 def rng(seed: int) -> np.random.Generator:
     return np.random.default_rng(seed)
-
-
-@pytest.mark.parametrize("kind", kinds(), ids=lambda kind: kind.name)
-def test_every_class_draws_a_plain_outline_around_the_origin(kind) -> None:  # type: ignore[no-untyped-def]
-    for seed in range(12):
-        outline = kind.generate(rng(seed)).outline
-        assert outline.is_valid
-        assert not outline.interiors
-        assert outline.envelope.contains(shapely.Point(0, 0))
-        middle = outline.envelope.centroid
-        assert middle.distance(shapely.Point(0, 0)) < 0.5 * shapely.minimum_bounding_radius(outline)
 
 
 def test_thirty_on_every_segment_whole_and_apart() -> None:

@@ -30,7 +30,7 @@ def design(**values: object) -> Design:
 
 
 def plan_of(made: Design, segments: int = 6) -> Plan:
-    """As if that many segments could be reached."""
+    """Plan of a design over a world with that many reachable segments."""
     return Plan(made, ("0" * 64,), ("town",), (tuple(range(segments)),), {name: name for name in made.policies})
 
 
@@ -42,7 +42,7 @@ def test_the_paper_s_study_has_720_missions() -> None:
     assert made.defects == DefectOptions(population="paper")
 
 
-def test_a_design_flies_as_a_single_mission_does_unless_it_says_otherwise() -> None:
+def test_a_design_has_the_settings_of_a_single_mission_by_default() -> None:
     (cell, *_) = cells_of(design(altitudes_m=[6], policies=["hover"]))
     assert cell.settings(design()) == load_settings(altitude_m=6.0)
 
@@ -80,14 +80,14 @@ def test_a_world_with_routes_of_its_own_has_one_traffic() -> None:
 
 
 @given(seed=st.integers(0, 2**40), replicate=st.integers(0, 99))
-def test_missions_over_one_s_own_routes_take_off_within_their_times(seed: int, replicate: int) -> None:
+def test_missions_over_own_routes_take_off_within_their_times(seed: int, replicate: int) -> None:
     worlds = [{"path": "b", "routes": ["x.rou.xml"], "take_off_s": [600, 3000]}]
     made = plan_of(design(worlds=worlds, seed=seed, replicates=replicate + 2))
     assert 600 <= made.take_off_s(made.units[replicate]) <= 3000
     assert len({made.take_off_s(unit) for unit in plan_of(design(worlds=worlds, seed=seed)).units}) > 10
 
 
-def test_missions_over_ones_own_routes_take_off_after_a_warm_up_unless_told_otherwise(tmp_path: Path) -> None:
+def test_missions_over_own_routes_take_off_after_a_warm_up_by_default(tmp_path: Path) -> None:
     routes = tmp_path / "x.rou.xml"
     trips = "".join(f'<trip id="{at}" depart="{at}" from="a" to="b"/>' for at in (30, 70))
     routes.write_text(f"<routes>{trips}</routes>")
@@ -131,7 +131,7 @@ def test_missions_inspect_named_streets_and_segments_alone() -> None:
     assert plan(design(**usual), [town]).targets == ((0, 1, 2, 3),)
 
 
-def test_of_worlds_with_one_name_that_name_is_told() -> None:
+def test_worlds_of_one_name_are_refused_with_it() -> None:
     towns = [replace(avenue("Bell Lane"), name=name) for name in ("first", "both", "both")]
     with pytest.raises(PaveTwinError, match=r"two of its worlds are called 'both', .* rename the folder of one"):
         plan(design(worlds=["a", "b", "c"]), towns)
@@ -157,12 +157,9 @@ def test_replicates_inspect_segments_independently() -> None:
     ("values", "words"),
     [
         ({"densities": []}, "densities: give at least one"),
-        ({"altitudes_m": []}, "altitudes_m"),
         ({"policies": []}, "policies"),
-        ({"worlds": []}, "worlds"),
         ({"replicates": 0}, "replicates"),
         ({"altitudes_m": [6, 6]}, "given twice"),
-        ({"altitudes_m": [-3]}, "altitudes_m"),
         ({"altitudes_m": [6, 2]}, "altitudes_m.2: the UAV flies at 5 m or higher"),
         ({"altitudes_m": [6, 3000]}, "altitudes_m.2: the UAV flies at 120 m or lower"),
         ({"polices": ["hover"]}, r"unknown key 'polices' \(did you mean 'policies'\?\)"),
@@ -173,20 +170,15 @@ def test_replicates_inspect_segments_independently() -> None:
         ({"sweep": {"altitude_m": [6]}}, "list its values under 'altitudes_m'"),
         ({"sweep": {"tau_o": [0.5]}, "set": {"visibility.threshold": 0.6}}, "given twice, under sweep or set"),
         ({"worlds": ["a", "a"]}, "one of them is given twice"),
-        ({"seed": -1}, "seed"),
         ({"set": {"altitude_m": 12}}, "altitude_m is a factor; list its values under 'altitudes_m'"),
-        ({"set": {"sensing.sensor": "ideal"}}, "sensing.sensor is a factor; list its values under 'sensors'"),
         ({"sweep": {"sensing.sensor": ["ideal"]}}, "list its values under 'sensors'"),
         ({"worlds": [{"path": "a", "routes": ["r"]}], "densities": ["low"]}, "every world has its own traffic"),
         ({"worlds": [{"path": "a", "routes": ["r"], "recordings": ["b"]}]}, "routes or recordings, not both"),
         ({"worlds": [{"path": "a", "recordings": ["b/x.parquet", "c/x.parquet"]}]}, "two of them are called 'x'"),
-        ({"policies": []}, "policies: give at least one"),
         ({"worlds": [{"path": "a", "take_off_s": [0, 60]}]}, "take_off_s: only with routes or recordings"),
         ({"worlds": [{"path": "a", "routes": ["r"], "take_off_s": [60, 0]}]}, "the earliest comes first"),
         ({"defects": {"per_segmnt": 3}}, "per_segmnt"),
         ({"sensors": "ideal"}, r"sensors: give a list, like \[ideal\]"),
-        ({"altitudes_m": 10}, r"altitudes_m: give a list, like \[10\]"),
-        ({"worlds": "town"}, r"worlds: give a list, like \[town\]"),
         ({"sweep": {"tau_o": 0.5}}, r"sweep: tau_o: give a list, like \[0.5\]"),
     ],
 )
@@ -233,10 +225,7 @@ def test_levels_that_do_not_exist_are_refused_before_anything_is_flown(values: d
     ("policy", "words"),
     [
         ("mine.py:Bad", r"'.*mine\.py:Bad' breaks a rule: "),
-        ("mine.py:Gone", r"'.*mine\.py' has no policy class 'Gone'"),
-        ("gone.py:Bad", r"there is no file '.*gone\.py'"),
         ("mine.py", r"'mine\.py' lacks the name of the class"),
-        ("hoover", r"no policy 'hoover' \(did you mean 'hover'\?\)"),
     ],
 )
 def test_a_policy_that_cannot_fly_refuses_the_design(tmp_path: Path, policy: str, words: str) -> None:
@@ -326,7 +315,7 @@ def test_a_value_that_is_merged_may_be_given_again(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"), [("a: [", "is not valid YAML"), ("- 1", "holds no keys"), ("", "holds no keys")]
 )
-def test_what_is_no_design_is_said(tmp_path: Path, text: str, words: str) -> None:
+def test_a_file_that_is_no_design_is_refused(tmp_path: Path, text: str, words: str) -> None:
     (tmp_path / "d.yaml").write_text(text, encoding="utf-8")
     with pytest.raises(PaveTwinError, match=words):
         read_design(tmp_path / "d.yaml")
@@ -401,18 +390,3 @@ def test_a_study_goes_on_with_the_models_that_it_was_begun_with(
     assert store.models() == named, "what was flown stays what it was"
     chosen = plan(made.model_copy(update={"set": {"sensing.options.model": DEFAULT}}), load_worlds(made))
     assert chosen.models == {"calibrated": {"fitted": DEFAULT}}
-
-
-def test_a_study_that_does_not_say_its_models_is_not_flown_on(tmp_path: Path) -> None:
-    save_world(damaged("cross", 2), tmp_path / "cross")
-    made = design(worlds=[str(tmp_path / "cross")], altitudes_m=[10], densities=["low"], sensors=["detector"])
-    store, begun = Store(tmp_path / "study"), plan(made, load_worlds(made))
-    store.begin(replace(begun, models={}))
-    store.check(begun)
-    with pytest.raises(PaveTwinError, match=r"does not say which model its sensor 'detector' had; choose") as told:
-        store.check_models(begun)
-    path = store.folder / "design.yaml"
-    line = str(told.value).split("`")[1]
-    assert line == f"models: {{detector: {{model: {DEFAULT}}}}}"
-    path.write_text(f"{path.read_text()}{line}\n")
-    store.check_models(begun)

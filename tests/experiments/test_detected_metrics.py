@@ -2,14 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import polars as pl
 import pytest
-from typer.testing import CliRunner
 
-from pavetwin.cli.experiment import app
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.advice import advise
 from pavetwin.experiments.metrics import DETECTED, INDEX_ERROR, METRICS, has_detected, metrics_in
@@ -125,7 +122,7 @@ def test_the_error_has_a_sign_in_the_summary_and_none_in_what_options_are_judged
     assert signed["low"] < -5.0 < signed["high"] < 0.0, "its interval is not cut at 0"
 
 
-def test_the_report_shows_it_where_it_was_measured_and_says_who_has_it(table: pl.DataFrame) -> None:
+def test_the_report_shows_the_index_where_it_was_measured(table: pl.DataFrame) -> None:
     made = gather("A study", {"seed": 0}, table, {})
     assert {line.split(",")[6] for line in csv(made.summary).splitlines()[1:]} >= set(DETECTED[1:])
     tables = {part.partition(":")[0]: part for part in markdown(made).split("**") if ": mean" in part}
@@ -155,7 +152,7 @@ def test_the_least_error_of_a_row_is_bold_and_a_sign_is_never() -> None:
     assert "**" not in signed
 
 
-def test_a_sensor_that_measures_nothing_is_told_apart_and_not_guessed() -> None:
+def test_a_sensor_without_sizes_has_no_recommendation_by_the_index() -> None:
     levels = {**LEVELS, "sensor": ("recall", "detector")}
     both = measured(study(levels, 6)).with_columns(
         pl.when(pl.col("sensor") == "detector").then(pl.col(name)).alias(name) for name in DETECTED
@@ -215,18 +212,3 @@ def test_a_tour_has_no_index_where_a_street_has_none(errors: list[float | None])
     assert [*missions.select(DETECTED).row(0)] == [None] * 3
     assert missions["pci"].to_list() == [50.0]
     assert not has_detected(missions)
-
-
-def test_tours_of_a_sensor_that_measures_nothing_are_told_apart() -> None:
-    rows = [tour([None, None], "recall", number) for number in range(6)]
-    both = missions_of(*rows, *(tour([10.0, -10.0], replicate=number) for number in range(6)))
-    recall, detector = advise(both, SOME, objective=Objective.MOST_ACCURATE_INDEX)
-    assert recall.recommendation.best is None
-    assert detector.recommendation.best is not None
-    assert detector.recommendation.best[INDEX_ERROR] == pytest.approx(10.0)
-
-
-def test_the_command_line_suggests_the_name_that_is_meant(tmp_path: Path) -> None:
-    done = CliRunner().invoke(app, ["recommend", str(tmp_path), "--choose", "most-acurate-index"])
-    assert isinstance(done.exception, PaveTwinError)
-    assert "did you mean 'most-accurate-index'?" in str(done.exception)

@@ -1,4 +1,4 @@
-"""What a proposal says of its camera: the pixel on the ground, and what it cannot show."""
+"""The camera of a proposal: its pixel on the ground, and the defects that it cannot show."""
 
 import pytest
 

@@ -14,7 +14,6 @@ from pavetwin.experiments.advice import advise
 from pavetwin.experiments.design import Design
 from pavetwin.experiments.engine import Single
 from pavetwin.experiments.metrics import metric_named
-from pavetwin.experiments.report.page import page, sections_of
 from pavetwin.experiments.report.study import gather
 from pavetwin.experiments.report.tables import headline_table
 from pavetwin.experiments.run import run
@@ -24,6 +23,7 @@ from pavetwin.experiments.units import cells_of, owners_of
 from pavetwin.policies import policy_class
 from pavetwin.world.store import save_world
 from scenes import damaged
+from scenes.report_studies import page_of
 from scenes.studies import SMALL, study
 
 MINE = """
@@ -58,7 +58,7 @@ def design(**values: Any) -> Design:
         ({"tau_o": [0.5, 0.7]}, {}, 2 * 4),
     ],
 )
-def test_a_policy_is_flown_once_for_all_values_of_what_it_lacks(
+def test_a_policy_is_flown_once_for_all_values_of_a_setting_it_does_not_read(
     sweep: dict[str, Any], owners: dict[str, list[str]], cells: int
 ) -> None:
     made = design(sweep=sweep, altitudes_m=[6])
@@ -88,23 +88,23 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_study_flies_says_and_keeps_what_each_policy_has(world: Path, tmp_path: Path) -> None:
+def test_a_study_flies_reports_and_keeps_the_settings_of_each_policy(world: Path, tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(MINE.format("first"))
-    mine, folder, said = f"{tmp_path / 'mine.py'}:Mine", tmp_path / "study", list[str]()
+    mine, folder, notices = f"{tmp_path / 'mine.py'}:Mine", tmp_path / "study", list[str]()
     made = design(
         worlds=[str(world)], densities=["low"], altitudes_m=[6], policies=[mine, "hover"], presets=["paper"],
         replicates=1, sweep={"wait_s": [1, 4]}, compare="mine",
     )  # fmt: skip
-    ran = run(made, folder, Single(), on_notice=said.append)
-    assert said == ["Only hover has wait_s: mine is flown once for all its values. That makes 3 missions."]
+    ran = run(made, folder, Single(), on_notice=notices.append)
+    assert notices == ["Only hover has wait_s: mine is flown once for all its values. That makes 3 missions."]
     assert ran.plan.missions == ran.missions_flown == 3
     assert ran.table.select("policy", SET).rows() == [("mine", None), ("hover", 1.0), ("hover", 4.0)]
     assert run(made, folder, Single()).missions_flown == 0
 
     (tmp_path / "mine.py").write_text(MINE.format("second"))
-    said.clear()
-    assert run(made, folder, Single(), on_notice=said.append).missions_flown == 1
-    assert said[0].startswith("mine.py changed since: 1 of 3 missions are flown again")
+    notices.clear()
+    assert run(made, folder, Single(), on_notice=notices.append).missions_flown == 1
+    assert notices[0].startswith("mine.py changed since: 1 of 3 missions are flown again")
     assert Store(folder).former().select("policy", SET).rows() == [("mine", None)]
     assert_frame_equal(Store(folder).table().drop("files_hash"), ran.table.drop("files_hash"))
 
@@ -163,9 +163,9 @@ def test_reports_and_recommendations_show_one_set_of_missions_at_every_level() -
     mean = sparse.filter(policy="baseline")["coverage"].mean()
     assert {row[3].text.split(" ±")[0] for row in table.rows} == {f"{100 * mean:.1f}"}, "baseline"
     assert len({row[4].text for row in table.rows}) == 3, "hover"
-    said = "The same missions of baseline and micro stand with every value of wait_s, which they do not have."
-    assert said in table.notes
-    text = page(made, sections_of(made))
+    note = "The same missions of baseline and micro stand with every value of wait_s, which they do not have."
+    assert note in table.notes
+    text = page_of(made)
     assert "baseline, hover and micro) × 3 values of wait_s (1, 2 and 8)" in text
     assert "At “without” stand policies that have no wait_s: baseline and micro." in text
     assert "None" not in text

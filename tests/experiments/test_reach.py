@@ -7,7 +7,7 @@ import pytest
 from pavetwin.errors import PaveTwinError
 from pavetwin.experiments import planning as reach
 from pavetwin.experiments.design import Design, preset_text
-from pavetwin.experiments.planning import replaced_sentence, with_levels_in_reach
+from pavetwin.experiments.planning import with_levels_in_reach
 from pavetwin.experiments.units import units_of
 from pavetwin.traffic.demand import Density, density_named
 from pavetwin.world.model import World
@@ -49,11 +49,6 @@ def test_levels_out_of_reach_are_replaced_once_in_their_world_alone() -> None:
 def test_levels_asked_for_are_kept() -> None:
     design = Design(worlds=("x",), densities=("los-B",))
     assert flown(design, named("slow")) == (design, [])
-
-
-def test_one_level_is_said_in_the_singular() -> None:
-    sentence = "Level of service B is out of reach in 'x'; the nearest is flown: C for B."
-    assert replaced_sentence("x", {"los-B": "los-C"}) == sentence
 
 
 @pytest.mark.parametrize(("preset", "allowed"), [("default", True), ("paper", False)])

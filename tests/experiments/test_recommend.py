@@ -9,24 +9,9 @@ from benchmarks.calibration import OBJECTIVES, outcomes
 from scipy import stats
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.experiments.metrics import metric_named
 from pavetwin.experiments.statistics import MissionLimits, Objective, recommend
 from pavetwin.experiments.statistics.simultaneous import sign_flip_p
-from pavetwin.experiments.words import amount, option_text, setting
-from pavetwin.reports.words import nonzero
 from scenes.studies import PAPER, SMALL, study, without
-
-
-def test_wording() -> None:
-    cell = {"traffic": "high", "altitude_m": 6.0, "policy": "hover", "tau_o": 0.7, "swap": True}
-    assert (
-        setting(cell, ("tau_o", "altitude_m", "traffic", "swap"))
-        == "in high traffic at 6 m with tau_o = 0.7 with swap = yes"
-    )
-    assert option_text(cell, ("altitude_m", "policy", "tau_o")) == "hover at 6 m with tau_o = 0.7"
-    assert nonzero(-0.04, 1) == "−0.04"
-    assert nonzero(-0.0, 1) == "0.0"
-    assert amount(metric_named("energy"), 0.0312) == "3.12 % of a battery"
 
 
 def test_three_sentences_state_the_option_its_lead_and_its_probability() -> None:
@@ -312,15 +297,6 @@ def test_an_option_just_within_the_limit_may_break_it(table: pl.DataFrame) -> No
     assert made.best["altitude_m"] == 15.0
     assert 0.3 < made.best["kept"] < 0.7
     assert made.best["certainty"] == pytest.approx(made.best["kept"])
-
-
-@pytest.mark.parametrize("objective", [Objective.HIGHEST, Objective.FASTEST, Objective.LEAST_ENERGY])
-def test_one_sentence_names_the_nearest_option(table: pl.DataFrame, objective: Objective) -> None:
-    made = recommend(table, MissionLimits(min_coverage=0.9), objective=objective)
-    assert (made.best, made.broken) == (None, "coverage")
-    (sentence,) = made.sentences
-    assert sentence.startswith("No option keeps the limits on average; the nearest is hover at 6 m, whose coverage of ")
-    assert sentence.endswith(" is below 90.0 %.")
 
 
 def test_objectives_without_their_limits_are_refused(table: pl.DataFrame) -> None:

@@ -17,13 +17,11 @@ from pavetwin.draw.style import POLICY_COLOURS, policy_styles
 from pavetwin.experiments.metrics import metric_named
 from pavetwin.experiments.report.figures import (
     by_altitude,
-    dominates,
     on_front,
     options,
     policy_legend,
     spread,
     tradeoff,
-    traffic_title,
 )
 from pavetwin.experiments.report.page import write_report
 from pavetwin.experiments.report.study import gather
@@ -31,8 +29,7 @@ from pavetwin.experiments.report.study_sections import colour_range, street_map,
 from pavetwin.experiments.statistics.summary import summarise
 from pavetwin.reports.canvas import slim
 from scenes import tiny
-from scenes.outline import sections, small_study
-from scenes.report_studies import PAPER, SMALL, page_of, study_of, table_of
+from scenes.report_studies import PAPER, SMALL, page_of, sections, small_study, study_of, table_of
 from scenes.studies import without
 
 
@@ -54,14 +51,14 @@ def test_what_failed_alone_is_not_on_the_front() -> None:
     option = (cheapest.altitude_m, cheapest.policy)
     assert option not in fronts["high"]
     assert option in fronts["low"]
-    said = f"leave them out: {cheapest.policy} at {cheapest.altitude_m:g}\u00a0m (1 failed)."
-    assert said in page_of(study)
+    words = f"leave them out: {cheapest.policy} at {cheapest.altitude_m:g}\u00a0m (1 failed)."
+    assert words in page_of(study)
     assert "leave them out" not in page_of(study_of(without(table, high, failed=True)))
 
 
 @pytest.mark.parametrize("policies", [4, pytest.param(14, marks=pytest.mark.slow)])
 def test_words_of_logarithmic_axes_stand_clear_of_each_other(policies: int) -> None:
-    """Of time and energy with heavy tails in three narrow panels."""
+    """Time and energy with heavy tails in three narrow panels."""
     own = tuple(f"own {number}" for number in range(policies - 4))
     (group,) = study_of(table_of({**PAPER, "policy": ("baseline", "hover", "micro", "skip", *own)}, 20)).groups()
     coverage, time, energy = (metric_named(name) for name in ("coverage", "time_s", "energy"))
@@ -78,7 +75,7 @@ def test_words_of_logarithmic_axes_stand_clear_of_each_other(policies: int) -> N
             assert all(one.x1 < other.x0 for one, other in pairwise(boxes))
 
 
-def test_every_logarithmic_axis_says_so() -> None:
+def test_every_logarithmic_axis_is_labelled_so() -> None:
     (group,) = study_of(table_of(PAPER, 20)).groups()
     coverage, time, wait = (metric_named(name) for name in ("coverage", "time_s", "wait_s"))
     figures = [tradeoff(group, coverage, time, group.traffics), spread(group, time, group.traffics)]
@@ -108,7 +105,7 @@ def test_whiskers_end_at_the_percentiles_of_the_tables() -> None:
         assert drawn == pytest.approx(sorted([*low, *numbers.filter(traffic=traffic)["p95"]]))
 
 
-def test_fourteen_policies_can_be_told_apart() -> None:
+def test_fourteen_policies_have_distinct_styles() -> None:
     chosen = policy_styles([*POLICY_COLOURS, *(f"own {number}" for number in range(10))])
     assert len({look.colour for look in chosen.values()}) == len({look.marker for look in chosen.values()}) == 14
     assert len({look.dash for look in chosen.values()}) == 3
@@ -137,11 +134,11 @@ def test_segments_without_defects_are_counted_and_have_no_coverage() -> None:
     )
     on_side = pl.col("segment") == "side"
     empty = [pl.when(on_side).then(None).otherwise(name).alias(name) for name in ("coverage", "swath_coverage")]
-    said = page_of(
+    text = page_of(
         study_of(table.with_columns(*empty, defects=pl.when(on_side).then(0).otherwise("defects")), worlds=worlds)
     )
-    assert "1 more segment flown had no defects to find in any replicate, and no coverage." in said
-    assert "side road" not in said.split("Street by street")[1].split("</table>")[0]
+    assert "1 more segment flown had no defects to find in any replicate, and no coverage." in text
+    assert "side road" not in text.split("Street by street")[1].split("</table>")[0]
 
 
 def test_a_map_shows_the_segments_that_were_flown() -> None:
@@ -218,13 +215,6 @@ def test_a_legend_stays_within_its_figure(width_in: float, lines: int) -> None:
     assert len({round(text.get_window_extent().y0) for text in legend.get_texts()}) == lines
 
 
-@pytest.mark.parametrize(
-    ("traffic", "title"), [("high", "High traffic"), ("los-C", "los-C traffic"), ("v12-p40", "v12-p40 traffic")]
-)
-def test_names_of_traffic_keep_their_letters(traffic: str, title: str) -> None:
-    assert traffic_title(traffic) == title
-
-
 POINTS = st.lists(st.tuples(st.integers(0, 6).map(float), st.integers(0, 6).map(float)), max_size=30)
 
 
@@ -235,18 +225,3 @@ def test_no_point_of_the_front_is_dominated_and_every_other_is_by_one_of_it(poin
     for point, chosen in zip(points, front, strict=True):
         better = [one for one in best if one[0] >= point[0] and one[1] <= point[1] and one != point]
         assert chosen == (not better)
-
-
-@given(POINTS)
-def test_something_is_always_on_the_front(points: list[tuple[float, float]]) -> None:
-    assert any(on_front(points)) == bool(points)
-
-
-def test_equal_points_share_the_front() -> None:
-    assert on_front([(1.0, 1.0), (1.0, 1.0), (0.5, 2.0)]) == [True, True, False]
-
-
-def test_more_gain_at_the_same_cost_dominates() -> None:
-    assert dominates((2.0, 1.0), (1.0, 1.0))
-    assert not dominates((1.0, 1.0), (1.0, 1.0))
-    assert not dominates((2.0, 2.0), (1.0, 1.0))

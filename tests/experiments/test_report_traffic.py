@@ -1,4 +1,4 @@
-"""The section of a report that says how the traffic of each level flows."""
+"""The section of a report on the flow of each level of traffic."""
 
 import re
 from dataclasses import replace
@@ -23,7 +23,7 @@ def cross(tmp_path_factory: pytest.TempPathFactory) -> World:
 
 
 def rows_of(world: World, traffic: str, entry: object) -> list[list[str]]:
-    """What the section says of a study of three replicates (traffic seeds 0, 1, 2)."""
+    """Rows of the section for a study of three replicates (traffic seeds 0, 1, 2)."""
     study = study_of(table_of({"world": (world.name,), "traffic": (traffic,)}, 3))
     section = traffic_section(replace(study, worlds={world.name: world}, design={**study.design, "worlds": [entry]}))
     return [[cell.text for cell in row] for part in section.blocks if isinstance(part, Table) for row in part.rows]
@@ -37,22 +37,22 @@ def numbers_of(recording: Recording) -> list[str]:
     ]  # fmt: skip
 
 
-def test_a_density_is_told_from_the_recordings_of_its_seeds(cross: World) -> None:
+def test_a_density_is_described_from_the_recordings_of_its_seeds(cross: World) -> None:
     recording = record(cross, "low", 1, 30.0)
     ((world, traffic, count, *numbers),) = rows_of(cross, "low", str(cross.folder))
     assert (world, traffic, count) == (cross.name, "low", "1")
     assert numbers == numbers_of(recording)
 
 
-def test_recordings_of_ones_own_are_told_too(cross: World, tmp_path: Path) -> None:
-    recording = save_recording(record(cross, "high", 1, 30.0), tmp_path / "rush.parquet")
+def test_own_recordings_are_described(cross: World, tmp_path: Path) -> None:
+    recording = save_recording(record(cross, "low", 1, 30.0), tmp_path / "rush.parquet")
     entry = {"path": str(cross.folder), "routes": [], "recordings": [str(tmp_path / "rush.parquet")]}
     ((_, traffic, count, *numbers),) = rows_of(cross, "rush", entry)
     assert (traffic, count) == ("rush", "1")
     assert numbers == numbers_of(recording)
 
 
-def test_routes_of_ones_own_are_told_too(cross: World, tmp_path: Path) -> None:
+def test_own_routes_are_described(cross: World, tmp_path: Path) -> None:
     routes = tmp_path / "mine.rou.xml"
     routes.write_text(ROUTES)
     record(cross, None, 1, 30.0, routes=[routes])
@@ -64,8 +64,6 @@ def test_routes_of_ones_own_are_told_too(cross: World, tmp_path: Path) -> None:
     assert numbers == numbers_of(recording)
 
 
-def test_without_recordings_at_hand_nothing_is_said(
-    cross: World, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_the_section_is_empty_without_recordings(cross: World, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PAVETWIN_CACHE", str(tmp_path))
     assert rows_of(cross, "medium", str(cross.folder)) == []

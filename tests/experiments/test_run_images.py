@@ -2,31 +2,43 @@
 
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
 import pytest
+import shapely
 from polars.testing import assert_frame_equal
+from typer.testing import CliRunner
 
+from pavetwin.arrays import UInt8Array
 from pavetwin.capture.mission_images import MissionImages
+from pavetwin.cli.experiment import app
 from pavetwin.config import load_settings
 from pavetwin.defects import DefectOptions, add_defects, place
+from pavetwin.errors import PaveTwinError
 from pavetwin.experiments.design import Design
 from pavetwin.experiments.engine import Cluster, Engine, Pool, Single
+from pavetwin.experiments.fly_unit import schema
+from pavetwin.experiments.metrics import DETECTED, INDEX_ERROR
+from pavetwin.experiments.planning import load_worlds, plan
 from pavetwin.experiments.run import run
 from pavetwin.experiments.store import Store
 from pavetwin.experiments.units import ImageSourceFactory
+from pavetwin.inventory import condition
 from pavetwin.mission.environment import prepare
 from pavetwin.mission.fly import fly_over
 from pavetwin.mission.replay import Replay, replay_of
 from pavetwin.mission.result import MissionResult
 from pavetwin.sensing import Frame
+from pavetwin.sensing.detector import DetectorSensor
 from pavetwin.traffic.parked import ParkedVehicles
 from pavetwin.world.model import World
 from pavetwin.world.store import load_world, save_world
 from scenes import built, drawn_detector
+from scenes.spots import SpotDetector
 
 SENSORS = """
 import numpy as np
@@ -73,23 +85,23 @@ small:
 
 
 TAKEN: list[tuple[int, int]] = []
-"""Of every image that was painted in this process: the capture's number, and how many vehicles were parked."""
+"""Capture number and number of parked vehicles of each image painted in this process."""
 
 
 class Painted:
-    """Images of grey ground on which every defect is a black box: what they show depends on the world and the pose."""
+    """Images of a road on which every defect is a box in the colour that the drawn detector takes for a pothole."""
 
     def __init__(self, world: World, _replay: Replay, _seed: int, parked: ParkedVehicles) -> None:
         self._defects = world.defects
         self._parked = parked
 
-    def __call__(self, frame: Frame) -> np.ndarray[Any, np.dtype[np.uint8]]:
+    def __call__(self, frame: Frame) -> UInt8Array:
         TAKEN.append((frame.number, len(self._parked)))
         width, height = frame.camera.image_px
-        image = np.full((height, width, 3), 128, dtype=np.uint8)
+        image = np.full((height, width, 3), drawn_detector.ROAD, dtype=np.uint8)
         for defect in self._defects:
             left, top, right, bottom = np.round(frame.box_of(defect.polygon)).astype(int)
-            image[top:bottom, left:right] = 0
+            image[max(0, top) : max(0, bottom), max(0, left) : max(0, right)] = drawn_detector.COLOURS["pothole"]
         return image
 
 
@@ -118,6 +130,21 @@ def design(world: Path, sensor: str, **values: object) -> Design:
         "seed": 4,
     }
     return Design.parse(usual | values, where="the design")
+
+
+def still(world: Path, sensors: list[str], **values: object) -> Design:
+    """One replicate without traffic."""
+    options = {"sensing.options.model": str(drawn_detector.FILE)} if "detector" in sensors else {}
+    fixed = {"camera.model": str(world.parent / "camera.yaml"), "parking.enabled": False, **options}
+    usual = {"densities": ["v0-p0"], "sensors": sensors, "altitudes_m": [6], "replicates": 1, "set": fixed}
+    return design(world, "", **(usual | values))
+
+
+@pytest.fixture(scope="module")
+def both(world: Path) -> pl.DataFrame:
+    """A study with a sensor that measures and one that does not."""
+    chosen = still(world, ["recall", "detector"])
+    return run(chosen, world.parent / "study", Single(), image_source_factory=Painted).table
 
 
 def flown_alone(row: dict[str, Any], world: Path, images: ImageSourceFactory) -> MissionResult:
@@ -186,23 +213,12 @@ def test_images_show_the_vehicles_that_are_parked(world: Path, tmp_path: Path) -
 @pytest.mark.slow
 def test_missions_share_the_captures_that_they_have_in_common(world: Path, tmp_path: Path) -> None:
     """Without traffic all policies fly alike: the detector looks at each capture once."""
-    values: dict[str, Any] = {
-        "densities": ["v0-p0"],
-        "sensors": ["detector"],
-        "altitudes_m": [6],
-        "replicates": 1,
-        "set": {
-            "camera.model": str(world.parent / "camera.yaml"),
-            "parking.enabled": False,
-            "sensing.options.model": str(drawn_detector.FILE),
-        },
-    }
     TAKEN.clear()
-    alone = run(design(world, "", **values), tmp_path / "alone", Single(), image_source_factory=Painted).table
+    alone = run(still(world, ["detector"]), tmp_path / "alone", Single(), image_source_factory=Painted).table
     once = sorted(TAKEN)
     assert len(once) == len(set(once)) > 0
     TAKEN.clear()
-    several = design(world, "", **values, policies=["baseline", "hover", "micro", "skip"])
+    several = still(world, ["detector"], policies=["baseline", "hover", "micro", "skip"])
     ran = run(several, tmp_path / "several", Single(), image_source_factory=Painted)
     assert not ran.failures
     assert sorted(TAKEN) == once
@@ -228,11 +244,61 @@ def test_a_study_whose_sensor_asks_for_no_image_loads_nothing_that_renders(world
     (tmp_path / "design.yaml").write_text(
         design(world, "Dark", sensors=["recall"], altitudes_m=[6], replicates=1).model_dump_json()
     )
-    tell = "; print('drawn by', sorted({'wgpu', 'pavetwin.render', 'pavetwin.scene.scene'} & set(sys.modules)))"
+    listing = "; print('drawn by', sorted({'wgpu', 'pavetwin.render', 'pavetwin.scene.scene'} & set(sys.modules)))"
     command = ("experiment", "run", tmp_path / "design.yaml", "-o", tmp_path / "study")
-    done = pavetwin(*command, then=tell)
+    done = pavetwin(*command, then=listing)
     assert "drawn by []" in done.stdout, done.stdout + done.stderr
     assert Store(tmp_path / "study").table()["confirmed"].sum() > 0
+
+
+@pytest.mark.slow
+def test_the_index_by_what_was_detected_is_that_of_the_sensor_that_measures(both: pl.DataFrame) -> None:
+    assert (both["status"] == "flown").all(), both["reason"].to_list()
+    recall, detector = both.to_dicts()
+    assert [recall[name] for name in DETECTED] == [None] * len(DETECTED)
+    assert detector["confirmed"] > 0
+    assert detector["pci_detected"] < 100.0
+    assert detector["pci_detected_error"] == pytest.approx(detector["pci_detected"] - detector["pci"])
+    assert detector[INDEX_ERROR] == abs(detector["pci_detected_error"])
+
+
+@pytest.mark.slow
+def test_the_command_line_recommends_by_it_and_shows_it_in_queries(world: Path, both: pl.DataFrame) -> None:
+    done = CliRunner().invoke(
+        app, ["recommend", str(world.parent / "study"), "--choose", "most-accurate-index", "--min-coverage", "1"]
+    )
+    assert done.exit_code == 0, done.output
+    printed = " ".join(done.output.split())
+    assert "No mission has a condition index by what was detected: their sensor measures no sizes" in printed
+    value = both.filter(sensor="detector")[INDEX_ERROR].item()
+    assert f"index error as detected {value:.1f} points a segment" in printed
+    sql = f"select {INDEX_ERROR} from segments where sensor = 'detector'"
+    asked = CliRunner().invoke(app, ["query", str(world.parent / "study"), sql, "--csv"])
+    assert float(asked.output.split()[1]) == pytest.approx(value)
+
+
+def test_studies_of_sensors_that_measure_nothing_have_no_such_columns(world: Path) -> None:
+    measured, bare = still(world, ["recall", "detector"]), still(world, ["recall", "calibrated"])
+    assert set(DETECTED) <= set(schema(plan(measured, load_worlds(measured))))
+    assert not set(DETECTED) & set(schema(plan(bare, load_worlds(bare))))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("error", [PaveTwinError("the model is gone"), shapely.errors.GEOSException("no ring")])
+def test_a_mission_of_which_no_inventory_can_be_made_is_flown_all_the_same(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    def fails(_: MissionResult) -> Mapping[str, float]:
+        raise error
+
+    monkeypatch.setattr(DetectorSensor, "_opened", lambda _: SpotDetector(image_px=240))
+    monkeypatch.setattr(condition, "detected_of_segments", fails)
+    (row,) = run(still(world, ["detector"]), tmp_path / "s", Single(), image_source_factory=Painted).both.to_dicts()
+    assert row["status"] == "flown"
+    assert row["coverage"] is not None
+    assert [row[name] for name in DETECTED] == [None] * len(DETECTED)
+    assert row["reason"].startswith("no condition index by what was detected: ")
+    assert str(error) in row["reason"]
 
 
 def pavetwin(*words: object, then: str = "") -> subprocess.CompletedProcess[str]:

@@ -52,9 +52,9 @@ def test_a_sensor_that_is_sure_changes_nothing() -> None:
 
 
 def test_intervals_hold_the_sensors_error_which_more_replicates_do_not_reduce() -> None:
-    few, many = study(LEVELS, 12, found_less), study(LEVELS, 120, found_less)
+    few, many = study(LEVELS, 12, found_less), study(LEVELS, 60, found_less)
     errors = {6.0: 0.05, 15.0: 0.0}
-    assert width(many) < 0.4 * width(few)
+    assert width(many) < 0.55 * width(few)
     assert width(with_draws(many, errors)) > 2 * 1.9 * 0.05
     assert width(with_draws(few, errors)) > width(with_draws(many, errors))
     assert width(with_draws(many, errors), 15.0) == pytest.approx(width(many, 15.0))

@@ -6,12 +6,11 @@ import pytest
 
 from pavetwin.experiments.metrics import metric_named
 from pavetwin.experiments.statistics import MissionLimits, recommend, summarise
-from scenes.few_defects import CASES, streets
-from scenes.studies import study
+from scenes.studies import CASES, streets, study
 
 
 def test_means_over_replicates_say_their_defects_and_widen_with_few() -> None:
-    """Three defects a replicate, all found in all ten: resampling alone would say that all are found everywhere."""
+    """Three defects a replicate, all found in all ten: resampling alone would give a share of 1."""
     table = study(replicates=10).with_columns(coverage=1.0, defects=3)
     metrics = [metric_named("coverage"), metric_named("time_s")]
     rows = summarise(table, ["traffic"], metrics).to_dicts()
@@ -36,7 +35,7 @@ def test_the_defects_of_all_segments_of_a_mission_count_and_those_of_a_replicate
 
 
 def test_replicates_without_defects_are_in_no_coverage_and_in_every_time() -> None:
-    """Of eight replicates three fly over a street without defects: the others alone tell what is found."""
+    """Three of eight replicates fly over a street without defects: coverage comes from the others."""
     table = study(replicates=8).with_columns(defects=3)
     empty = pl.col("replicate") < 3
     some = table.with_columns(

@@ -27,7 +27,7 @@ def _waiting(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
 
 
 def _shares(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
-    """Of 6 defects, found with a chance that varies from street to street around 0.95: most are 1."""
+    """Shares of 6 defects, found with a chance that varies from street to street around 0.95: most are 1."""
     return rng.binomial(6, rng.beta(7.6, 0.4, shape)) / 6
 
 
@@ -144,23 +144,9 @@ def test_the_drawn_test_agrees_with_the_exact_one_and_with_scipy() -> None:
         assert p == pytest.approx(stats.ttest_1samp(row, 0).pvalue, abs=0.03)
 
 
-@pytest.mark.parametrize("n", [10, pytest.param(EXACT + 4, marks=pytest.mark.slow)])
-def test_p_under_no_effect_is_as_often_small_as_it_says(n: int) -> None:
-    p = sign_flip_p(np.random.default_rng(n).normal(size=(3000, n)))
-    assert np.mean(p <= 0.05) == pytest.approx(0.05, abs=0.012)
-    assert np.mean(p <= 0.5) == pytest.approx(0.5, abs=0.03)
-
-
 def test_equal_sums_in_other_last_bits_count_as_equal() -> None:
     """0.1 + 0.2 and 0.3 differ in floating point; 2 of the 8 assignments reach the mean, and 0 is reached by all."""
     assert sign_flip_p(np.array([[0.1, 0.2, 0.3], [0.1 + 0.2, -0.3, 0.0]])).tolist() == [0.25, 1.0]
-
-
-@given(VALUES)
-def test_p_is_a_probability_and_knows_no_direction(values: np.ndarray) -> None:
-    p = sign_flip_p(values)
-    assert ((p > 0) & (p <= 1)).all()
-    assert sign_flip_p(-values).tolist() == p.tolist()
 
 
 @pytest.mark.slow

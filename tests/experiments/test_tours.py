@@ -67,7 +67,7 @@ def test_a_tour_inspects_every_segment_in_the_order_of_fly(world: Path) -> None:
     assert first != second
 
 
-def test_what_is_hidden_for_good_is_told_of_a_whole_mission(study: Path) -> None:
+def test_the_permanently_hidden_share_is_that_of_a_whole_mission(study: Path) -> None:
     """By area: here of the first segment of each mission alone."""
     rows = Store(study).table().with_columns(permanently_hidden=pl.when(pl.col("order") == 0).then(0.5).otherwise(0.0))
     missions = by_mission(rows)
@@ -91,7 +91,7 @@ def test_a_row_of_a_mission_is_the_whole_flight(study: Path) -> None:
     assert by_mission(missions) is missions
 
 
-def test_a_recommendation_says_how_many_batteries_to_bring(study: Path) -> None:
+def test_a_recommendation_states_the_batteries_to_bring(study: Path) -> None:
     rows = Store(study).table()
     # Four missions of a cell take one battery, the fifth three.
     three = (pl.col("replicate") == 4) & (pl.col("altitude_m") == 6)

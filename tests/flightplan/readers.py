@@ -24,7 +24,7 @@ class Read(NamedTuple):
     every: float | None
     """Metres or seconds between photographs."""
     stops: bool
-    """Whether the aircraft stops there."""
+    """True where the aircraft stops."""
 
 
 class _Strict(BaseModel):

@@ -33,11 +33,11 @@ def test_files_of_an_earlier_export_are_removed_and_no_others(tmp_path: Path) ->
     assert names(tmp_path) == sorted(["flight-1.plan", "flight-2.plan", *others])
 
 
-def test_parts_are_told(tmp_path: Path) -> None:
+def test_parts_have_a_remark(tmp_path: Path) -> None:
     points = [Waypoint(13.4 + 0.001 * i, 52.5, 10.0, 5.0, False, 0.0, None) for i in range(150)]
     long = FlightPlan("m", None, (PlannedFlight(tuple(points)),), interval_s=0.7, spacing_m=3.5)
-    told = remark_on_parts(save_plan(long, tmp_path, [PLAN_FORMATS.get("litchi")()])) or ""
-    assert told.startswith("2 files are parts of a flight. Each takes off and lands at the base")
+    reported = remark_on_parts(save_plan(long, tmp_path, [PLAN_FORMATS.get("litchi")()])) or ""
+    assert reported.startswith("2 files are parts of a flight. Each takes off and lands at the base")
     assert remark_on_parts(save_plan(long, tmp_path, [PLAN_FORMATS.get("qgc")()])) is None
 
 

@@ -145,7 +145,7 @@ def test_headings_are_true_and_times_follow_speeds() -> None:
 
 
 def test_equal_plans_are_equal_bytes_whenever_they_are_written(monkeypatch: pytest.MonkeyPatch) -> None:
-    """DJI's plans say when they were made: when the mission is flown, by its conditions."""
+    """The creation time in DJI's plans is the mission's, by its conditions."""
     written = []
     for now_s in (1.7e9, 1.8e9):
         monkeypatch.setattr(time, "time", lambda now_s=now_s: now_s)

@@ -57,7 +57,7 @@ def test_a_plan_through_a_building_is_refused_without_any_limit() -> None:
 @pytest.mark.parametrize(("x_m", "away_m"), [(39.0, 1.0), (50.0, 0.0)])
 @pytest.mark.parametrize("backwards", [False, True])
 def test_climb_and_landing_keep_the_distance_from_the_ground_up(x_m: float, away_m: float, backwards: bool) -> None:
-    """High above the house of 8 m, from beside it or from within it, and the other way round."""
+    """High above the house of 8 m, from next to it or from within it, and the other way round."""
     lonlat = PLACE.to_wgs84([(x_m, 10.0), (x_m, 200.0)])[:: -1 if backwards else 1]
     waypoints = [Waypoint(float(x), float(y), 30.0, 5.0, False, 0.0, None) for x, y in lonlat]
     flown = FlightPlan("m", None, (PlannedFlight(tuple(waypoints)),), 0.7, 3.5)
@@ -120,7 +120,6 @@ def test_a_zone_without_a_name_has_a_number(tmp_path: Path) -> None:
     ("shape", "holds"),
     [
         (shapely.Point(13.44, 52.47), r"\(Point\) is not made of polygons alone"),
-        (shapely.LineString([(13.44, 52.47), (13.45, 52.47)]), r"\(LineString\) is not made"),
         (shapely.GeometryCollection([zone(0, 50), shapely.Point(13.44, 52.47)]), r"\(GeometryCollection\) is not"),
         (None, "has no geometry"),
     ],

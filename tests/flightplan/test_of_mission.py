@@ -82,19 +82,19 @@ def test_each_set_of_batteries_is_a_flight() -> None:
 
 
 @pytest.mark.parametrize(
-    ("reaction", "told"),
+    ("reaction", "reported"),
     [
         ((("wait", 60, 40),), "waiting"),
         ((("displace", 63, 40), ("displace", 60, 40)), "displacements"),
         ((("avoid", 55, 40), ("avoid", 60, 40)), "giving way"),
     ],
 )
-def test_reactions_to_the_traffic_are_left_out_and_told(reaction: tuple[Step, ...], told: str) -> None:
+def test_reactions_to_the_traffic_are_left_out_with_a_remark(reaction: tuple[Step, ...], reported: str) -> None:
     steps = (*OUT_AND_BACK[:2], ("inspect", 60, 40), *reaction, *OUT_AND_BACK[2:])
     plan = planned(track(*steps))
     assert places(plan.flights[0]) == [(0, 0), (60, 0), (60, 90), (0, 0)]
     assert [each.photographs for each in plan.flights[0].waypoints] == [False, True, False, False]
-    assert told in plan.remarks[0]
+    assert reported in plan.remarks[0]
 
 
 def test_the_way_of_a_revisit_is_kept_without_photographs() -> None:

@@ -22,7 +22,7 @@ def test_no_text_is_no_line() -> None:
     assert wrapped("", 8.0, 3.0) == []
 
 
-def test_a_policy_made_from_another_says_nothing_of_who_can_fly_it() -> None:
+def test_a_derived_policy_does_not_inherit_its_pilot() -> None:
     class Changed(Hover):
         pass
 

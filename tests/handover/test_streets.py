@@ -1,4 +1,4 @@
-"""What a study recommends for each street, from tables with a known truth."""
+"""Recommendations of a study for each street, from tables with a known truth."""
 
 import polars as pl
 import pytest
@@ -20,7 +20,7 @@ def better(table: pl.DataFrame, policy: str, street: str, by: float) -> pl.DataF
 
 
 def level(table: pl.DataFrame) -> pl.DataFrame:
-    """Both policies find the same but for a little noise that follows from the row."""
+    """Both policies find the same, except for a little noise that follows from the row."""
     noise = (pl.int_range(pl.len()) * 37 % 11 - 5) / 1000
     return table.with_columns(coverage=0.6 + noise, time_s=pl.lit(60.0) + noise, energy=(60.0 + noise) / 1800)
 

@@ -34,8 +34,10 @@ def places(track: "TrackColumns") -> np.ndarray[tuple[int, int], np.dtype[np.flo
     return np.stack([track["x_m"], track["y_m"]], axis=1)
 
 
-def told_by(scene: Scene, policy: str, settings: MissionSettings, told: Callable[[Mission, Snapshot], None]) -> Mission:
-    """A mission flown event by event; `told` receives every snapshot that the policy is asked about."""
+def flown_with(
+    scene: Scene, policy: str, settings: MissionSettings, reported: Callable[[Mission, Snapshot], None]
+) -> Mission:
+    """A mission flown event by event; `reported` receives every snapshot that the policy is asked about."""
     mission = Mission(scene.environment(settings), scene.traffic(), settings, [0], policy=policy)
     decides = load_policy(policy, settings.policy)
     for event in mission:
@@ -44,7 +46,7 @@ def told_by(scene: Scene, policy: str, settings: MissionSettings, told: Callable
                 mission.confirm(Detections.of_defects(sighting.defect for sighting in mission.frame(event).sightings))
             case Occluded():
                 snapshot = mission.snapshot(event)
-                told(mission, snapshot)
+                reported(mission, snapshot)
                 mission.act(decides.decide(snapshot))
     return mission
 
@@ -207,7 +209,7 @@ def test_skip_stays_five_seconds_over_each_place() -> None:
 def test_skip_stops_the_stopping_distance_before_the_place() -> None:
     scene, settings = queue_at_light(), queue_at_light().settings()
     notes: list[Note] = []
-    mission = told_by(scene, "skip", settings, lambda mission, _: notes.extend(mission.memory.notes))
+    mission = flown_with(scene, "skip", settings, lambda mission, _: notes.extend(mission.memory.notes))
     noted = sorted({note.place for note in notes})
     captures = mission.flight.captures()
     at = np.stack([captures["x_m"], captures["y_m"]], axis=1)[captures["on_revisit"]]
@@ -226,7 +228,7 @@ def test_notes_keep_their_distance_in_space_and_time(spacing_m: float, interval_
         seen.update(dict.fromkeys(mission.memory.notes))
         asked.append(snapshot.time_s)
 
-    told_by(scene, "skip", settings, listen)
+    flown_with(scene, "skip", settings, listen)
     notes = list(seen)
     assert len(notes) >= 3
     assert len(asked) > len(notes)

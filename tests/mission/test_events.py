@@ -38,7 +38,7 @@ def test_a_mission_in_parts_is_the_mission_in_one(scene: str, policy: str, pause
             np.testing.assert_array_equal(ours[name], theirs[name], err_msg=name)  # type: ignore[literal-required]
     assert (tuple(mission.rows), mission.memory, mission.swaps) == (whole.rows, whole.memory, whole.swaps)
     assert mission.flight.energy_used == whole.energy
-    assert tuple(mission.events) == tuple(pilot.told) == whole.events
+    assert tuple(mission.events) == tuple(pilot.events) == whole.events
 
 
 def test_nothing_is_flown_beyond_the_moment() -> None:
@@ -46,7 +46,7 @@ def test_nothing_is_flown_beyond_the_moment() -> None:
     mission = pilot.advance(7.0)
     assert mission.flight.time_s == pytest.approx(7.0)
     assert not mission.is_over
-    assert all(event.time_s <= 7.0 for event in pilot.told)
+    assert all(event.time_s <= 7.0 for event in pilot.events)
     assert pilot.advance(3.0).flight.time_s == pytest.approx(7.0)
 
 
@@ -54,11 +54,11 @@ def test_a_call_flies_without_a_loop_and_returns_what_happened() -> None:
     pilot = Pilot(SCENES["lively_street"](), "hover")
     first = pilot.mission.advance_until(7.0, pilot.answer)
     assert pilot.mission.flight.time_s == pytest.approx(7.0)
-    assert first == pilot.told
+    assert first == pilot.events
     assert first
     second = pilot.mission.advance_until(float("inf"), pilot.answer)
-    assert [*first, *second] == pilot.told
-    assert tuple(pilot.told) == result("lively_street", "hover").events
+    assert [*first, *second] == pilot.events
+    assert tuple(pilot.events) == result("lively_street", "hover").events
     assert pilot.mission.advance_until(float("inf")) == []
 
 
@@ -72,7 +72,7 @@ def test_a_loop_that_was_left_goes_on() -> None:
     for event in pilot.mission:
         pilot.answer(event)
     assert pilot.mission.is_over
-    assert tuple(pilot.told) == result("lively_street", "hover").events
+    assert tuple(pilot.events) == result("lively_street", "hover").events
 
 
 def test_events_without_an_answer_confirm_nothing() -> None:
@@ -121,12 +121,12 @@ def test_battery_swaps_are_events() -> None:
 def test_fly_reports_events_and_progress() -> None:
     scene = SCENES["lively_street"]()
     settings = scene.settings()
-    told: list[MissionEvent] = []
+    reported: list[MissionEvent] = []
     shares: list[float] = []
     environment, traffic = scene.environment(settings), scene.traffic()
-    ours = fly_over(environment, traffic, settings, [0], "hover", on_progress=shares.append, observer=told.append)
-    assert tuple(told) == ours.events
-    assert shares == [event.share for event in told if isinstance(event, ProgressMade)]
+    ours = fly_over(environment, traffic, settings, [0], "hover", on_progress=shares.append, observer=reported.append)
+    assert tuple(reported) == ours.events
+    assert shares == [event.share for event in reported if isinstance(event, ProgressMade)]
 
 
 def test_an_observers_error_ends_the_mission() -> None:

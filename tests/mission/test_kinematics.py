@@ -1,22 +1,17 @@
 """Every step of a flight keeps the airframe's limits and stays inside the mesh."""
 
 from math import radians
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 import shapely
 
-from pavetwin.mission.environment import inspect_speed_mps, prepare
-from pavetwin.mission.fly import fly_over
-from pavetwin.mission.planning import choose_targets
+from pavetwin.mission.environment import inspect_speed_mps
 from pavetwin.mission.result import MissionResult
 from pavetwin.mission.track import MODES
 from pavetwin.navigation.navmesh import flight_domain, navmesh, polygons
 from pavetwin.twin import Mode
-from pavetwin.world.store import load_world, save_world
-from scenes import damaged
 from scenes.tiny import TRUCK, Scene, bent, block, parked, straight
 
 if TYPE_CHECKING:
@@ -171,34 +166,3 @@ def test_micro_stays_inside_the_mesh_among_houses_and_trucks(seed: int) -> None:
 
 
 # A whole town.
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("policy", "altitude_m"), [("micro", 6.0), ("skip", 10.0)])
-def test_in_a_town_the_limits_hold_and_a_mesh_read_is_flown_as_the_one_baked(
-    policy: str, altitude_m: float, tmp_path: Path
-) -> None:
-    """Trucks stand all over the streets of the generated town. The second flight finds the mesh of the first."""
-    town = save_world(damaged("town", 4), tmp_path / "town")
-    rng = np.random.default_rng(5)
-    trucks = []
-    for segment in town.segments:
-        places = [segment.centre_line.interpolate(share, normalized=True) for share in rng.uniform(0, 1, 3)]
-        trucks += [parked(at.x + rng.uniform(-2, 2), at.y, TRUCK, yaw_rad=rng.uniform(-3, 3)) for at in places]
-    scene = Scene(town, tuple(trucks), altitude_m)
-    settings = scene.settings(EVERY_STEP, "policy.max_wait_s=6")
-    flights = []
-    for _ in range(2):
-        environment = prepare(load_world(tmp_path / "town"), settings)
-        targets = choose_targets(environment, count=4, seed=3)
-        flights.append(fly_over(environment, scene.traffic(1200.0), settings, targets, policy))
-    first, second = (flight.track for flight in flights)
-    assert all(np.array_equal(first[name], second[name], equal_nan=True) for name in first)
-    assert flights[0].actions
-    mesh = navmesh(town, altitude_m, 0.5)
-    assert _inside(mesh, flights[0])
-    speed = np.hypot(np.diff(first["x_m"]), np.diff(first["y_m"])) / DT_S
-    assert speed.max() <= 10.0 + 1e-6
-    assert np.abs(np.diff(first["speed_mps"])).max() <= 8.0 * DT_S + 1e-9
-    turned = np.abs((np.diff(first["yaw_rad"]) + np.pi) % (2 * np.pi) - np.pi)
-    assert turned.max() <= radians(45) * DT_S + 1e-9

@@ -5,7 +5,6 @@ from math import pi
 
 import numpy as np
 import pytest
-import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import Point
@@ -13,7 +12,6 @@ from shapely import Point
 from pavetwin._core import Occluded, Viewpoint
 from pavetwin.arrays import BoolArray, Float64Array
 from pavetwin.config import load_settings
-from pavetwin.draw.mission_marks import rectangles
 from pavetwin.errors import PaveTwinError
 from pavetwin.mission import Mission, MissionInputs, Timeline, fly, plan_mission, prepare, totals
 from pavetwin.mission.environment import (
@@ -21,8 +19,6 @@ from pavetwin.mission.environment import (
     ParkingInput,
     Surroundings,
     nadir_camera,
-    parked_columns,
-    parked_solids,
 )
 from pavetwin.mission.fly import fly_over
 from pavetwin.mission.inspected_defects import MissReason, PolicyResponse, inspected_defects
@@ -30,7 +26,6 @@ from pavetwin.mission.spec import MissionSpec
 from pavetwin.policies import policy_names
 from pavetwin.twin import Agent
 from pavetwin.uav import camera_of
-from pavetwin.world.solids import SolidKind
 from scenes.parking import EMPTY, FULL, full_street, kerb_place, narrow_street, with_places
 from scenes.tiny import TRUCK, Scene, parked, straight, trace_of
 
@@ -279,18 +274,6 @@ def blocked(vehicles: tuple[Agent, ...], view: Viewpoint, cells: Float64Array, s
         enter, leave = np.minimum(a, b).max(axis=1), np.maximum(a, b).min(axis=1)
         hidden |= np.maximum(enter, 0.0) <= np.minimum(leave, 1.0 - 1e-9)
     return hidden
-
-
-def test_the_boxes_in_the_kernel_are_those_that_are_drawn() -> None:
-    stands = full_street().environment(full_street().settings(FULL)).parked
-    boxes, columns = parked_solids(stands), parked_columns(stands)
-    assert set(boxes.kind) == {SolidKind.PARKED_VEHICLE}
-    drawn = rectangles(*(columns[name] for name in ("x_m", "y_m", "yaw_rad", "width_m", "length_m")))
-    for index, ring in enumerate(drawn):
-        base = shapely.Polygon(boxes.base(index))
-        assert base.exterior.is_ccw
-        assert base.symmetric_difference(shapely.Polygon(ring)).area < 1e-9
-    assert boxes.z1.tolist() == stands.height_m.tolist()
 
 
 def test_a_base_on_a_parked_vehicle_is_refused() -> None:

@@ -240,12 +240,13 @@ class Naming(Sensor):
 def test_a_misspelt_class_is_an_error_that_names_sensor_class_and_the_nearest(called: str, near: str) -> None:
     with pytest.raises(PaveTwinError) as caught:
         fly_with(Scene(straight((30, 0))), Naming.calling(called))
-    told = str(caught.value)
+    reported = str(caught.value)
     assert (
-        f"sensor 'trial' reports the class '{called}', which is not a class of defects (did you mean '{near}'?)" in told
+        f"sensor 'trial' reports the class '{called}', which is not a class of defects (did you mean '{near}'?)"
+        in reported
     )
-    assert "known are crocodile_crack, pothole, single_crack" in told
-    assert "`other_classes`" in told
+    assert "known are crocodile_crack, pothole, single_crack" in reported
+    assert "`other_classes`" in reported
 
 
 @pytest.mark.usefixtures("registered")

@@ -1,8 +1,7 @@
 """D_t as a policy sees it: typed, unchanging, and its predictions against what is then seen."""
 
 import copy
-from dataclasses import FrozenInstanceError, fields, is_dataclass
-from math import cos, hypot, pi, sin
+from math import cos, sin
 
 import numpy as np
 import pytest
@@ -87,7 +86,7 @@ def test_a_snapshot_stays_as_it_is_when_the_mission_flies_on() -> None:
     mission, candidates = mission_of(scene), np.array([(0.0, 0.0), (2.0, 1.0), (0.0, -3.0)])
     taken: list[tuple[Snapshot, object]] = []
 
-    def told(snapshot: Snapshot) -> object:
+    def reported(snapshot: Snapshot) -> object:
         place = snapshot.occlusion.hidden_place if snapshot.occlusion else None
         shares = tuple(snapshot.moment.predict(candidates))
         agents = tuple(snapshot.moment.agents())  # computed again, not remembered
@@ -109,29 +108,12 @@ def test_a_snapshot_stays_as_it_is_when_the_mission_flies_on() -> None:
                 mission.confirm(Detections.of_defects(sighting.defect for sighting in mission.frame(event).sightings))
             case Occluded():
                 snapshot = mission.snapshot(event)
-                taken.append((snapshot, copy.deepcopy(told(snapshot))))
+                taken.append((snapshot, copy.deepcopy(reported(snapshot))))
                 mission.act(Wait(1.0) if len(taken) % 2 else Displace(1.0, 1.0))
     assert len(taken) > 4
     assert mission.flight.time_s > taken[-1][0].time_s + 5
     for snapshot, was in taken:
-        assert told(snapshot) == was
-
-
-def test_nothing_in_a_snapshot_can_be_assigned() -> None:
-    _, snapshot = first_snapshot(SCENES["lively_street"]())
-    assert snapshot.occlusion is not None
-    parts = (
-        snapshot,
-        snapshot.uav,
-        snapshot.memory,
-        snapshot.occlusion,
-        snapshot.occlusion.episode,
-        snapshot.agents[0],
-    )
-    for part in parts:
-        assert is_dataclass(part)
-        with pytest.raises(FrozenInstanceError):
-            setattr(part, fields(part)[0].name, None)
+        assert reported(snapshot) == was
 
 
 def test_without_an_inspection_there_is_no_occlusion_and_nothing_to_predict() -> None:
@@ -220,11 +202,9 @@ def test_a_prediction_moves_the_agents_on_at_their_velocity() -> None:
     assert max(snapshot.predict_visibility([(0.0, 0.0)])[0] for snapshot in snapshots) > stays + 0.2
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.4, pi / 2])
-def test_predictions_take_any_array_of_pairs(angle: float) -> None:
+def test_predictions_take_any_array_of_pairs() -> None:
     _, snapshot = first_snapshot(SCENES["truck_beside_defects"]())
-    pair = (2 * cos(angle), 2 * sin(angle))
-    assert hypot(*pair) == pytest.approx(2)
+    pair = (2 * cos(0.4), 2 * sin(0.4))
     once = snapshot.predict_visibility([pair])
     many = snapshot.predict_visibility(np.array([pair] * 5, dtype=np.float32))
     assert once.shape == (1,)

@@ -1,6 +1,7 @@
 """The specification of a mission: its inputs, the models of its sensor, and the recorded versions of software."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from shapely import box
 
 from pavetwin.capture.context import check, packages_in_use
+from pavetwin.capture.formats import FORMATS
 from pavetwin.capture.images import write_yaml
 from pavetwin.capture.settings import FILE, CaptureSettings, check_same, description
 from pavetwin.errors import PaveTwinError
@@ -16,7 +18,7 @@ from pavetwin.experiments.design import Design
 from pavetwin.experiments.planning import plan
 from pavetwin.experiments.store import PARTS, Store
 from pavetwin.experiments.units import Plan
-from pavetwin.mission import fly_over
+from pavetwin.mission import fly_over, versions
 from pavetwin.mission.airspace import Aircraft
 from pavetwin.mission.fly import fly
 from pavetwin.mission.inputs import MissionInputs, aircraft_of
@@ -24,12 +26,51 @@ from pavetwin.mission.replay import Replay
 from pavetwin.mission.spec import AircraftTrack, MissionSpec
 from pavetwin.mission.versions import software_versions, version_changes
 from pavetwin.perception.model_file import DEFAULT
+from pavetwin.policies import POLICIES
 from pavetwin.sensing.detector import DetectorSensor
 from scenes import tiny
-from scenes.packages import installed, release
 from scenes.recordings import recording
 from scenes.spots import fly_over_spots
 from scenes.tiny import Scene, straight
+
+MODULE = """
+from pavetwin.capture.formats import Format
+from pavetwin.policies import GoOn, Policy
+
+class Lazy(Policy):
+    def decide(self, snapshot):
+        return GoOn()
+
+class Bare(Format):
+    pass
+"""
+
+
+def release(folder: Path, version: str) -> None:
+    """Install a version of the package in place of the one that is there."""
+    (folder / "lazy_things.py").write_text(MODULE)
+    info = folder / "lazy_things.dist-info"
+    info.mkdir(exist_ok=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: lazy-things\nVersion: {version}\n")
+    (info / "entry_points.txt").write_text(
+        "[pavetwin.policies]\nlazy = lazy_things:Lazy\n[pavetwin.formats]\nbare = lazy_things:Bare\n"
+    )
+    versions._version.cache_clear()
+
+
+@contextmanager
+def installed(folder: Path) -> Iterator[None]:
+    """Version 1.0 of the package is there, and nothing of it was asked for yet."""
+    with pytest.MonkeyPatch.context() as patch:
+        release(folder, "1.0")
+        patch.syspath_prepend(str(folder))
+        for registry in (POLICIES, FORMATS):
+            registry.names()
+            patch.setattr(registry, "_entries", dict(registry._entries))
+            patch.setattr(registry, "_has_installed", False)
+        yield
+    versions._version.cache_clear()
+
 
 EMPTY = recording(("van",), lambda *_: (20.0, 40.0, 0.0, 0.0), frames=1200)
 OTHER = Aircraft("other", np.array([0.0, 60.0]), np.array([[0.0, 50.0], [40.0, 50.0]]), 10.0)

@@ -163,8 +163,8 @@ def test_a_timeline_in_flight_equals_that_of_the_result(scene: str, policy: str)
             "segment",
         ):
             assert getattr(now, name) == getattr(then, name), name
-        told: tuple[MissionEvent, ...] = timeline.events()
-        assert told == whole.events(end_s=timeline.duration_s)
+        reported: tuple[MissionEvent, ...] = timeline.events()
+        assert reported == whole.events(end_s=timeline.duration_s)
         earlier = timeline.duration_s / 2
         assert timeline.at(earlier).uav.position == whole.at(earlier).uav.position
 

@@ -1,4 +1,4 @@
-"""Small towns of our own making, and the real ones that lie beside the project; each is built once a session."""
+"""Small towns of our own making, and real ones from the shared data; each is built once a session."""
 
 import os
 from functools import cache

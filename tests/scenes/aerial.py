@@ -8,7 +8,7 @@ LATITUDE, LONGITUDE = 52.5, 13.4
 HEIGHT_M = 10.0
 FOCAL_MM, SENSOR_MM = 8.8, 13.2
 FOCAL_PX = FOCAL_MM / SENSOR_MM * 640
-"""Of pictures that are 640 px wide."""
+"""For pictures 640 px wide."""
 
 
 def aerial_photograph(

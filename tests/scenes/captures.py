@@ -1,4 +1,4 @@
-"""A flight down the street of a tiny scene: what the kernel says of its captures, and where defects lie in them."""
+"""A flight down the street of a tiny scene: its captures by the kernel, and the defects in them."""
 
 from collections.abc import Iterator
 
@@ -13,7 +13,7 @@ from scenes.tiny import Scene
 
 
 def captures(scene: Scene, north_m: float, *options: str) -> Iterator[tuple[Captured, Trace]]:
-    """Captures of whole pictures, from `north_m` beside the first street's middle to as far beyond it."""
+    """Captures of whole pictures, from `north_m` off the first street's middle to as far beyond it."""
     settings = scene.settings(
         "camera.window_rows=1.0",
         "camera.window_columns=1.0",

@@ -61,3 +61,6 @@ def plain_refusal(done: subprocess.CompletedProcess[str]) -> str:
 def without_progress(text: str) -> list[str]:
     """The lines of an error stream without those of progress, which a slow machine prints."""
     return [line for line in text.splitlines() if not re.search(r"( …|\(\d+ ?%(, .* left)?\))$", line)]
+
+
+SHORT = ("--density", "low", "--segments", "2", "--seed", "1")

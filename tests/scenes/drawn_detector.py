@@ -14,7 +14,7 @@ FILE = Path(__file__).parents[1] / "perception" / "rectangles.onnx"
 """Written where `onnx` is installed: `PYTHONPATH=src:tests python -m scenes.drawn_detector`."""
 
 SIDE_PX = 96
-"""Of the images that it says it was trained on."""
+"""Side of the images that its file names as training images."""
 
 ROAD = (120, 120, 120)
 

@@ -1,4 +1,4 @@
-"""What folders hold, to compare results byte by byte."""
+"""Contents of folders, to compare results byte by byte."""
 
 import hashlib
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Streets to park along, made without SUMO: straight, from the origin to the east, with what a map says about them."""
+"""Streets to park along, made without SUMO: straight, from the origin to the east, with their tags in a map."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -27,7 +27,7 @@ def europe() -> ParkingRule:
 
 @dataclass(frozen=True)
 class Scene:
-    """A street 100 m long, its lanes 3.25 m wide unless it says otherwise."""
+    """A street 100 m long, its lanes 3.25 m wide by default."""
 
     length_m: float = 100.0
     lane_m: float = 3.25
@@ -36,7 +36,7 @@ class Scene:
     sidewalks: bool = True
     kind: str = "highway.residential"
     tags: Mapping[str, str] | None = None
-    """Of the mapped way, from west to east; None: there is no map."""
+    """Tags of the mapped way, from west to east; None without a map."""
     areas: Sequence[tuple[Polygon, Mapping[str, str]]] = ()
     obstacles: Sequence[tuple[ObstacleKind, tuple[float, float]]] = ()
     mouths: Sequence[LineString] = ()
@@ -105,7 +105,7 @@ class Scene:
         return Lane(f"{edge}_{index}", edge, index, kind, line, width_m, SPEED)
 
     def mapped(self) -> ParkingMap:
-        """What the map says."""
+        """Parking by its map."""
         found = ParkingMap()
         if self.tags is not None:
             tags = {"highway": self.kind.removeprefix("highway."), "name": "Allee", **self.tags}
@@ -119,7 +119,7 @@ class Scene:
         return found
 
     def lanes(self, rule: ParkingRule | None = None) -> dict[str, EdgeLanes]:
-        """What its parking lanes make of its edges."""
+        """Lanes of its edges with parking."""
         net = self.net()
         streets = streets_of(net)
         houses = self._houses()

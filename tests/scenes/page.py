@@ -40,7 +40,7 @@ class RunningPage:
         return {"Cookie": f"{COOKIE}-{self.port}={self.guard.token}"}
 
     def get(self, path: str, method: str = "GET", body: bytes | None = None, **headers: str) -> Answer:
-        """As a browser that has the page open asks, with other or more headers."""
+        """Request of a browser that has the page open, with other or more headers."""
         named = {name.replace("_", "-"): value for name, value in headers.items()}
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=120)
         try:
@@ -55,7 +55,7 @@ class RunningPage:
         return await websocket_connect(asked)
 
     def ask(self, *tasks: dict[str, Any]) -> list[dict[str, Any]]:
-        """What came out of tasks of one page, one after the other: the last message of each."""
+        """The last message of each task of one page, one after the other."""
         return asyncio.run(self._ask(tasks))
 
     async def _ask(self, tasks: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -9,6 +9,7 @@ from PIL import Image, ImageDraw
 
 from pavetwin.capture.platforms import CaptureContext
 from pavetwin.capture.samples import CameraSample
+from pavetwin.capture.settings import CaptureSettings
 from pavetwin.render.frame import Exposure, RenderedFrame
 from pavetwin.scene.values import agent_label, defect_label, labelled_defect, parked_label
 from pavetwin.scene.view import View
@@ -120,3 +121,10 @@ def _filled(view: View, outline) -> np.ndarray | None:
             if isinstance(part, shapely.Polygon) and not part.is_empty:
                 ImageDraw.Draw(image).polygon([tuple(point) for point in part.exterior.coords], fill=1)
     return np.array(image, dtype=bool)
+
+
+UAV = CaptureSettings(
+    platforms=("uav",), images=60, altitudes_m=(5.0, 6.0, 8.0), densities=("medium",), seed=3, size_px=(320, 320)
+)
+FEW = UAV.model_copy(update={"images": 20})
+SPLITS = ("train", "val", "test")

@@ -20,14 +20,14 @@ class Pilot:
 
     def __post_init__(self) -> None:
         settings = self.scene.settings()
-        self.told: list[MissionEvent] = []
+        self.events: list[MissionEvent] = []
         self.mission = Mission(
             self.scene.environment(settings),
             self.scene.traffic(),
             settings,
             list(range(len(self.scene.world.segments))),
             policy=self.policy,
-            observer=self.told.append,
+            observer=self.events.append,
         )
         self._policy = load_policy(self.policy, settings.policy)
         self._sensor = load_sensor(settings.sensing, 0)

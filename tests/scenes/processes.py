@@ -16,8 +16,8 @@ def parent(process: int) -> int | None:
 
 
 def children(process: int) -> list[int]:
-    """Whichever of its threads began them: the list that the system keeps of a thread's own lacks those of another
-    until that one has ended altogether, which is after it was joined."""
+    """Children of all its threads: the system's list of a thread's own children omits those of another thread until
+    that one has ended altogether, which is after it was joined."""
     listed = [int(folder.name) for folder in Path("/proc").iterdir() if folder.name.isdecimal()]
     return sorted(child for child in listed if parent(child) == process)
 

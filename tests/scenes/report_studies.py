@@ -1,6 +1,7 @@
 """Small studies with made-up results, for tests of reports: seeded tables, and statistics taken the plainest way."""
 
 from collections.abc import Mapping, Sequence
+from html.parser import HTMLParser
 from itertools import combinations, product
 from typing import Any
 from unittest.mock import patch
@@ -15,6 +16,48 @@ from pavetwin.experiments.statistics import Comparison
 from pavetwin.reports import canvas
 from pavetwin.reports.blocks import ReportFigure
 from pavetwin.world.model import World
+from scenes import tiny
+
+
+class Outline(HTMLParser):
+    """A page as a parser sees it."""
+
+    VOID = frozenset({"meta", "img", "br", "link", "input"})
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+        self.words: list[str] = []
+        self.feed(text)
+        assert self.open == [], "every element is closed"
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag, tag
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+    def all(self, tag: str) -> list[dict[str, str | None]]:
+        return [attributes for name, attributes in self.tags if name == tag]
+
+    @property
+    def anchors(self) -> list[str]:
+        return [attributes["id"] or "" for _, attributes in self.tags if "id" in attributes]
+
+
+def small_study(**design: object) -> Study:
+    return study_of(table_of(SMALL, 4), worlds={"tiny": tiny.bent()}, **design)
+
+
+def sections(text: str) -> set[str]:
+    return {anchor for anchor in Outline(text).anchors if not anchor.startswith(("figure", "table"))}
+
 
 Factors = Mapping[str, Sequence[Any]]
 

@@ -1,4 +1,4 @@
-"""A hand-made SUMO network whose lane ids say nothing: two lanes that part at a signal, one ahead, one to the side."""
+"""A hand-made SUMO network with arbitrary lane ids: two lanes that part at a signal, one ahead, one to the side."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What one look says, as classes and boxes, the most confident first."""
+"""Answers of one look as classes and boxes, the most confident first."""
 
 import numpy as np
 from hypothesis import strategies as st

@@ -1,4 +1,4 @@
-"""Images of flat spots on a dark road, and a detector that finds them exactly: what a sensor says is known before."""
+"""Images of flat spots on a dark road, and a detector that finds them exactly: the answers of a sensor are known."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -45,7 +45,7 @@ class Painter:
 
 @dataclass
 class SpotDetector:
-    """Says of every spot its box and class, with a confidence that is stated."""
+    """Reports the box and class of every spot, with a stated confidence."""
 
     image_px: int = 640
     tiled: bool = False

@@ -144,7 +144,7 @@ def rendered_again(scene: Plane) -> Renderer:
 
 @dataclass(frozen=True)
 class Cast:
-    """What rays through the pixels' middles meet first."""
+    """The first hit of the ray through each pixel's middle."""
 
     labels: np.ndarray
     """(height, width)"""

@@ -9,13 +9,13 @@ from typing import Any
 from scenes.page import RunningPage
 
 Answer = Callable[[dict[str, Any]], dict[str, Any] | None]
-"""What the page says to a message about a flight; None to be silent."""
+"""The page's answer to a message about a flight; None for no answer."""
 
 
 def steer(
     page: RunningPage, answer: Answer, request: dict[str, Any], do: str = "pilot"
 ) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """What a page is told about a flight or a drive by hand, and the end; `{"do": "leave"}` closes the page."""
+    """Messages about a flight or a drive by hand, and its end; the answer `{"do": "leave"}` closes the page."""
 
     async def fly() -> tuple[list[dict[str, Any]], dict[str, Any]]:
         client = await page.connect()

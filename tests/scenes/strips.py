@@ -1,4 +1,4 @@
-"""A tile with a strip of every kind of ground, worn and painted in every way that maps can say, and with a pothole."""
+"""A tile with a strip of every kind of ground, with the full range of wear and paint of maps, and a pothole."""
 
 from collections.abc import Mapping
 from functools import cache

@@ -1,12 +1,14 @@
-"""Tables of studies that nobody flew, with a truth that is known."""
+"""Made-up tables of studies with a known truth, streets with few defects, and a design of few missions."""
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
 
+from pavetwin.experiments.design import Design
 from pavetwin.experiments.metrics import METRICS
 
 PAPER: Mapping[str, Sequence[Any]] = {
@@ -23,7 +25,7 @@ DRAWN = METRICS[:-1]
 """The metrics with random values; the last, `pci_error`, is constant."""
 
 Truth = Callable[[dict[str, Any]], dict[str, float]]
-"""What a cell adds to each metric."""
+"""Effect of a cell on each metric."""
 
 
 def no_effect(_cell: dict[str, Any]) -> dict[str, float]:
@@ -63,3 +65,27 @@ def without(table: pl.DataFrame, gone: pl.Expr, *, failed: bool) -> pl.DataFrame
     metrics = [pl.when(gone).then(None).otherwise(pl.col(metric.name)).alias(metric.name) for metric in METRICS]
     status = pl.when(gone).then(pl.lit("failed")).otherwise(pl.col("status")).alias("status")
     return table.with_columns(status, *metrics)
+
+
+CASES = [(truth, alike) for truth in (0.6, 0.84, 0.95) for alike in (0.02, 0.1, 0.2)]
+"""The chance that a defect is found, and the correlation between those of one street."""
+
+
+def streets(rng: np.random.Generator, count: int, defects: int, truth: float, alike: float) -> tuple[np.ndarray, ...]:
+    """(streets,) found and there: the chance varies from street to street so that defects of one are correlated."""
+    there = rng.poisson(defects * rng.lognormal(-0.18, 0.6, count))
+    a, b = truth * (1 - alike) / alike, (1 - truth) * (1 - alike) / alike
+    return rng.binomial(there, rng.beta(a, b, count)), there
+
+
+def small(world: Path, **values: object) -> Design:
+    usual = {
+        "worlds": [str(world)],
+        "densities": ["low", "medium"],
+        "altitudes_m": [6, 10],
+        "policies": ["baseline", "hover"],
+        "presets": ["paper"],
+        "replicates": 3,
+        "seed": 4,
+    }
+    return Design.parse(usual | values, where="the design")

@@ -1,4 +1,4 @@
-"""Photographs of spots on a street, as our own captures are stored: what they say of themselves is EXIF and XMP."""
+"""Photographs of spots on a street, stored like captures, with EXIF and XMP."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -77,7 +77,7 @@ class TinyTraffic:
     movers: Sequence[Mover] = ()
     duration_s: float = 600.0
     extended: list[float] = field(default_factory=list)
-    """What it was asked to outlast."""
+    """Durations that it was asked for, in s."""
     _trace: Trace | None = field(default=None, repr=False)
 
     def trace(self) -> Trace:
@@ -223,7 +223,7 @@ def bent() -> World:
 
 @dataclass(frozen=True)
 class Scene:
-    """A world and its traffic, with the settings that its story is told at."""
+    """A world and its traffic, with the settings of its story."""
 
     world: World
     movers: tuple[Mover, ...] = ()

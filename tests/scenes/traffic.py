@@ -1,10 +1,16 @@
 """Tiny road networks for traffic, made by netconvert from a few lines: a straight street, a signalled cross, and an
 arterial without signals."""
 
+from functools import cache
+from math import exp
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from unittest.mock import patch
 
 from shapely import Point
 
+from pavetwin.traffic.demand import LevelOfService
+from pavetwin.traffic.demand_search import DemandSearch, Trial
 from pavetwin.traffic.recording import Recording
 from pavetwin.world.georeference import GeoReference
 from pavetwin.world.model import World
@@ -51,9 +57,19 @@ _STREETS = {
 
 def make_network(scene: str, target: Path, *, sidewalks: bool = True) -> Path:
     """Write the SUMO network of a scene: two-way streets at 50 km/h, a lane and a sidewalk in each direction."""
-    folder = target.parent
-    folder.mkdir(parents=True, exist_ok=True)
-    nodes, edges = folder / "plain.nod.xml", folder / "plain.edg.xml"
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_bytes(_network(scene, sidewalks))
+    return target
+
+
+@cache
+def _network(scene: str, sidewalks: bool) -> bytes:
+    with TemporaryDirectory() as folder:
+        return _converted(scene, sidewalks, Path(folder))
+
+
+def _converted(scene: str, sidewalks: bool, folder: Path) -> bytes:
+    nodes, edges, target = (folder / name for name in ("plain.nod.xml", "plain.edg.xml", "roads.net.xml"))
     nodes.write_text(
         "<nodes>"
         + "".join(f'<node id="{i}" x="{x}" y="{y}" type="{kind}"/>' for i, x, y, kind in _NODES[scene])
@@ -69,25 +85,10 @@ def make_network(scene: str, target: Path, *, sidewalks: bool = True) -> Path:
         )
         + "</edges>"
     )
-    options = ["--crossings.guess"] if sidewalks else []
-    run_tool(
-        "netconvert",
-        [
-            "-n",
-            str(nodes),
-            "-e",
-            str(edges),
-            "-o",
-            str(target),
-            "--no-warnings",
-            "--offset.disable-normalization",
-            *options,
-        ],
-        doing="making a scene",
-    )
-    nodes.unlink()
-    edges.unlink()
-    return target
+    files = ["-n", str(nodes), "-e", str(edges), "-o", str(target)]
+    options = ["--no-warnings", "--offset.disable-normalization", *["--crossings.guess"] * sidewalks]
+    run_tool("netconvert", [*files, *options], doing="making a scene")
+    return target.read_bytes()
 
 
 def world_on(net_file: Path, content_hash: str = "scene") -> World:
@@ -121,3 +122,27 @@ def scene_world(scene: str, folder: Path, *, sidewalks: bool = True) -> World:
 def bytes_of(recording: Recording) -> bytes:
     assert recording.path is not None
     return recording.path.read_bytes()
+
+
+EMPTY_RATIO = 0.72
+SCALE_PER_LANE_KM = 11.0
+FREE_FLOW_KMH = 45.0
+
+
+def on_the_curve(search: DemandSearch, *counts: int, empty_ratio: float = EMPTY_RATIO) -> list[Trial]:
+    """Results of trials in a network that follows the curve of `demand_search` exactly."""
+    trials = []
+    search._report(1.0)
+    for count in counts:
+        density = count / search._inputs.capacity.lanes_km
+        ratio = empty_ratio * exp(-0.5 * (density / SCALE_PER_LANE_KM) ** 2)
+        trials.append(Trial(round(density, 3), round(ratio, 4), round(density * FREE_FLOW_KMH * ratio, 2), 0.0))
+    return trials
+
+
+def know_demand(world: World, *mixes: str) -> None:
+    """Keep the trials of all levels that a town reaches in the world's cache: a search of it simulates nothing then."""
+    with patch.object(DemandSearch, "_simulated", on_the_curve):
+        for mix in mixes or ("europe",):
+            for level in list(LevelOfService)[1:]:
+                DemandSearch(world, mix).of_level(level)

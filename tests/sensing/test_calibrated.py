@@ -38,7 +38,7 @@ def sensor(model: SensorModel | None = None, seed: int = 0) -> Calibrated:
 
 
 def seen(number: int, look: int, visible: float = 1.0) -> Sighting:
-    """A look at a pothole of 0.4 m in the middle of the image; the outline says which."""
+    """A look at a pothole of 0.4 m in the middle of the image, identified by its outline."""
     pothole = replace(trial_defect(2), id=number, polygon=Point(0, 0).buffer(0.2 + 1e-9 * number, quad_segs=1))
     return Sighting(pothole, visible, look, across_m=0.4)
 
@@ -48,7 +48,7 @@ def hits(one: Calibrated, *sightings: Sighting) -> list[bool]:
     return [id(each.defect.polygon) in reported for each in sightings]
 
 
-def test_a_look_is_told_in_pixels_of_the_image_that_the_detector_sees() -> None:
+def test_a_look_is_measured_in_pixels_of_the_detectors_image() -> None:
     look = LookMeter(BLANK.camera.image_px[0] // 2).look(BLANK, seen(0, 0, visible=0.6))
     pixel_m = 2 * BLANK.ground_resolution_m
     assert look.size_px == pytest.approx(0.08**0.5 / pixel_m, rel=1e-3)
@@ -175,7 +175,7 @@ def test_missions_are_flown_the_same_way_and_count_duplicates_and_false_alarms()
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_what_a_defect_keeps_does_not_depend_on_the_policy(seed: int) -> None:
-    """With a large random effect, whoever looks at a defect finds it, or nobody does."""
+    """With a large random effect, every policy that looks at a defect finds it, or none does."""
     hover, skip = (flown(policy, seed, spread=1e4) for policy in ("hover", "skip"))
     both = {defect for _, defect, _ in hover.sighted} & {defect for _, defect, _ in skip.sighted}
     assert len(both) >= 2
@@ -254,8 +254,8 @@ def test_scores_in_flight_are_those_of_the_model() -> None:
         assert ndtr(score) == pytest.approx(model.chance(meter.look(frame, sighting)), abs=1e-12)
 
 
-def test_what_is_found_is_what_the_first_version_found() -> None:
-    """Draws that studies were flown with: 48 looks at defects across and beyond the image, at all visible fractions."""
+def test_draws_are_stable() -> None:
+    """48 looks at defects across and beyond the image, at all visible fractions."""
     one, found, alarms = sensor(stated(), seed=5), [], []
     for number in range(48):
         outline = shapely.affinity.translate(box(-0.1, -0.02, 0.1 + 0.02 * number, 0.2), number % 7 - 3, 2 - number % 5)

@@ -72,7 +72,7 @@ def test_without_a_mask_the_box_is_the_footprint_and_nothing_is_measured() -> No
     assert found.severity.tolist() == [""]
 
 
-def test_what_ends_at_the_border_is_told_as_cut() -> None:
+def test_an_object_at_the_border_is_marked_as_cut() -> None:
     found = sensor().detect(capture(("single_crack", box(10, -0.1, 31, 0.1))))
     assert found.is_cut.tolist() == [True]
 

@@ -1,4 +1,4 @@
-"""Fitting a sensor: stated parameters are recovered, repeated looks follow the model, and damaged files are told."""
+"""Fitting a sensor: stated parameters are recovered, repeated looks follow the model, and damaged files are refused."""
 
 import json
 from collections.abc import Callable
@@ -11,7 +11,6 @@ import numpy as np
 import polars as pl
 import pytest
 import statsmodels.api as sm
-from scipy.special import ndtr
 from scipy.stats import chi2
 
 from pavetwin.errors import PaveTwinError
@@ -152,7 +151,7 @@ def test_a_file_is_read_back_as_it_was(tmp_path: Path) -> None:
     assert max(map(len, (tmp_path / "sensor.json").read_text().splitlines())) < 400
 
 
-def test_too_little_and_two_detectors_are_told() -> None:
+def test_too_few_looks_and_two_detectors_are_refused() -> None:
     with pytest.raises(PaveTwinError, match=r"^9 looks, of which \d found their defect, are too few to fit a sensor"):
         fit_sensor([drawn_looks(stated(), 3, 3)])
     one, other = drawn_looks(stated(), 30, 1), drawn_looks(stated(), 30, 1, name="other")
@@ -169,24 +168,15 @@ def changed(change: Callable[[dict[str, Any]], object]) -> str:
 
 DAMAGED = {
     "cut": (FILE.read_text(encoding="utf-8")[:900], "it is not JSON"),
-    "empty": ("", "it is not JSON"),
     "other": ("[1, 2]", "it has no `pavetwin_sensor`"),
     "format": (changed(lambda c: c.update(pavetwin_sensor=2)), "has format 2"),
     "lost knots": (changed(lambda c: c["knots"].pop("pothole")), "`knots` are three rising numbers for each class"),
     "falling knots": (changed(lambda c: c["knots"]["pothole"].reverse()), "`knots` are three rising numbers"),
-    "lost bend": (changed(lambda c: c["terms"].pop("pothole:bend")), "see 'pothole:bend'"),
-    "no terms": (changed(lambda c: c.pop("terms")), "terms"),
-    "lost term": (changed(lambda c: c["terms"].pop("pothole:size")), "see 'pothole:size'"),
     "lost class": (changed(lambda c: c["terms"].pop("pothole")), "`terms` do not fit together"),
     "text": (changed(lambda c: c["terms"]["clouds"].update(estimate="much")), "terms.clouds.estimate"),
-    "not finite": (changed(lambda c: c["terms"]["clouds"].update(estimate=float("nan"))), "terms.clouds.estimate"),
-    "negative error": (changed(lambda c: c["log_spread"].update(standard_error=-1)), "log_spread.standard_error"),
     "flat variable": (changed(lambda c: c["variables"]["blur"].update(scale=0)), "variables.blur.scale"),
-    "lost variable": (changed(lambda c: c["variables"].pop("blur")), "`variables` are width"),
     "short covariance": (changed(lambda c: c["covariance"].pop()), "`covariance` has 25 rows"),
-    "skew covariance": (changed(lambda c: c["covariance"][0].__setitem__(1, 0.5)), "no covariance matrix"),
     "negative covariance": (changed(lambda c: c["covariance"][0].__setitem__(0, -1)), "no covariance matrix"),
-    "fingerprint": (changed(lambda c: c["detector"].update(sha256="abc")), "detector.sha256"),
     "unknown key": (changed(lambda c: c.update(colour="red")), "unknown key 'colour'"),
 }
 
@@ -204,7 +194,7 @@ def test_a_damaged_file_is_one_plain_line(damage: str, tmp_path: Path) -> None:
     assert "\n" not in line
 
 
-def test_a_file_for_another_detector_is_told(tmp_path: Path) -> None:
+def test_a_file_for_another_detector_is_refused(tmp_path: Path) -> None:
     assert SensorModel.read(FILE, drawn_detector.FILE) == stated()
     other = tmp_path / "other.onnx"
     other.write_bytes(b"other")
@@ -212,15 +202,6 @@ def test_a_file_for_another_detector_is_told(tmp_path: Path) -> None:
         SensorModel.read(FILE, other)
     with pytest.raises(PaveTwinError, match=r"Cannot read '.*none.json'"):
         SensorModel.read(tmp_path / "none.json")
-
-
-def test_the_correlation_is_that_of_the_copula() -> None:
-    model = stated(spread=2.0)
-    assert model.correlation == pytest.approx(0.8)
-    rng = np.random.default_rng(0)
-    score = 0.7
-    hits = score + 2.0 * rng.standard_normal((200_000, 1)) + rng.standard_normal((200_000, 2)) > 0
-    assert hits.mean() == pytest.approx(ndtr(score / 5**0.5), abs=0.005)
 
 
 def test_false_alarms_in_captures_that_missions_share_count_once() -> None:

@@ -76,7 +76,7 @@ def test_two_detections_between_two_defects_take_one_each() -> None:
 
 
 def test_a_thin_crack_is_matched_by_its_extent_on_the_ground() -> None:
-    """A box beside a 3 m crack of 3 cm: no IoU to speak of, but it lies along it."""
+    """A box next to a 3 m crack of 3 cm: no IoU to speak of, but it lies along it."""
     beside = Detections(["single_crack"], 0.9, footprint=[box(-1, -0.93, 1, -0.9)])
     assert overlap(FRAME.box_of(beside.footprint[0]), FRAME.box_of(CRACK.polygon)) < 0.3
     assert matched(beside, CRACK) == [(0, True)]
@@ -104,7 +104,7 @@ def own_classes() -> Iterator[None]:
 
 @pytest.mark.usefixtures("own_classes")
 @pytest.mark.parametrize(("kind", "found"), [("hairline", (0, True)), ("stripe", (-1, False)), ("odd", (-1, False))])
-def test_a_class_of_ones_own_is_thin_where_it_says_so(kind: str, found: tuple[int, bool]) -> None:
+def test_an_own_class_is_thin_where_it_is_declared_so(kind: str, found: tuple[int, bool]) -> None:
     """The last is of a world whose classes were not registered here."""
     beside = Detections([kind], 0.9, footprint=[box(-1, -0.93, 1, -0.9)])
     assert matched(beside, replace(CRACK, kind=kind)) == [found]

@@ -60,7 +60,7 @@ def test_an_option_has_its_default_until_it_is_set(choosy: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "told"),
+    ("given", "reported"),
     [
         ("evry=2", "sensing.options: the sensor 'Choosy' has no option 'evry' (did you mean 'every'?); known are conf"),
         ("every=2.5", "sensing.options.every: the sensor 'Choosy' expects a whole number such as 1 (got 2.5)."),
@@ -73,10 +73,10 @@ def test_an_option_has_its_default_until_it_is_set(choosy: str) -> None:
         ("model=3", "sensing.options.model: the sensor 'Choosy' expects a text such as 'a' (got 3)."),
     ],
 )
-def test_an_option_that_does_not_fit_is_one_plain_line(choosy: str, given: str, told: str) -> None:
+def test_an_option_that_does_not_fit_is_one_plain_line(choosy: str, given: str, reported: str) -> None:
     with pytest.raises(PaveTwinError) as caught:
         sensor(choosy, f"sensing.options.{given}")
-    assert told in str(caught.value)
+    assert reported in str(caught.value)
 
 
 def test_a_sensor_without_options_takes_none() -> None:

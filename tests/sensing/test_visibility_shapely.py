@@ -48,7 +48,7 @@ class View:
 
 
 def shadow(base: shapely.Geometry, low_m: float, high_m: float, view: View) -> shapely.Geometry:
-    """What a body hides of the ground; the body reaches at most to just below the camera."""
+    """The ground hidden by a body that reaches at most to just below the camera."""
     if low_m >= view.altitude_m * (1 - 1e-6):
         return Polygon()
     high_m = min(high_m, view.altitude_m * (1 - 1e-6))

@@ -12,7 +12,7 @@ import pytest
 
 from pavetwin.errors import PaveTwinError
 from pavetwin.traffic.demand import LevelOfService, density_named
-from pavetwin.traffic.demand_search import NEAR, DemandSearch, Trial, _fitted, found, nearest_first, within_reach
+from pavetwin.traffic.demand_search import NEAR, DemandSearch, Trial, found, nearest_first, within_reach
 from pavetwin.traffic.flow import MOST_REMOVALS_PER_HOUR, flow_of, to_recording
 from pavetwin.traffic.inputs import Inputs
 from pavetwin.traffic.job import SimulationJob
@@ -20,8 +20,7 @@ from pavetwin.traffic.record import Recorder, record
 from pavetwin.traffic.runner import SimulationProcess, workplace
 from pavetwin.traffic.sumo_run import EVERY_S, LARGEST, LevelControl
 from pavetwin.world.model import World
-from scenes.demand import EMPTY_RATIO, SCALE_PER_LANE_KM, know_demand, on_the_curve
-from scenes.traffic import bytes_of, scene_world
+from scenes.traffic import EMPTY_RATIO, SCALE_PER_LANE_KM, bytes_of, know_demand, on_the_curve, scene_world
 
 
 @pytest.fixture(scope="module")
@@ -123,14 +122,6 @@ def test_the_kept_trials_are_of_these_inputs_alone(cross: World, cache: Path) ->
     assert DemandSearch(cross, "europe")._known == {}
     kept.write_text(json.dumps(stored))
     assert DemandSearch(cross, "europe")._known == search._known
-
-
-def test_a_curve_through_noisy_trials_is_nearer_than_the_best_of_them() -> None:
-    trials = [Trial(k, 0.72 * 2.718281828 ** (-0.5 * (k / 12) ** 2) * noise, 0.0, 0.0) for k, noise in
-              ((1.0, 1.0), (10.0, 1.06), (14.0, 0.95), (15.0, 1.05), (16.0, 0.95))]  # fmt: skip
-    target = 0.72 * 2.718281828 ** (-0.5 * (14.5 / 12) ** 2)
-    best = min(trials, key=lambda it: abs(it.ratio / target - 1))
-    assert abs(_fitted(trials, target, best) - 14.5) < 0.7
 
 
 class _Simulations:

@@ -121,19 +121,6 @@ def test_output_of_sumo_from_a_later_simulation_is_reported(cross: World, tmp_pa
 
 
 @pytest.mark.usefixtures("keeping")
-def test_warnings_that_closed_loops_have_not_are_read_after_one(cross: World, tmp_path: Path) -> None:
-    recorded(cross, "low", 1)
-    routes = tmp_path / "mine.rou.xml"
-    vehicle = '<vehicle id="{0}" depart="{0}"><route edges="wc ce"/></vehicle>'
-    routes.write_text(f"<routes>{''.join(vehicle.format(depart) for depart in (20, 2))}</routes>")
-    with (
-        pytest.raises(PaveTwinError, match="not sorted by departure time"),
-        Recorder(Inputs.of(cross, None, 1, [routes])) as recorder,
-    ):
-        recorder.until(25.0)
-
-
-@pytest.mark.usefixtures("keeping")
 def test_one_that_was_interrupted_is_not_kept(cross: World) -> None:
     simulation = Recorder(Inputs.of(cross, "low", 1))
     simulation.until(5.0)

@@ -157,19 +157,6 @@ def test_simulations_at_the_same_time_share_nothing(cross: World) -> None:
         assert recording.same_traffic(record(cross, "low", seed, 10.0, force=True))
 
 
-def test_a_crash_names_its_signal_and_another_simulation_continues(cross: World) -> None:
-    with Recorder(Inputs.of(cross, "low", 1)) as crashing, Recorder(Inputs.of(cross, "low", 2)) as other:
-        other.until(5.0)
-        before = simulations(os.getpid())
-        crashing.until(5.0)
-        (process,) = set(simulations(os.getpid())) - set(before)
-        os.kill(process, signal.SIGSEGV)
-        with pytest.raises(PaveTwinError, match=r"signal 11.*without a message"):
-            crashing.until(10.0)
-        assert simulations(os.getpid()) == before
-        other.until(10.0)
-
-
 def test_a_fork_of_the_owner_leaves_its_simulation_alone(cross: World) -> None:
     with Recorder(Inputs.of(cross, "low", 1)) as recorder:
         recorder.until(5.0)
@@ -181,6 +168,7 @@ def test_a_fork_of_the_owner_leaves_its_simulation_alone(cross: World) -> None:
         assert recorder.until(10.0).duration_s == 10.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_a_simulation_that_waits_ends_with_its_owner(cross: World, places: Path, number: signal.Signals) -> None:
     script = (

@@ -223,13 +223,6 @@ degrees = st.floats(0.0, 360.0)
 metres = st.floats(-1e4, 1e4)
 
 
-@pytest.mark.parametrize(
-    ("heading_deg", "yaw_rad"), [(90.0, 0.0), (0.0, math.pi / 2), (180.0, -math.pi / 2), (45.0, math.pi / 4)]
-)
-def test_the_compass_points(heading_deg: float, yaw_rad: float) -> None:
-    assert yaw_of_heading(heading_deg) == pytest.approx(yaw_rad)
-
-
 @given(degrees)
 def test_yaw_points_where_the_heading_points(heading_deg: float) -> None:
     yaw = float(yaw_of_heading(heading_deg))

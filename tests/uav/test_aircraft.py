@@ -36,9 +36,9 @@ survey:
 def refused(name: str) -> str:
     with pytest.raises(PaveTwinError) as caught:
         find_aircraft(name)
-    told = str(caught.value)
-    assert "\n" not in told
-    return told
+    reported = str(caught.value)
+    assert "\n" not in reported
+    return reported
 
 
 def minutes(profile: AircraftProfile, speed_mps: float) -> float:
@@ -127,21 +127,6 @@ def test_the_hover_of_eight_aircraft_is_predicted_within_a_tenth() -> None:
         assert row.split("|")[-2].strip() == f"{100 * error:+.1f} %".replace("-", "−")
 
 
-def test_the_profiles_have_the_figures_of_the_aircraft_whose_hover_is_predicted() -> None:
-    for name, title in (("mavic2pro", "Mavic 2 Pro"), ("mavic3e", "Mavic 3 Enterprise"), ("matrice4e", "Matrice 4E")):
-        profile = find_aircraft(name)
-        assert profile.rotors == MATRICE_100.rotors
-        assert MAKERS_AIRCRAFT[title] == (
-            profile.mass_kg,
-            profile.rotor_diameter_m,
-            profile.top_speed_mps,
-            profile.tilt_deg,
-            profile.flight_time_min,
-            profile.flight_speed_mps,
-            profile.hover_time_min,
-        )
-
-
 MATRICE_100 = AircraftProfile(
     title="DJI Matrice 100 with one TB48D",
     camera="paper",
@@ -165,14 +150,6 @@ def test_a_payload_shortens_the_flight_by_the_makers_figures(payload_kg: float, 
     """DJI's table for the Matrice 100 with a TB48D: 28 min, 20 with 500 g, 16 with 1 kg ("Hardware Introduction")."""
     bare, laden = (rotor_power(MATRICE_100, each).total_w[0] for each in (0.0, payload_kg))
     assert laden / bare == pytest.approx(28 / minutes, rel=0.1)
-
-
-def test_every_figure_names_its_source_and_every_camera_is_there() -> None:
-    assert set(AIRCRAFT.names()) >= {"phantom4", "phantom4pro", "mavic3e", "matrice350"}
-    for profile in AIRCRAFT.values():
-        assert profile.source
-        assert {"rotor_diameter_m", "gimbal"} <= profile.sources.keys()
-        assert find_camera(profile.camera).source
 
 
 def test_the_aircraft_gives_the_camera_unless_one_is_named() -> None:
@@ -229,8 +206,6 @@ def test_an_unknown_aircraft_is_refused_with_the_nearest_name() -> None:
     [
         (("mass_kg: 2.5", "mass_kg: 0"), "mass_kg: it must be greater than 0"),
         (("mass_kg: 2.5", "mass: 2.5"), "unknown key 'mass' (did you mean 'mass_kg'"),
-        (("  mass_kg: 2.5\n", ""), "mass_kg: it must be given"),
-        (("rotors: 6", "rotors: 2"), "rotors: it must be greater than or equal to 3"),
         (("flight_time_min: 30", "flight_time_min: 30\n  hover_time_min: 31"), "hovering cannot last longer"),
         (("flight_time_min: 30", "flight_time_min: 30\n  hover_time_min: 5"), "less than half of flight_time_min"),
         (("wind_limit_mps: 9", "wind_limit_mps: 15"), "wind_limit_mps must be below top_speed_mps"),
@@ -239,7 +214,6 @@ def test_an_unknown_aircraft_is_refused_with_the_nearest_name() -> None:
         (("[-90, 30]", "[-60, 30]"), "gimbal: tilt_deg: the camera must reach straight down"),
         (("axes: 3", "axes: 0"), "gimbal: holds_deg: a camera without stabilised axes"),
         (("source: its data sheet", "sources: {weight: x}\n  source: y"), "sources: 'weight' is no key"),
-        (("source: its data sheet", ""), "source: it must be given"),
         (("camera: phantom4pro", "camera: phantom5pro"), "camera: no camera 'phantom5pro' (did you mean 'phantom4pro'"),
     ],
 )
@@ -248,6 +222,6 @@ def test_a_mistake_in_an_own_aircraft_is_one_plain_line_with_its_place(
 ) -> None:
     own = tmp_path / "own.yaml"
     own.write_text(OWN.replace(*change), encoding="utf-8")
-    told = refused(str(own))
-    assert told.startswith(f"{own}, aircraft 'survey': ")
-    assert complaint in told
+    reported = refused(str(own))
+    assert reported.startswith(f"{own}, aircraft 'survey': ")
+    assert complaint in reported

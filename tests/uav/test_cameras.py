@@ -6,16 +6,16 @@ from pathlib import Path
 import pytest
 
 from pavetwin.errors import PaveTwinError
-from pavetwin.uav import CAMERAS, find_camera
+from pavetwin.uav import find_camera
 from pavetwin.uav.cameras import Camera
 
 
 def refused(model: str) -> str:
     with pytest.raises(PaveTwinError) as caught:
         find_camera(model)
-    told = str(caught.value)
-    assert "\n" not in told
-    return told
+    reported = str(caught.value)
+    assert "\n" not in reported
+    return reported
 
 
 def test_the_papers_camera_covers_60_degrees_along_the_track() -> None:
@@ -54,13 +54,6 @@ def test_the_data_sheets(
     assert camera.source
 
 
-def test_every_camera_names_itself_and_its_source() -> None:
-    assert {"paper", "phantom4", "phantom4pro", "mavic3e"} <= set(CAMERAS.names())
-    for camera in CAMERAS.values():
-        assert camera.title
-        assert camera.source
-
-
 def test_an_unknown_camera_is_refused_with_the_nearest_name() -> None:
     assert "did you mean 'phantom4pro'?" in refused("phantom4prp")
     assert "paper" in refused("zzz")
@@ -78,9 +71,9 @@ def test_a_users_own_camera_is_found_by_its_file(tmp_path: Path) -> None:
     two.write_text(TWO, encoding="utf-8")
     assert find_camera(str(one)).title == find_camera(f"{one}:mine").title == "Mine"
     assert find_camera(f"{two}:other").fov_deg == pytest.approx(degrees(2 * atan(6 / 8)))
-    told = refused(str(two))
-    assert "mine, other" in told
-    assert f"{two}:NAME" in told
+    reported = refused(str(two))
+    assert "mine, other" in reported
+    assert f"{two}:NAME" in reported
     assert "mine" in refused(f"{one}:yours")
 
 
@@ -89,30 +82,23 @@ def test_a_users_own_camera_is_found_by_its_file(tmp_path: Path) -> None:
     [
         ("", "expected a mapping"),
         ("{}", "holds no camera"),
-        ("just words", "expected a mapping"),
-        ("- a\n- b", "expected a mapping"),
         ("a: 3", "expected a mapping"),
         ("a: {", "not valid YAML"),
         ("a: {}\nb: {}\na: {}", "line 3: 'a' is given twice"),
-        ("a: {title: x, image_px: [1, 1], vertical_fov_deg: 2020-99-99}", "not valid YAML"),
         ("a: {title: x, image_px: [10, 10]}", "give either vertical_fov_deg or both"),
         ("a: {title: x, image_px: [10, 10], vertical_fov_deg: 60, sensor_mm: [8, 6], focal_length_mm: 4}", "either"),
-        ("a: {title: x, image_px: [10, 10], sensor_mm: [8, 6]}", "give either"),
         ("a: {title: x, image_px: [10, 10], vertical_fov_deg: 180}", "vertical_fov_deg"),
         ("a: {title: x, image_px: [10, 0], vertical_fov_deg: 60}", "image_px"),
-        ("a: {title: x, image_px: [10], vertical_fov_deg: 60}", "image_px"),
-        ("a: {title: x, image_px: [10, 10], vertical_fov_deg: wide}", "vertical_fov_deg"),
         ("a: {title: x, image_px: [10, 10], vertical_fov_dge: 60}", "did you mean 'vertical_fov_deg'"),
-        ("a: {image_px: [10, 10], vertical_fov_deg: 60}", "title"),
         ("a: {title: x, image_px: [10, 10], vertical_fov_deg: 60, shutter: slow}", "shutter"),
     ],
 )
 def test_a_bad_camera_file_is_one_plain_line(text: str, complaint: str, tmp_path: Path) -> None:
     path = tmp_path / "bad.yaml"
     path.write_text(text, encoding="utf-8")
-    told = refused(str(path))
-    assert complaint in told
-    assert "bad.yaml" in told
+    reported = refused(str(path))
+    assert complaint in reported
+    assert "bad.yaml" in reported
 
 
 def test_a_camera_file_that_cannot_be_read_is_one_plain_line(tmp_path: Path) -> None:

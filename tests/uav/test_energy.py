@@ -161,20 +161,6 @@ def test_out_and_back_in_wind_is_never_cheaper_than_in_calm(
     assert (out + back) / 2 >= calm.drained((ground_mps, 0.0)) * (1 - 1e-9)
 
 
-@given(KNOWN, WINDS, GROUND_SPEEDS)
-def test_the_side_that_the_wind_blows_from_does_not_matter_across(
-    aircraft: str, wind_mps: float, ground_mps: float
-) -> None:
-    left, right = (in_wind(aircraft, wind_mps, side).drained((ground_mps, 0.0)) for side in (0.0, 180.0))
-    assert left == pytest.approx(right, rel=1e-9)
-    assert left >= in_wind(aircraft, 0.0).drained((ground_mps, 0.0))
-
-
-def test_a_tail_wind_helps_a_fast_flight_and_a_head_wind_does_not() -> None:
-    calm, windy = in_wind("mavic3e", 0.0), in_wind("mavic3e", 5.0, 270.0)
-    assert windy.drained((15.0, 0.0)) < calm.drained((15.0, 0.0)) < windy.drained((-15.0, 0.0))
-
-
 # In flight.
 
 

@@ -18,8 +18,7 @@ from pavetwin.world.roadnet import RoadNet, read_roadnet
 from pavetwin.world.segments import segments_of, streets_of
 from pavetwin.world.town_plan import faults, plan_town
 
-TOWNS = range(10)
-FEW_TOWNS = [pytest.param(seed, marks=pytest.mark.slow) if seed > 2 else seed for seed in TOWNS]
+TOWNS = [pytest.param(seed, marks=pytest.mark.slow) if seed > 2 else seed for seed in range(10)]
 
 _FOLDER = TemporaryDirectory(prefix="pavetwin-test-")  # gone when the interpreter ends
 
@@ -55,7 +54,7 @@ def reach(onward: dict[str, set[str]], origin: str) -> set[str]:
     return seen
 
 
-@pytest.mark.parametrize("seed", FEW_TOWNS)
+@pytest.mark.parametrize("seed", TOWNS)
 def test_a_car_gets_from_every_street_of_the_town_to_every_other(seed: int) -> None:
     onward, cars = drivable(generated(NetworkKind.TOWN, seed)[0].net_file)
     backward: dict[str, set[str]] = {edge: set() for edge in cars}
@@ -131,7 +130,7 @@ def test_every_seed_gives_a_plan_without_faults(seed: int) -> None:
 
 
 def test_different_seeds_give_different_towns() -> None:
-    assert len({generated(NetworkKind.TOWN, seed)[0].net_file.read_bytes() for seed in TOWNS}) == len(TOWNS)
+    assert len({generated(NetworkKind.TOWN, seed)[0].net_file.read_bytes() for seed in range(3)}) == 3
 
 
 @pytest.mark.parametrize("kind", NetworkKind)

@@ -18,12 +18,12 @@ from pavetwin.world.build import BuildOptions, Built, build_world
 from pavetwin.world.buildings import clear_of_roads
 from pavetwin.world.content import content_hash
 from pavetwin.world.furniture import TREE_OVERHANG_M
-from pavetwin.world.ground import Nearby, PlacementGround
-from pavetwin.world.model import Building, Furniture, FurnitureKind, LaneKind, World
+from pavetwin.world.ground import PlacementGround
+from pavetwin.world.model import Furniture, FurnitureKind, LaneKind, World
 from pavetwin.world.osm import bridges_on, paving_m2, paving_words
 from pavetwin.world.osm_file import building_height_m, metres
 from pavetwin.world.segments import union_of
-from pavetwin.world.solids import SolidKind, Solids, convex_parts, furniture_prisms, solids
+from pavetwin.world.solids import SolidKind, Solids, furniture_prisms, solids
 from pavetwin.world.store import load_world, save_world
 from scenes import HERE, built, damaged, net_of
 from scenes.command_line import pavetwin
@@ -181,15 +181,6 @@ def test_a_building_mostly_on_the_road_is_dropped(tmp_path: Path) -> None:
     assert clear_of_roads([(segment.centre_line.buffer(4.0), 5.0)], ground) == ()
 
 
-def test_nearby_finds_what_meets_the_bounds() -> None:
-    near: Nearby[str] = Nearby(10.0)
-    near.add((0, 0, 25, 5), "long")
-    near.add((100, 100, 100, 100), "point")
-    assert set(near.query((20, 4, 22, 30))) == {"long"}
-    assert set(near.query((95, 95, 105, 105))) == {"point"}
-    assert set(near.query((40, 40, 50, 50))) == set()
-
-
 def is_convex(ring: np.ndarray) -> bool:
     edges = np.roll(ring, -1, axis=0) - ring
     turns = edges[:, 0] * np.roll(edges, -1, axis=0)[:, 1] - edges[:, 1] * np.roll(edges, -1, axis=0)[:, 0]
@@ -209,13 +200,6 @@ def test_solids_are_convex_prisms_of_the_same_volume(name: str) -> None:
     assert np.count_nonzero(prisms.kind == SolidKind.CROWN) == np.count_nonzero(prisms.kind == SolidKind.TRUNK)
     arms = prisms.kind == SolidKind.ARM
     assert np.allclose((prisms.z1 - prisms.z0)[arms], 0.3)
-
-
-def test_a_yard_is_left_open() -> None:
-    ring = Polygon([(0, 0), (20, 0), (20, 20), (0, 20)], [[(5, 5), (5, 15), (15, 15), (15, 5)]])
-    parts = [Polygon(part) for part in convex_parts(Building("b", ring, 9.0))]
-    assert sum(part.area for part in parts) == pytest.approx(300)
-    assert not any(part.contains(Point(10, 10)) for part in parts)
 
 
 def test_a_signal_arm_lies_at_its_height() -> None:

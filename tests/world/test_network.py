@@ -270,14 +270,6 @@ def test_all_of_it_comes_back_from_the_geopackage(tmp_path: Path, left_hand: boo
     assert layers["streets"] == layers["connections"] == "LineString"
 
 
-def test_an_edited_connection_makes_another_world(tmp_path: Path) -> None:
-    made = parting_lanes(tmp_path)
-    ahead, aside = made.world.connections
-    edited = replace(made.world, connections=(ahead, replace(aside, direction=Direction.RIGHT)))
-    save_world(replace(made, world=edited), tmp_path / "edited")
-    assert load_world(tmp_path / "edited").content_hash != made.world.content_hash
-
-
 def test_layers_that_contradict_each_other_are_named(tmp_path: Path) -> None:
     made = parting_lanes(tmp_path)
     world = made.world

@@ -278,13 +278,6 @@ def test_the_other_driving_side_mirrors_every_place(scene: Scene) -> None:
     assert np.allclose(ours, theirs, atol=2e-3)
 
 
-@pytest.mark.slow
-@given(st.floats(20, 200), st.floats(0, 60))
-def test_a_longer_street_has_as_many_places_or_more(length_m: float, more_m: float) -> None:
-    short, long = replace(WIDE, length_m=length_m), replace(WIDE, length_m=length_m + more_m)
-    assert len(short.places()) <= len(long.places())
-
-
 def test_diagonal_places_point_ahead_and_outwards() -> None:
     places = Scene(lane_m=6.0, tags={"parking:both": "lane", "parking:both:orientation": "diagonal"}).places()
     angle = math.radians(europe().places[ParkingOrientation.DIAGONAL].angle_deg)
@@ -333,12 +326,6 @@ def test_parking_is_a_layer_of_the_geopackage(tmp_path: Path) -> None:
         info["fields"]
     )
     assert load_world(tmp_path / "world").parking == world.parking
-
-
-def test_places_are_part_of_what_a_world_is(tmp_path: Path) -> None:
-    made = built("cross")
-    save_world(replace(made, world=replace(made.world, parking=made.world.parking[1:])), tmp_path / "less")
-    assert load_world(tmp_path / "less").content_hash != made.world.content_hash
 
 
 def test_the_summary_knows_what_is_on_the_carriageway() -> None:

@@ -15,7 +15,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.world.build import BuildOptions, build_world
 from pavetwin.world.condition import condition_columns, condition_of
 from pavetwin.world.folder import FILES, check_target
-from pavetwin.world.model import Furniture, FurnitureKind, World
+from pavetwin.world.model import Direction, Furniture, FurnitureKind, World
 from pavetwin.world.store import load_record, load_world, save_world
 from scenes import built, scene_file
 
@@ -71,10 +71,16 @@ def test_defects_do_not_change_the_content_hash(tmp_path: Path) -> None:
 
 def test_an_edited_world_is_another_world(tmp_path: Path) -> None:
     made = built("cross")
-    mast = Furniture("x", FurnitureKind.POLE, made.world.base, 9.0, 0.1)
-    edited = replace(made, world=replace(made.world, furniture=(*made.world.furniture, mast)))
-    save_world(edited, tmp_path / "edited")
-    assert load_world(tmp_path / "edited").content_hash != made.world.content_hash
+    world, mast = made.world, Furniture("x", FurnitureKind.POLE, made.world.base, 9.0, 0.1)
+    turned = replace(world.connections[0], direction=Direction.TURNAROUND)
+    edits = {
+        "furniture": replace(world, furniture=(*world.furniture, mast)),
+        "parking": replace(world, parking=world.parking[1:]),
+        "connections": replace(world, connections=(turned, *world.connections[1:])),
+    }
+    for name, edited in edits.items():
+        save_world(replace(made, world=edited), tmp_path / name)
+        assert load_world(tmp_path / name).content_hash != world.content_hash, name
 
 
 @pytest.mark.parametrize("name", FILES)

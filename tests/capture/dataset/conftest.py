@@ -10,8 +10,7 @@ from pavetwin.capture.run import capture
 from pavetwin.world.store import save_world
 from scenes import damaged
 from scenes.folders import contents
-from scenes.painted_captures import FEW, SPLITS, UAV
-from scenes.painter import Painter
+from scenes.painter import FEW, SPLITS, UAV, Painter
 
 
 @pytest.fixture(scope="session")

@@ -14,7 +14,7 @@ from pavetwin.capture.sheets import save_sheet
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.coco import decode
 from pavetwin.world.store import load_world
-from scenes.painted_captures import SPLITS
+from scenes.painter import SPLITS
 
 
 def test_the_formats_agree(dataset: Path, records: list[Record], cocos: dict[str, COCO]) -> None:

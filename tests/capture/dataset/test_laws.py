@@ -16,8 +16,7 @@ from pavetwin.capture.run import capture
 from pavetwin.navigation.navmesh import flight_domain
 from pavetwin.world.store import load_world
 from scenes.folders import contents
-from scenes.painted_captures import FEW, SPLITS, UAV
-from scenes.painter import Painter, slow_painter
+from scenes.painter import FEW, SPLITS, UAV, Painter, slow_painter
 
 
 def test_every_box_is_the_tight_box_of_its_mask(cocos: dict[str, COCO]) -> None:

@@ -17,8 +17,7 @@ from pavetwin.capture.settings import CaptureSettings
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.store import load_world
 from scenes.folders import contents
-from scenes.painted_captures import UAV
-from scenes.painter import Painter
+from scenes.painter import UAV, Painter
 
 
 @pytest.mark.slow

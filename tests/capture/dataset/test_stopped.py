@@ -20,8 +20,7 @@ from pavetwin.mission import versions
 from pavetwin.world.store import save_world
 from scenes import damaged
 from scenes.folders import contents
-from scenes.painted_captures import FEW, UAV
-from scenes.painter import Painter, full_disk, slow_painter
+from scenes.painter import FEW, UAV, Painter, full_disk, slow_painter
 
 
 @pytest.mark.slow

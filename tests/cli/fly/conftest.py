@@ -6,8 +6,7 @@ import pytest
 
 from pavetwin.world.store import save_world
 from scenes import damaged
-from scenes.command_line import pavetwin
-from scenes.short_mission import SHORT
+from scenes.command_line import SHORT, pavetwin
 
 
 @pytest.fixture(scope="session")

@@ -9,9 +9,8 @@ from shapely import Point, union_all
 
 from pavetwin.world.store import load_world
 from scenes import HERE, drawn_detector
-from scenes.command_line import pavetwin, plain_refusal
+from scenes.command_line import SHORT, pavetwin, plain_refusal
 from scenes.folders import digests
-from scenes.short_mission import SHORT
 
 
 def test_policies_repeat_and_exclusive_options_are_refused(world: Path, tmp_path: Path) -> None:

@@ -9,9 +9,8 @@ import yaml
 from pavetwin.world.folder import read_description
 from pavetwin.world.store import load_world, save_world
 from scenes import built, damaged
-from scenes.command_line import pavetwin, plain_refusal
+from scenes.command_line import SHORT, pavetwin, plain_refusal
 from scenes.folders import digests
-from scenes.short_mission import SHORT
 
 
 @pytest.mark.slow

@@ -11,9 +11,8 @@ import polars as pl
 import pytest
 import yaml
 
-from scenes.command_line import pavetwin, pavetwin_process, plain_refusal
+from scenes.command_line import SHORT, pavetwin, pavetwin_process, plain_refusal
 from scenes.folders import digests
-from scenes.short_mission import SHORT
 
 
 @pytest.mark.slow

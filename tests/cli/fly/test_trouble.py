@@ -13,10 +13,9 @@ from pavetwin.traffic import tracks as part_table
 from pavetwin.world.cache import cached
 from pavetwin.world.store import load_world, save_world
 from scenes import built
-from scenes.command_line import command, pavetwin, pavetwin_process, plain_refusal, without_progress
+from scenes.command_line import SHORT, command, pavetwin, pavetwin_process, plain_refusal, without_progress
 from scenes.folders import digests
 from scenes.processes import is_gone, is_over, simulations
-from scenes.short_mission import SHORT
 
 
 def test_a_flight_writes_into_the_cache_and_not_into_the_world(world: Path, tmp_path: Path) -> None:

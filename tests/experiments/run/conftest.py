@@ -8,7 +8,7 @@ from pavetwin.experiments.engine import Single
 from pavetwin.experiments.run import run
 from pavetwin.world.store import save_world
 from scenes import damaged
-from scenes.small_study import small
+from scenes.studies import small
 
 
 @pytest.fixture(scope="session")

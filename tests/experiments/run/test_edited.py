@@ -15,7 +15,7 @@ from pavetwin.navigation.patterns import PATTERNS
 from pavetwin.policies import POLICIES
 from pavetwin.world.store import load_world
 from scenes.folders import digests
-from scenes.small_study import small
+from scenes.studies import small
 
 MINE = """
 from pavetwin.policies import GoOn, Policy

@@ -25,19 +25,19 @@ from pavetwin.traffic.recording_file import load_recording, save_recording
 from pavetwin.world.cache import cached
 from pavetwin.world.store import load_world
 from scenes.folders import digests
-from scenes.small_study import small
+from scenes.studies import small
 
 
-def test_progress_says_what_is_done_before_the_first_mission(world: Path, tmp_path: Path) -> None:
-    told: list[str] = []
-    run(small(world, replicates=1), tmp_path / "study", Pool(2), on_progress=lambda _share, what: told.append(what))
-    assert [what for what in told if "lying missions" not in what] == [
+def test_progress_is_reported_before_the_first_mission(world: Path, tmp_path: Path) -> None:
+    reported: list[str] = []
+    run(small(world, replicates=1), tmp_path / "study", Pool(2), on_progress=lambda _share, what: reported.append(what))
+    assert [what for what in reported if "lying missions" not in what] == [
         "Planning: where to fly over cross at 6 m",
         "Planning: where to fly over cross at 10 m",
         "Starting 2 processes",
     ]
-    assert told[3:5] == [f"Recording traffic {recorded}/2, flying missions 0/8" for recorded in (0, 1)]
-    assert told[-1] == "Flying missions 8/8"
+    assert reported[3:5] == [f"Recording traffic {recorded}/2, flying missions 0/8" for recorded in (0, 1)]
+    assert reported[-1] == "Flying missions 8/8"
 
 
 def test_traffic_that_cannot_be_recorded_fails_its_missions_only(

@@ -1,4 +1,4 @@
-"""Studies: the same table whoever flies it, a row for each mission, and failures that stop nothing."""
+"""Studies: the same table from every engine, a row for each mission, and failures that stop nothing."""
 
 import multiprocessing
 import os
@@ -33,7 +33,7 @@ from pavetwin.world.store import load_world, save_world
 from scenes import built, damaged
 from scenes.folders import digests
 from scenes.parking import save_cross_with_rows, with_places
-from scenes.small_study import small
+from scenes.studies import small
 
 DEADLY = """
 import multiprocessing, os
@@ -181,7 +181,7 @@ class Disturbed(Engine):
         pytest.param(Disturbed(Cluster(jobs=1)), id="dask, its only worker killed", marks=pytest.mark.slow),
     ],
 )
-def test_the_same_bytes_whoever_flies(reference: Path, world: Path, tmp_path: Path, engine: Engine) -> None:
+def test_every_engine_writes_the_same_bytes(reference: Path, world: Path, tmp_path: Path, engine: Engine) -> None:
     ran = run(small(world), tmp_path / "study", engine)
     assert not ran.failures
     assert not isinstance(engine, Disturbed) or engine.killed == 1
@@ -189,7 +189,7 @@ def test_the_same_bytes_whoever_flies(reference: Path, world: Path, tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_a_unit_that_kills_whoever_flies_it_is_given_up(world: Path, tmp_path: Path) -> None:
+def test_a_unit_that_kills_its_process_is_given_up(world: Path, tmp_path: Path) -> None:
     """Killed by a policy of the user's own, which does no harm where the design is read."""
     (tmp_path / "deadly.py").write_text(DEADLY)
     deadly = f"{tmp_path / 'deadly.py'}:Deadly"
@@ -258,7 +258,7 @@ def test_a_folder_with_anything_else_is_refused(world: Path, tmp_path: Path) -> 
 
 
 def test_a_mission_that_fails_is_a_row_with_its_reason_and_stops_nothing(
-    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    reference: Path, world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """A fault of the program leaves its traceback once, though six missions have it."""
 
@@ -279,22 +279,6 @@ def test_a_mission_that_fails_is_a_row_with_its_reason_and_stops_nothing(
     assert ran.table.filter(status="flown")["time_s"].is_not_null().all()
     monkeypatch.undo()
     assert run(small(world), tmp_path / "study", Single()).missions_flown == 0
-    assert not run(small(world), tmp_path / "study", Single(), retry=True).failures
-
-
-def test_failed_missions_are_flown_again_and_no_others(
-    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def badly(spec, **how):
-        if spec.policy.name == "hover" and spec.settings.altitude_m == 6.0:
-            raise ZeroDivisionError("of all things")
-        return fly(spec, **how)
-
-    monkeypatch.setattr(fly_unit, "fly", badly)
-    design, folder = small(world, densities=["low"]), tmp_path / "study"
-    assert sum(run(design, folder, Single()).failures.values()) == 3
-    monkeypatch.undo()
-    again = run(design, folder, Single(), retry=True)
-    assert (again.missions_flown, again.failures) == (3, {})
-    run(design, tmp_path / "never failed", Single())
-    assert digests(folder) == digests(tmp_path / "never failed")
+    again = run(small(world), tmp_path / "study", Single(), retry=True)
+    assert (again.missions_flown, again.failures) == (6, {})
+    assert digests(tmp_path / "study") == digests(reference)

@@ -15,7 +15,7 @@ from pavetwin.experiments.run import run
 from pavetwin.experiments.store import Store, query
 from pavetwin.experiments.units import units_of
 from pavetwin.world.store import load_world
-from scenes.small_study import small
+from scenes.studies import small
 
 
 def test_sql_over_the_table(reference: Path) -> None:
@@ -37,12 +37,12 @@ def test_sql_over_the_table(reference: Path) -> None:
         ("from read_csv('/etc/passwd')", "The query failed"),
     ],
 )
-def test_a_question_that_is_none_is_said_in_a_line(reference: Path, sql: str, words: str) -> None:
+def test_an_invalid_query_is_refused(reference: Path, sql: str, words: str) -> None:
     with pytest.raises(PaveTwinError, match=words):
         query(reference, sql)
 
 
-def test_a_folder_without_a_study_is_said(tmp_path: Path) -> None:
+def test_a_folder_without_a_study_is_refused(tmp_path: Path) -> None:
     with pytest.raises(PaveTwinError, match="holds no study"):
         query(tmp_path, "from segments")
 
@@ -68,7 +68,7 @@ def test_a_part_in_another_s_place_is_not_counted_twice(reference: Path, tmp_pat
         Store(tmp_path / "study").table()
 
 
-def test_a_damaged_design_is_said(reference: Path, tmp_path: Path) -> None:
+def test_a_damaged_design_is_refused(reference: Path, tmp_path: Path) -> None:
     shutil.copytree(reference, tmp_path / "study")
     (tmp_path / "study" / "design.yaml").write_text("design: 3")
     with pytest.raises(PaveTwinError, match=r"design\.yaml"):
@@ -85,7 +85,7 @@ def test_taking_off_after_one_s_own_demand_has_ended_is_a_failure(world: Path, t
     assert "its demand has ended; change take_off_s" in next(iter(ran.failures))
 
 
-def test_no_scheduler_is_said_in_a_line(world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_scheduler_is_refused(world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pavetwin.experiments.engine.ANSWER_S", 1.0)
     with pytest.raises(PaveTwinError, match=r"`scheduler` tcp://127.0.0.1:9: no Dask scheduler answers there"):
         run(small(world), tmp_path / "study", Cluster(scheduler="tcp://127.0.0.1:9"))
@@ -93,7 +93,7 @@ def test_no_scheduler_is_said_in_a_line(world: Path, tmp_path: Path, monkeypatch
 
 
 @pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" * 9], ids=["nothing", "of the web"])
-def test_what_answers_and_is_no_scheduler_is_said_in_a_line(
+def test_a_server_that_is_no_scheduler_is_refused(
     world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: bytes
 ) -> None:
     monkeypatch.setattr("pavetwin.experiments.engine.ANSWER_S", 1.0)
@@ -113,16 +113,14 @@ def test_what_answers_and_is_no_scheduler_is_said_in_a_line(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_scheduler_without_workers_is_said_at_once(
-    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    told: list[str] = []
+def test_a_scheduler_without_workers_is_refused(world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    reported: list[str] = []
     with LocalCluster(n_workers=0, processes=False, protocol="tcp://", dashboard_address=None) as cluster:
         monkeypatch.setattr("pavetwin.experiments.engine.ANSWER_S", 1.0)
         engine = Cluster(scheduler=cluster.scheduler_address)
         with pytest.raises(PaveTwinError, match="has no workers"):
-            run(small(world), tmp_path / "study", engine, on_progress=lambda _share, what: told.append(what))
-    assert told[-1] == f"Waiting for workers of the Dask scheduler {cluster.scheduler_address}"
+            run(small(world), tmp_path / "study", engine, on_progress=lambda _share, what: reported.append(what))
+    assert reported[-1] == f"Waiting for workers of the Dask scheduler {cluster.scheduler_address}"
 
 
 def test_a_replicate_stays_with_one_process_while_there_are_enough_of_them() -> None:
