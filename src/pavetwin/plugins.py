@@ -151,7 +151,7 @@ def _class_in(registry: Registry[type[T]], base: Any, path: Path, class_name: st
         near = nearest_name(class_name, [it.__name__ for it in own if isinstance(it, type) and issubclass(it, base)])
         raise PaveTwinError(
             f"{registry.key}: '{path}' has no {registry.what} class '{class_name}'{near}. "
-            f"It must be a subclass of {base.__module__.removesuffix('.base')}.{base.__name__}."
+            f"It must be a subclass of {base.__module__.rpartition('.')[0]}.{base.__name__}."
         )
     if broken := registry.broken_rules(kind):
         raise BrokenRulesError(f"{registry.key}: '{path}:{class_name}' {one_of(broken)}.", broken)

@@ -203,8 +203,11 @@ def test_wrong_options_are_refused_and_leave_nothing(tmp_path: Path) -> None:
     for arguments, words in (
         ((tmp_path / "none", "-o", tmp_path / "o"), "There is no folder"),
         ((tmp_path / "in", "-o", tmp_path / "o", "--model", "none-1"), "--model: There is no model 'none-1': name one"),
-        ((tmp_path / "in", "-o", tmp_path / "o", "--model", FILE, "--gsd-mm", 0), "--gsd-mm 0: it is above 0."),
-        ((tmp_path / "in", "-o", tmp_path / "o", "--model", FILE, "--height-m", -3), "--height-m -3: it is above 0."),
+        ((tmp_path / "in", "-o", tmp_path / "o", "--model", FILE, "--gsd-mm", 0), "--gsd-mm 0: it must be above 0."),
+        (
+            (tmp_path / "in", "-o", tmp_path / "o", "--model", FILE, "--height-m", -3),
+            "--height-m -3: it must be above 0",
+        ),
         (
             (tmp_path / "in", "-o", tmp_path / "o", "--model", FILE, "--position-error-m", -1),
             "--position-error-m -1: it is 0 or more.",

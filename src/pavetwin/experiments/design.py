@@ -21,7 +21,7 @@ from pydantic import (
 from pavetwin.config import Conditions, MissionSettings, Settings
 from pavetwin.config.mission import Altitude
 from pavetwin.config.settings import ALIASES
-from pavetwin.config.text import parse_yaml
+from pavetwin.config.text import parse_yaml, why_unread
 from pavetwin.defects import DefectOptions
 from pavetwin.errors import PaveTwinError, nearest_name, no_such
 from pavetwin.experiments.metrics import EVERY_METRIC, FACTORS, METRICS, REFERENCE
@@ -271,7 +271,7 @@ def read_design(path: Path) -> Design:
             f"Cannot read the design '{path}': {error.strerror}. `pavetwin experiment init` writes one."
         ) from error
     except (yaml.YAMLError, UnicodeDecodeError, ValueError) as error:
-        raise PaveTwinError(f"The design '{path}' is not valid YAML: {' '.join(str(error).split())}") from error
+        raise PaveTwinError(f"The design '{path}' is not valid YAML: {why_unread(error)}.") from error
     if isinstance(values, Mapping) and {"format", "design"} <= values.keys():
         values = values["design"]  # from a study's folder
     if not isinstance(values, Mapping):

@@ -61,7 +61,7 @@ class Detector:
         """
         for name, value in (("confidence", confidence), ("overlap", overlap)):
             if not 0.0 < value < 1.0:
-                raise PaveTwinError(f"`{name}` {value:g}: it is above 0 and below 1.")
+                raise PaveTwinError(f"`{name}` {value:g}: it must be above 0 and below 1.")
         if overview and tiled is False:
             raise PaveTwinError("`overview` adds to the search in tiles, which `tiled` turns off.")
         self.facts = self._open(Path(path), threads)

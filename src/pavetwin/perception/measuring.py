@@ -35,7 +35,7 @@ def check_size(name: str, value: float, *, may_be_zero: bool = False) -> None:
     if not isfinite(value):
         raise PaveTwinError(f"`{name}` {value:g}: it is a finite number.")
     if value < 0 or (value == 0 and not may_be_zero):
-        raise PaveTwinError(f"`{name}` {value:g}: it is {'0 or more' if may_be_zero else 'above 0'}.")
+        raise PaveTwinError(f"`{name}` {value:g}: it must be {'0 or more' if may_be_zero else 'above 0'}.")
 
 
 def with_sizes(detections: Detections, pixel_mm: npt.ArrayLike) -> Detections:

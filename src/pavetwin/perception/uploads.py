@@ -41,7 +41,7 @@ class ServerLimits:
     def __post_init__(self) -> None:
         for name in ("upload_mb", "megapixels", "batch", "waiting", "held_mb", "timeout_s", "look_s"):
             if not getattr(self, name) > 0:
-                raise PaveTwinError(f"`{name}` {getattr(self, name):g}: it is above 0.")
+                raise PaveTwinError(f"`{name}` {getattr(self, name):g}: it must be above 0.")
 
 
 class RefusedRequestError(Exception):

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import yaml
 
 from pavetwin.config.settings import Settings
-from pavetwin.config.text import parse_yaml
+from pavetwin.config.text import parse_yaml, why_unread
 from pavetwin.errors import PaveTwinError
 from pavetwin.registry import Registry
 
@@ -41,7 +41,7 @@ def mappings_in(what: str, text: str, where: str) -> list[tuple[str, dict[str, A
     try:
         entries: Any = parse_yaml(text, where)
     except (yaml.YAMLError, ValueError) as error:  # a ValueError comes from an invalid date
-        raise PaveTwinError(f"{where} is not valid YAML: {' '.join(str(error).split())}.") from error
+        raise PaveTwinError(f"{where} is not valid YAML: {why_unread(error)}.") from error
     if not isinstance(entries, dict) or not all(isinstance(entry, dict) for entry in entries.values()):
         raise PaveTwinError(f"{where}: expected a mapping from {what} names to their values.")
     if not entries:

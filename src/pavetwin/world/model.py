@@ -450,7 +450,7 @@ class World:
         except KeyError:
             raise PaveTwinError(
                 f"No segment '{segment_id}' in the world '{self.name}'"
-                f"{nearest_name(segment_id, self._segment_by_id)}. `pavetwin world show ids` draws their ids."
+                f"{nearest_name(segment_id, self._segment_by_id)}. `pavetwin world show WORLD --ids` draws their ids."
             ) from None
 
     def segments_named(self, name: str) -> tuple[Segment, ...]:
@@ -472,7 +472,7 @@ class World:
         near = nearest_name(name, [*self._segment_by_id, *shown.values()])
         raise PaveTwinError(
             f"No segment or street '{name}' in the world '{self.name}'{near}. "
-            "`pavetwin world show ids` draws names and ids."
+            "`pavetwin world show WORLD --ids` draws names and ids."
         )
 
     @cached_property

@@ -13,7 +13,7 @@ from pydantic import Field, field_validator, model_validator
 from yaml import YAMLError
 
 from pavetwin.config.settings import PlacedValueError, Settings
-from pavetwin.config.text import parse_yaml
+from pavetwin.config.text import parse_yaml, why_unread
 from pavetwin.errors import PaveTwinError, nearest_name, no_such
 from pavetwin.files import working_in
 from pavetwin.labels.common_form import write_description
@@ -139,7 +139,7 @@ def recipe_values(path: Path) -> tuple[dict[str, Any], str]:
     except (OSError, UnicodeDecodeError) as error:
         raise PaveTwinError(f"The recipe '{path}' cannot be read.") from error
     except (YAMLError, ValueError) as error:
-        raise PaveTwinError(f"The recipe '{path}' is not valid YAML: {' '.join(str(error).split())}.") from error
+        raise PaveTwinError(f"The recipe '{path}' is not valid YAML: {why_unread(error)}.") from error
     if not isinstance(content, dict):
         raise PaveTwinError(f"The recipe '{path}' must hold keys: sources and split, or worlds and captures.")
     return content, text

@@ -75,7 +75,8 @@ def check_same(output: Path, expected: dict[str, Any], name: str = DESCRIPTION) 
     found = read_description(output, name)
     differ = [key for key, value in expected.items() if found.get(key) != value]
     if differ:
-        raise PaveTwinError(f"'{output}' holds a dataset made with another {differ[0]}; choose another folder.")
+        what = "command" if differ[0] == "made_by" else differ[0]
+        raise PaveTwinError(f"'{output}' holds a dataset made with another {what}; choose another folder.")
 
 
 def described(folder: Path) -> dict[str, str]:

@@ -177,11 +177,11 @@ def check_evaluation(confidence: float, resamples: int, seed: int) -> None:
     """
     check_installed()
     if not 0.0 < confidence < 1.0:
-        raise PaveTwinError(f"`confidence` {confidence:g}: it is above 0 and below 1.")
+        raise PaveTwinError(f"`confidence` {confidence:g}: it must be above 0 and below 1.")
     if not 0 <= resamples <= 100_000:
         raise PaveTwinError(f"`resamples` {resamples}: there are 0 to 100000.")
     if seed < 0:
-        raise PaveTwinError(f"`seed` {seed}: it is 0 or more.")
+        raise PaveTwinError(f"`seed` {seed}: it must be 0 or more.")
 
 
 def _both(split: LabelledSplit, found: Sequence[FoundBox]) -> tuple[Matched, Matched]:

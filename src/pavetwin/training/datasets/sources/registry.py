@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field, field_validator
 from yaml import YAMLError
 
 from pavetwin.config.settings import Settings
-from pavetwin.config.text import parse_yaml
+from pavetwin.config.text import parse_yaml, why_unread
 from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.labels.common_form import class_names
 from pavetwin.registry import Registry
@@ -152,8 +152,7 @@ def source_of(name: str) -> tuple[str, DatasetSource]:
     except (OSError, UnicodeDecodeError) as error:
         raise PaveTwinError(f"`source`: the mapping file '{name}' cannot be read.") from error
     except (YAMLError, ValueError) as error:
-        words = " ".join(str(error).split())
-        raise PaveTwinError(f"`source`: the mapping file '{name}' is not valid YAML: {words}.") from error
+        raise PaveTwinError(f"`source`: the mapping file '{name}' is not valid YAML: {why_unread(error)}.") from error
     if not isinstance(content, dict):
         raise PaveTwinError(f"`source`: the mapping file '{name}' must hold keys such as labels and classes.")
     return source_name(name), MappingFile.parse(content, where=f"'{name}'", text=text)
