@@ -79,7 +79,7 @@ def test_a_report_is_written(place: Path) -> None:
         (("wrong.json", "town", "-o", "n"), "Error: 'wrong.json': entry 1 is of image 77, which is not in test"),
         (("found.json", ".", "-o", "n"), "Error: '.' holds no annotations/instances_test.json; make one with"),
         (("found.json", "town", "-o", "n", "--split", "tset"), "Error: --split: no split 'tset' (did you mean"),
-        (("found.json", "town", "-o", "n", "--confidence", "25"), "Error: --confidence 25: it must be above 0 and below"),
+        (("found.json", "town", "-o", "n", "--confidence", "25"), "Error: --confidence 25: it must be above 0 and"),
         (("rendered", "bare", "-o", "n", "--confidence", "25"), "Error: --confidence 25: it must be above 0 and below"),
         (("rendered", "bare", "-o", "n", "--seed", "-3"), "Error: --seed -3: it must be 0 or more."),
         (("rendered", "bare", "-o", "found.json"), "Error: --output: 'found.json' is a file, so that nothing can"),

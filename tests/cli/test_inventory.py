@@ -189,7 +189,7 @@ def test_options_of_missions_count(tmp_path: Path) -> None:
     for option, value, words in (
         ("--confidence", 7, "it is from 0 to 1."),
         ("--confidence", "nan", "it is from 0 to 1."),
-        ("--position-error-m", -1, "it is 0 or more."),
+        ("--position-error-m", -1, "it must be 0 or more."),
         ("--position-error-m", "nan", "it is a finite number."),
     ):
         refused = pavetwin("inventory", tmp_path / "m", "-o", tmp_path / "none", option, value)
@@ -210,7 +210,7 @@ def test_wrong_options_are_refused_and_leave_nothing(tmp_path: Path) -> None:
         ),
         (
             (tmp_path / "in", "-o", tmp_path / "o", "--model", FILE, "--position-error-m", -1),
-            "--position-error-m -1: it is 0 or more.",
+            "--position-error-m -1: it must be 0 or more.",
         ),
         (
             (tmp_path / "in", "-o", tmp_path / "o", "--model", FILE, "--height-m", "nan"),
