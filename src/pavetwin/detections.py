@@ -203,7 +203,7 @@ class Detections:
     capture = Column[Int64Array](np.int64, -1)
     """(n,) Index of the capture in the mission."""
     time_s = Column[Float64Array](np.float64, np.nan)
-    """(n,) Of the capture, since the beginning of the mission."""
+    """(n,) Time of the capture since the beginning of the mission."""
     segment = Column[Int64Array](np.int64, -1)
     """(n,) Index of the segment under inspection."""
     on_revisit = Column[BoolArray](np.bool_, False)

@@ -1,5 +1,4 @@
-"""Fits what a sensor knows of entries (`pavetwin.sensing.fitted_sensor`) to the inventories of missions, whose truth is
-known.
+"""Fit the model of entries in a fitted sensor to the inventories of missions, whose truth is known.
 
 An entry shows a defect where at least half of its detections were matched to one. The regression has weak normal
 priors, so that few entries give finite effects; standard errors are those of the inverse curvature.
@@ -40,15 +39,15 @@ class JudgedEntry(NamedTuple):
 
 
 class JudgedInventory(NamedTuple):
-    """The inventory of a mission beside what is there."""
+    """The entries of a mission's inventory, and its true defects."""
 
     entries: tuple[JudgedEntry, ...]
     severities: tuple[tuple[str, str], ...]
-    """Class and severity of each defect that is there."""
+    """Class and severity of each true defect."""
 
 
 def judged_inventory(folder: Path) -> JudgedInventory:
-    """The entries of a mission of the sensor `detector`, each compared with what is there.
+    """The entries of a mission of the sensor `detector`, each compared with the truth.
 
     Raises:
         PaveTwinError: a file of the mission is missing or damaged.
@@ -105,7 +104,7 @@ def fit_entries(inventories: Sequence[JudgedInventory]) -> EntryModel | None:
 
 
 def _shares(kind: str, inventories: Sequence[JudgedInventory]) -> tuple[float, float, float]:
-    """Of low, medium and high among the defects of a class, each counted once more than there are (Laplace)."""
+    """Shares of low, medium and high among the defects of a class, with one added to each count (Laplace)."""
     found = [severity for each in inventories for name, severity in each.severities if name == kind]
     low, medium, high = (found.count(severity) + 1 for severity in SEVERITIES)
     total = low + medium + high

@@ -42,18 +42,18 @@ def _write_crops(
     names: dict[int, str] = {}
     cells: list[Image.Image] = []
     for entry in entries:
-        picture = _crop(entry, crop)
-        if picture is None:
+        image = _crop(entry, crop)
+        if image is None:
             continue
         names[entry.number] = f"crops/{entry.number:04}.jpg"
         with writing(folder / names[entry.number]) as temporary:
-            picture.save(temporary, "JPEG", quality=_QUALITY)
-        cells.append(_cell(entry, picture))
+            image.save(temporary, "JPEG", quality=_QUALITY)
+        cells.append(_cell(entry, image))
     named = sorted({display_name(entry.class_name) for entry in entries if entry.number in names})
     colour_of = {name: colour for name, colour in category_colours().items() if name in named}
     for start, page in zip(range(0, len(cells), A_PAGE), _page_names(len(cells)), strict=True):
         shown = cells[start : start + A_PAGE]
-        title = f"Inventory   {start + 1} to {start + len(shown)} of {len(cells)} entries with a picture"
+        title = f"Inventory   {start + 1} to {start + len(shown)} of {len(cells)} entries with an image"
         with writing(folder / page) as temporary:
             assembled(shown, title, colour_of, ignored="").save(temporary, "JPEG", quality=_QUALITY)
     return names
@@ -72,7 +72,7 @@ def _crop(entry: Entry, crop: Callable[[Detections], UInt8Array | None]) -> Imag
     return None if pixels is None else Image.fromarray(pixels)
 
 
-def _cell(entry: Entry, picture: Image.Image) -> Image.Image:
+def _cell(entry: Entry, image: Image.Image) -> Image.Image:
     size = entry.sizes.get("length_m") or entry.sizes.get("area_m2")
     unit = "m" if "length_m" in entry.sizes else "m²"
     words = [f"{size.value:.2f} ± {size.error:.2f} {unit}"] if size else []
@@ -82,9 +82,7 @@ def _cell(entry: Entry, picture: Image.Image) -> Image.Image:
     sure = f"confidence {entry.confidence:.2f}"
     if entry.probability is not None:
         sure += f", a defect: {100 * entry.probability:.0f} %"
-    return captioned(
-        picture.resize((CELL_PX, CELL_PX)), f"{entry.number}: {display_name(entry.class_name)}", text, sure
-    )
+    return captioned(image.resize((CELL_PX, CELL_PX)), f"{entry.number}: {display_name(entry.class_name)}", text, sure)
 
 
 _COLOURS: Final = {
@@ -123,15 +121,14 @@ COLUMNS: Final = (
         "crop",
     ),
 )
-"""Of every file."""
+"""Columns of every file."""
 
 _WHOLE: Final = ("id", "looks")
 _FLAGS: Final = ("is_cut",)
 
 
 def write_inventory(entries: Sequence[Entry], reading: Reading, folder: Path) -> tuple[Path, ...]:
-    """Write all files of an inventory; returns those that are not crops. Of a former inventory in the folder nothing is
-    left.
+    """Write all files of an inventory; returns those that are not crops. A former inventory in the folder is removed.
 
     Args:
         reading: source of the entries.

@@ -29,13 +29,13 @@ ANGLE_DEG: Final = 15.0
 """Largest angle between two pieces of one crack."""
 
 ASIDE_M: Final = 0.15
-"""The end of a piece lies at most this far beside the line of the other."""
+"""Largest distance of a piece's end from the line of the other."""
 
 GAP_M: Final = 1.0
 """Longest part of a crack that is not detected between two pieces."""
 
 SLENDER: Final = 2.5
-"""Length over width from which an outline tells the direction of its crack."""
+"""Length over width from which an outline gives the direction of its crack."""
 
 BESIDE: Final = 0.5
 """Length that two outlines have in common, as a share of the shorter one, from which they lie side by side."""
@@ -49,7 +49,7 @@ class _Stroke(NamedTuple):
 
     middle: Float64Array
     along: Float64Array
-    """Of length 1."""
+    """Unit vector."""
     length_m: float
     width_m: float
 
@@ -60,13 +60,13 @@ class _Stroke(NamedTuple):
 
 
 class Alignment(NamedTuple):
-    """How two outlines lie that may be pieces of one crack, first what tells most; less is likelier one crack."""
+    """Relative position of two outlines that may be pieces of one crack; smaller values, in order, are likelier."""
 
     aside_m: float
-    """The end of a piece beside the line of the other."""
+    """Distance of a piece's end from the line of the other."""
     gap_m: float
     angle_cosine: float
-    """Of the angle between them, negative: −1 where they are parallel."""
+    """Negative cosine of the angle between them: −1 where they are parallel."""
 
 
 def alignment(one: Polygon, other: Polygon) -> Alignment | None:
@@ -107,7 +107,7 @@ def _stroke(outline: Polygon) -> _Stroke | None:
 
 
 def _aside_m(piece: _Stroke, line: _Stroke) -> float:
-    """How far the nearer end of a piece lies beside another one's line, their widths taken off."""
+    """Distance of a piece's nearer end from another piece's line, less half of both widths."""
     near = min(piece.ends, key=lambda end: float(np.hypot(*(end - line.middle))))
     east, north = near - line.middle
     return float(abs(east * line.along[1] - north * line.along[0])) - (piece.width_m + line.width_m) / 2
@@ -197,7 +197,7 @@ def merged(detections: Detections) -> list[list[int]]:
 
 
 class _Evidence(NamedTuple):
-    """What images show of two groups."""
+    """Evidence of images on whether two groups are one defect."""
 
     pairs: list[tuple[int, int]]
     """One of each group, of one image and apart in it."""
@@ -213,7 +213,7 @@ class _Evidence(NamedTuple):
 
 
 class _Images:
-    """What the images show of detections: which of them are separate defects."""
+    """Evidence of images on which detections are separate defects."""
 
     def __init__(self, detections: Detections) -> None:
         self._detections = detections
@@ -224,7 +224,7 @@ class _Images:
         return self._shares.get((one, other), 0.0)
 
     def are_separate(self, one: Sequence[int], other: Sequence[int]) -> bool:
-        """Whether an image shows two groups apart and no other one as one, or too few do."""
+        """Whether some image separates two groups and too few images join them."""
         evidence = self._evidence(one, other)
         return not all(self._is_bridged(pair, (*one, *other)) for pair in evidence.pairs) or evidence.shows_separate
 
@@ -260,7 +260,7 @@ class _Images:
 
 
 def _shares(detections: Detections) -> dict[tuple[int, int], float]:
-    """Of each two of one class that overlap, both ways round: the area in common as a share of the smaller one."""
+    """Common area of overlapping detections of one class, in both orders, as a share of the smaller one."""
     placed = np.flatnonzero([outline is not None for outline in detections.footprint]).tolist()
     if not placed:
         return {}

@@ -28,12 +28,11 @@ from pavetwin.world.georeference import (
 )
 
 HIGHEST_M: Final = 150.0
-"""A photograph that says that it was taken higher above the ground gives its height above the sea: most countries allow
-120 m. Our assumption."""
+"""Height above the ground from which a stated height counts as one above the sea, since most countries allow 120 m; our
+assumption."""
 
 FARTHEST_M: Final = 20_000.0
-"""A photograph that was taken farther from the median of all positions is of another place, or its position is damaged;
-our assumption."""
+"""Distance from the median of all positions beyond which a position counts as damaged; our assumption."""
 
 _AS_ABOVE_SEA: Final = (
     "the same height above the ground as above the sea, so that places and sizes are wrong unless the ground lies at "
@@ -49,19 +48,19 @@ def photographed(
     height_m: float | None = None,
     position_error_m: float | None = None,
     output: Path | None = None,
-    tell: Callable[[float, str], None] = lambda share, what: None,  # noqa: ARG005
+    report: Callable[[float, str], None] = lambda share, what: None,  # noqa: ARG005
 ) -> Reading:
-    """Look at every picture of a folder, but those that an inventory wrote into it.
+    """Search every photograph of a folder, except images that an inventory wrote into it.
 
     Args:
-        gsd_mm: ground resolution of all pictures, for sizes; counts for more than what photographs say.
-        height_m: of all pictures above the ground, likewise.
+        gsd_mm: ground resolution of all photographs, for sizes; takes precedence over their tags.
+        height_m: height of all photographs above the ground, likewise.
         position_error_m: standard deviation of all positions, likewise; 0 unless a photograph states one.
-        output: folder of the results, whose pictures are left out where it lies in the folder.
-        tell: is called with the share that is done, and words.
+        output: folder of the results; images in it are skipped.
+        report: called with the share done and a message.
 
     Raises:
-        PaveTwinError: the folder holds no picture that can be read, or a value is out of its bounds.
+        PaveTwinError: the folder holds no readable image, or a value is out of its bounds.
     """
     for name, value in (("gsd_mm", gsd_mm), ("height_m", height_m)):
         if value is not None:
@@ -72,7 +71,7 @@ def photographed(
     unreadable: list[str] = []
     images = 0
     for image in source_images(folder, output=output):
-        tell(image.share, f"Looking at photograph {images + 1}")
+        report(image.share, f"Searching photograph {images + 1}")
         try:
             pixels, pose = image.read()
         except PaveTwinError as error:
@@ -108,13 +107,13 @@ def photographed(
 
 
 class _Taken(NamedTuple):
-    """A photograph that was looked at."""
+    """A searched photograph."""
 
     image: SourceImage
     pose: PhotographPose
     seen: Detections
     reason: str
-    """Why its defects have no place on the ground; empty where they have."""
+    """Reason why its defects have no place on the ground; empty if they have one."""
 
     @property
     def has_place(self) -> bool:
@@ -122,7 +121,7 @@ class _Taken(NamedTuple):
 
 
 def _without_far(taken: list[_Taken]) -> list[_Taken]:
-    """The photographs, those without their place that were taken far from the others."""
+    """The photographs, with a reason for those taken far from the others."""
     placed = [at for at, each in enumerate(taken) if each.has_place]
     if not placed:
         return taken
@@ -138,7 +137,7 @@ def _without_far(taken: list[_Taken]) -> list[_Taken]:
 
 
 def _why_without_place(pose: PhotographPose, *, has_scale: bool) -> str:
-    """What a photograph does not say that a place on the ground needs; empty where it says all."""
+    """What is missing for places on the ground; empty if nothing is."""
     sizes = "" if has_scale else ", sizes with `gsd_mm` only"
     if pose.lonlat is None:
         return f"no position; its defects are given in pixels{sizes if pose.gsd_mm(0, 0) is None else ''}"

@@ -100,11 +100,11 @@ def has_sizes(detections: Detections) -> bool:
 
 
 def counted_remarks(found: Mapping[str, list[str]], wholes: int) -> tuple[str, ...]:
-    """A sentence for each reason, with how many images it holds for and the first of them.
+    """A sentence for each reason, with the number of its images and the first of them.
 
     Args:
-        found: reason → names of images; a reason reads on from "3 photographs" or "1 photograph".
-        wholes: how many images there are.
+        found: names of images by reason, which continues "3 of 9 photographs, such as 'a.jpg': ".
+        wholes: number of all images.
     """
     return tuple(
         f"{len(names)} of {wholes} photographs, such as '{names[0]}': {reason}." for reason, names in found.items()
@@ -112,7 +112,7 @@ def counted_remarks(found: Mapping[str, list[str]], wholes: int) -> tuple[str, .
 
 
 CONFIDENCE: Final = 0.25
-"""The least of what counts, unless given."""
+"""Default least confidence of a detection."""
 
 
 def entries_of(reading: Reading, confidence: float = CONFIDENCE) -> list[Entry]:

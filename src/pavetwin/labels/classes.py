@@ -17,14 +17,14 @@ class Category:
     name: str
     supercategory: str
     least_side_px: int
-    """Of the longer side of its box."""
+    """Longer side of its box."""
     least_area_px: int
-    """Of its mask."""
+    """Area of its mask."""
     farthest_m: float
     least_short_side_px: int = 1
-    """Of the shorter side of its box: what is flatter is a line at the horizon."""
+    """Shorter side of its box: flatter objects are lines at the horizon."""
     least_contrast: float = 0.0
-    """Of a defect (`capture.contrast`): a fainter one is ignored."""
+    """Contrast of a defect (`capture.contrast`): a fainter one is ignored."""
 
 
 _NEAR_M, _FAR_M = 30.0, 80.0
@@ -32,7 +32,7 @@ _NEAR_M, _FAR_M = 30.0, 80.0
 
 _COLOURS: Final = ("#56B4E9", "#E69F00", "#F0577A", "#F7E35A", "#3DDC97")
 _MORE_COLOURS: Final = ("#B388EB", "#8CD17D", "#F1CE63", "#FF9DA7", "#76B7B2", "#D4A6C8")
-"""Of the classes after the first five, in turn."""
+"""Colours of the classes after the first five, in turn."""
 
 
 def colours(names: Sequence[str]) -> dict[str, str]:

@@ -76,19 +76,19 @@ class AnnotatedImage:
     name: str
     """Name of its files, without suffix; unique in its dataset."""
     suffix: str
-    """Suffix of the picture, with its dot."""
+    """Suffix of the image file, with its dot."""
     size_px: tuple[int, int]
     """Width, height."""
     source: str
     """Name of the source."""
     original: str
-    """The picture's path in the source's folder, with slashes."""
+    """Path of the image in the source's folder, with slashes."""
     group: str
     """Images of one group show the same place; a split keeps them together."""
     gsd_mm: float | None = None
     """Ground resolution: millimetres of the road a pixel covers, where it is known."""
     is_background: bool = False
-    """Someone has checked that it shows nothing of any class."""
+    """Whether it is verified to show no object of any class."""
     annotations: tuple[Annotation, ...] = ()
     attributes: Mapping[str, str] = field(default_factory=dict)
 
@@ -107,7 +107,7 @@ class AnnotatedImage:
 
     @property
     def picture(self) -> str:
-        """The picture's file name."""
+        """Name of the image file."""
         return f"{self.name}{self.suffix}"
 
 

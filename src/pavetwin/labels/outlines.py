@@ -23,7 +23,7 @@ def outline(mask: BoolArray) -> Float64Array:
     """The polygon (n ≥ 3, 2) of a mask (height, width) that is not empty: column, row of the pixels on its border.
 
     All parts of the mask and their holes are in it, joined by bridges that are passed both ways: the shortest that
-    join all of them (Prim 1957). Filled by the even-odd rule, border included, it is the mask again, but for bridges
+    join all of them (Prim 1957). Filled by the even-odd rule, border included, it is the mask again, except for bridges
     between parts and the simplification.
     """
     rings = [_simplified(ring) for ring in _rings(mask)]

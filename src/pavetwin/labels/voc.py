@@ -55,7 +55,7 @@ def voc_file(
     """The content of an image's file.
 
     Args:
-        picture: name of the picture's file.
+        picture: name of the image file.
         size_px: width, height.
         source: elements of `source`.
         details: elements of `pavetwin`, besides those of the objects; no such element unless given.

@@ -27,7 +27,7 @@ def _line(number: int, shares: Iterable[float]) -> str:
 
 
 def data_yaml(splits: tuple[str, ...]) -> bytes:
-    """The file that Ultralytics opens. Without `path` it looks beside this file, wherever the dataset is moved to. It
+    """The file that Ultralytics opens. Without `path` it reads images next to this file, wherever the dataset is. It
     requires train and val, which may be null."""
     content = {split: f"images/{split}" if split in splits else None for split in ("train", "val", *splits)}
     names = {category.number: category.name for category in categories()}

@@ -125,13 +125,13 @@ def deduct_value(distress: Distress, severity: Severity, density: float) -> floa
 
 
 _CHARTED: Final = {"m": FOOT_M, "number": FOOT_M**2}
-"""What a density in metres becomes in the charts' feet, by the unit of the quantity."""
+"""Factor from a density in metres to the charts' feet, by the unit of the quantity."""
 
 
 def corrected_deduct_value(total: float, q: int) -> float:
     """The corrected deduct value of a total of deduct values, q ≥ 1 of which are above 2; 0 to 100.
 
-    Below the charts' 30 the curve goes on as straight as it begins.
+    Below the charts' 30 the curve is extended linearly.
     """
     if q <= 1:
         return min(100.0, total)

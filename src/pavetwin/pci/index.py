@@ -40,7 +40,7 @@ RATINGS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Deduct:
-    """What one distress of one severity takes from a sample unit."""
+    """Deduct value of one distress of one severity in a sample unit."""
 
     distress: Distress
     severity: Severity
@@ -86,7 +86,7 @@ def pavement_condition_index(deduct_values: Iterable[float]) -> float:
 
 
 def allowed_number(highest: float) -> float:
-    """How many deduct values count, m, given the highest."""
+    """The number m of deduct values that count, from the highest."""
     return min(10.0, 1.0 + 9.0 / 98.0 * (100.0 - highest))
 
 

@@ -48,16 +48,16 @@ class EntryModel(Settings):
     terms: Mapping[str, FittedNumber]
     """β: each class by its name, and `OF_ENTRY`."""
     entries: Annotated[int, Field(ge=1)]
-    """That it was fitted to."""
+    """Number of entries in the fit."""
     defect_share: Share
-    """Of these, that show a defect."""
+    """Share of them that show a defect."""
     severities: Mapping[str, tuple[NonNegative, NonNegative, NonNegative]]
     """By class: shares of low, medium and high among the defects of these missions."""
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
         if missing := [name for name in OF_ENTRY if name not in self.terms]:
-            raise ValueError(f"`terms` lack '{missing[0]}'")
+            raise ValueError(f"`terms` has no '{missing[0]}'")
         if not 0.0 < self.defect_share < 1.0:
             raise ValueError("`defect_share` is above 0 and below 1")
         if set(self.severities) != set(self.terms) - set(OF_ENTRY):
@@ -139,37 +139,37 @@ def bend(size: float, knots: tuple[float, float, float]) -> float:
 
 
 class Variable(Settings):
-    """What is subtracted from a variable and what the rest is divided by: its mean and its spread in the looks."""
+    """Standardisation of a variable: its mean and its spread in the fitted looks."""
 
     centre: float
     scale: Positive
 
 
 class Effect(NamedTuple):
-    """What a variable adds to the score of a look."""
+    """Linear contribution of a variable to the score of a look."""
 
     weight: float
-    """Of a unit."""
+    """Score per unit."""
     centre: float
-    """Where it adds nothing."""
+    """Value with no contribution."""
 
     def at(self, value: float) -> float:
         return self.weight * (value - self.centre)
 
 
 class FittedDetector(Settings):
-    """The detector that a sensor stands for, as it was used."""
+    """The detector that a sensor was fitted to, with its settings."""
 
     sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
-    """Of the model file."""
+    """SHA-256 of the model file."""
     confidence: Share
     """Least confidence of what is reported."""
     image_px: Annotated[int, Field(ge=1)]
-    """Longer side of the images that it looks at in missions, unless the camera's is shorter."""
+    """Longer side of the images that it searches in missions, unless the camera's is shorter."""
 
 
 class FittedTo(Settings):
-    """What a sensor was fitted to."""
+    """The data of a fit."""
 
     looks: Annotated[int, Field(ge=1)]
     found: Annotated[int, Field(ge=0)]
@@ -178,7 +178,7 @@ class FittedTo(Settings):
     """Defects with more than one look, from which the random effect follows."""
     images: Annotated[int, Field(ge=1)]
     area_m2: Positive
-    """Of the ground in all images."""
+    """Area of the ground in all images."""
     pixel_mm: tuple[Positive, Positive]
     """The finest and the coarsest ground resolution."""
     sources: tuple[str, ...]
@@ -186,8 +186,7 @@ class FittedTo(Settings):
 
 
 class FalseAlarms(Settings):
-    """How often a class is reported where none is: exp(level + slope · log₂ of the millimetres a pixel covers) for each
-    square metre of ground in an image."""
+    """False alarms of a class per m² of ground in an image: exp(level + slope · log₂ of the pixel's side in mm)."""
 
     level: FittedNumber
     slope: FittedNumber
@@ -195,7 +194,7 @@ class FalseAlarms(Settings):
     """Median root of the area of their boxes."""
 
     def per_m2(self, pixel_m: float) -> float:
-        """Expected in each square metre of an image."""
+        """Expected number per m² in an image."""
         return exp(self.level.estimate + self.slope.estimate * log2(1000.0 * pixel_m))
 
 
@@ -206,19 +205,19 @@ class SensorModel(Settings):
     detector: FittedDetector
     fitted_to: FittedTo
     variables: Mapping[str, Variable]
-    """Those of `OF_CLASS` and `OF_ALL`."""
+    """The variables of `OF_CLASS` and `OF_ALL`."""
     knots: Mapping[str, tuple[float, float, float]]
-    """By class: those of the spline, log₂ of the size in pixels, rising."""
+    """Knots of the spline by class: rising log₂ of the size in pixels."""
     terms: Mapping[str, FittedNumber]
     """β: for each class its name, `class:variable` of `OF_CLASS`, and `class:bend`; and the variables of `OF_ALL`."""
     log_spread: FittedNumber
     """Natural logarithm of σ."""
     covariance: tuple[tuple[float, ...], ...]
-    """Of the terms in their order, and `log_spread` last."""
+    """Covariance of the terms in their order, with `log_spread` last."""
     false_alarms: Mapping[str, FalseAlarms]
     """By class."""
     entries: EntryModel | None = None
-    """Of inventories; None where it was fitted to no mission in which a class was detected rightly and wrongly."""
+    """Model of entries of inventories; None if no class had both right and wrong detections in the fitted missions."""
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -241,7 +240,7 @@ class SensorModel(Settings):
 
     @cached_property
     def classes(self) -> tuple[str, ...]:
-        """Those that it was fitted to; any other is never found."""
+        """Classes of the fit; any other is never found."""
         return tuple(name for name in self.terms if ":" not in name and name not in OF_ALL)
 
     @cached_property
@@ -251,7 +250,7 @@ class SensorModel(Settings):
 
     @cached_property
     def correlation(self) -> float:
-        """Between looks at one defect."""
+        """Correlation between looks at one defect."""
         return self.spread**2 / (1 + self.spread**2)
 
     def row(self, look: Look) -> dict[str, float]:
@@ -286,12 +285,12 @@ class SensorModel(Settings):
         return (self._estimates[kind] + bent * bend(size, self.knots[kind])) / self._width
 
     def effects_of(self, kind: str) -> Mapping[str, Effect] | None:
-        """What each variable adds to the score of a look at a class; None for one that it was not fitted to."""
+        """The effect of each variable on looks at a class; None for a class that it was not fitted to."""
         return self._effects.get(kind)
 
     @cached_property
     def effects_of_all(self) -> Mapping[str, Effect]:
-        """The same of the variables of `OF_ALL`, whatever the class."""
+        """The effects of the variables of `OF_ALL`, the same for all classes."""
         return {name: self._effect(name, name) for name in OF_ALL}
 
     @cached_property

@@ -42,12 +42,12 @@ from pavetwin.sensing.sensor import PARAMETER_DRAWS
 _REACH: Final = 6.0
 _NODES: Final = 61
 SD_OF_LOG_SPREAD: Final = 1.0
-"""Of the prior, whose median is σ = 1."""
+"""Standard deviation of the prior of log σ, whose median is σ = 1."""
 
 
 @dataclass(frozen=True)
 class MixedProbit:
-    """What was fitted."""
+    """Estimates of the regression."""
 
     beta: Float64Array
     """(terms,)"""
@@ -138,8 +138,8 @@ SD_OF_LEVEL, SD_OF_EFFECT, SD_OF_SHAPE, SD_OF_LIGHT = 2.5, 2.0, 1.0, 0.1
 """Standard deviations of the priors: of a class's level, and of an effect of a variable divided by its spread. A class
 that was always found, or a variable that hardly varies, so gets a finite estimate with a wide error. Effects of the
 size in pixels are near 2: a narrower prior flattens them. Those of the resolution and of the size's second term add to
-them, and have narrower ones. Those of `LIGHT` are the same for a whole mission, so that a few missions tell little of
-them: wide priors explained streets by their light, and predicted other streets worse."""
+them, and have narrower ones. Those of `LIGHT` are the same for a whole mission, so that few missions hold little
+information on them: wide priors explain streets by their light and predict other streets worse."""
 
 LIGHT: Final = ("off_centre", "blur", "sun", "clouds")
 
@@ -147,10 +147,10 @@ LEAST_BEND: Final = 0.5
 """Least distance of a spline's knots, log₂ of pixels: where a class's looks are all of one size."""
 
 FEWEST: Final = 20
-"""Fewer looks tell nothing of twenty parameters."""
+"""Least number of looks for about twenty parameters."""
 
 FEWEST_ALARMS: Final = 10
-"""Of fewer false alarms nothing is said about how they depend on the ground resolution."""
+"""Least number of false alarms for a dependence on the ground resolution."""
 
 
 def fit_sensor(sources: Sequence[LookSource]) -> SensorModel:
@@ -159,7 +159,7 @@ def fit_sensor(sources: Sequence[LookSource]) -> SensorModel:
     Captures that several missions share, such as those of policies before they part, count once.
 
     Raises:
-        PaveTwinError: the sources are of several detectors, or tell too little.
+        PaveTwinError: the sources are of several detectors, or hold too few looks.
     """
     detector = _one_detector(sources)
     looks = pl.concat([each.looks for each in sources]).unique(maintain_order=True)
@@ -319,7 +319,7 @@ class ChanceBins:
     observed: Float64Array
     """(bins,) share that found its defect."""
     standard_error: Float64Array
-    """(bins,) of that share, looks at one defect together."""
+    """(bins,) Standard error of that share, clustered by defect."""
     looks: int
 
 
@@ -329,7 +329,7 @@ def chances_of(model: SensorModel, looks: pl.DataFrame) -> Float64Array:
 
 
 def reliability(model: SensorModel, looks: pl.DataFrame, bins: int = 10) -> ChanceBins:
-    """How often looks found their defect beside the chance that the model gave them."""
+    """Observed shares of found defects against the chances of a model."""
     chance, found = chances_of(model, looks), looks["found"].to_numpy().astype(np.float64)
     groups = np.unique(looks[GROUP].to_list(), return_inverse=True)[1]
     parts = [part for part in np.array_split(np.argsort(chance, kind="stable"), bins) if len(part)]
@@ -360,8 +360,10 @@ class RepeatedLooks:
 
 
 def repeated_looks(model: SensorModel, looks: pl.DataFrame, count: int) -> RepeatedLooks:
-    """Of the defects that were looked at at least so often: how many of `count` of their looks, from the first to the
-    last in even steps, found them."""
+    """Numbers of finding looks among `count` looks at each defect, evenly spread from its first to its last.
+
+    Defects with fewer looks are left out.
+    """
     chance, found = chances_of(model, looks), looks["found"].to_numpy()
     rows: dict[str, list[int]] = {}
     for row, name in enumerate(looks[GROUP].to_list()):

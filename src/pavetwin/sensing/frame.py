@@ -24,7 +24,7 @@ Box = tuple[float, float, float, float]
 """Left, top, right, bottom in pixels; (0, 0) is the image's upper left corner."""
 
 ImageSource = Callable[["Frame"], UInt8Array]
-"""Takes the image of a frame: (height, width, 3) sRGB. Handed in by whoever flies, since sensors know no renderer."""
+"""Renders the image of a frame: (height, width, 3) sRGB. The caller of the mission passes it in."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,10 +37,10 @@ class Sighting:
     attempt: int
     """0 for the first capture in which a sensor may find it."""
     across_m: float
-    """Its size where it is smallest, whole: the width of a crack, else the shorter side (`smallest_extent_m`)."""
+    """Smallest extent of the whole defect: the width of a crack, else the shorter side (`smallest_extent_m`)."""
     orientations: Sequence[Orientation] = ()
-    """Of a thin defect the directions in which it runs, each with its share of the length (`orientations_of`): only the
-    part of motion blur that lies across it widens it. Empty for any other: all of the blur counts."""
+    """Directions of a thin defect, each with its share of the length (`orientations_of`): only motion blur across the
+    direction widens it. Empty for any other defect, for which all of the blur counts."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Frame:
     time_s: float
     """Since the beginning of the mission."""
     position: Place
-    """Of the camera, world frame, metres."""
+    """Position of the camera in the world frame, metres."""
     altitude_m: float
     yaw_rad: float
     """Direction of the image's upper edge, anticlockwise from east."""
@@ -61,17 +61,16 @@ class Frame:
     conditions: Conditions
     """Date, time of the mission's beginning, clouds and wind."""
     velocity_mps: Place = (0.0, 0.0)
-    """How fast the camera sees the ground pass (east, north), which blurs the image: the velocity of the UAV, and what
-    gusts add to it."""
+    """Velocity of the ground in view (east, north), which blurs the image: that of the UAV and of gusts."""
     exposure_s: float = 0.001
     """Shutter time."""
     sun_elevation_deg: float | None = None
-    """Of the sun above the horizon when the mission begins; None where nobody says. Light stays as it is then."""
+    """Elevation of the sun when the mission begins, fixed during the mission; None if it is not known."""
     sightings: Sequence[Sighting] = ()
     source: ImageSource | None = field(default=None, repr=False, compare=False)
 
     def image(self) -> UInt8Array:
-        """(height, width, 3) sRGB of the size of the camera's `image_px`; taken now, and not kept.
+        """(height, width, 3) sRGB of the size of the camera's `image_px`; rendered on each call.
 
         Raises:
             PaveTwinError: the mission has no image source.
@@ -85,12 +84,12 @@ class Frame:
 
     @cached_property
     def ground_resolution_m(self) -> float:
-        """What a pixel covers on the ground, in metres; the same for every defect on a level road."""
+        """Side of a pixel on the ground, in metres; the same everywhere on a level road."""
         return self.camera.ground_resolution_m(self.altitude_m)
 
     @property
     def blur_m(self) -> Place:
-        """Motion blur: how far the ground passes during the exposure (east, north), metres."""
+        """Motion blur: displacement of the ground during the exposure (east, north), metres."""
         return self.velocity_mps[0] * self.exposure_s, self.velocity_mps[1] * self.exposure_s
 
     @property
@@ -100,19 +99,19 @@ class Frame:
 
     @property
     def blurred_pixel_m(self) -> float:
-        """What a pixel covers on the ground in the direction of the motion: √(1 + blur_px²) pixels, in metres.
+        """Length of a blurred pixel on the ground in the direction of motion: √(1 + blur_px²) pixels, in metres.
 
         A pixel one wide, smeared over b pixels, has the variance (1 + b²) / 12 of a pixel of that width.
         """
         return self.ground_resolution_m * hypot(1.0, self.blur_px)
 
     def pixel_across_m(self, east: float, north: float) -> float:
-        """What a pixel covers on the ground across a line in this direction: √(g² + (b sin φ)²), in metres, with the
+        """Length of a blurred pixel across a line in this direction: √(g² + (b sin φ)²), in metres, with the
         ground resolution g, the motion blur b and the angle φ between them.
 
         Args:
             east: of a unit vector along the line.
-            north: of the same.
+            north: of that vector.
         """
         blur = self.blur_m
         return hypot(self.ground_resolution_m, blur[0] * north - blur[1] * east)
@@ -148,7 +147,7 @@ class Frame:
 
 
 class Look(NamedTuple):
-    """A defect in an image. Pixels are those of the image that a detector looks at, not of the camera."""
+    """View of a defect in one image, known without it. Pixels are those of the image that a detector searches."""
 
     kind: str
     severity: str
@@ -159,11 +158,11 @@ class Look(NamedTuple):
     pixel_mm: float
     """Side of a pixel on the ground."""
     visible_fraction: float
-    """Of its area, that nothing hides, 0 … 1."""
+    """Share of its area that nothing hides, 0 … 1."""
     inside_fraction: float
-    """Of its area, that lies within the image, 0 … 1."""
+    """Share of its area within the image, 0 … 1."""
     off_centre: float
-    """Of its centre: the way to the image's centre as a share of that to a corner, 0 … 1."""
+    """Distance of its centre from the image's centre, as a share of a corner's distance, 0 … 1."""
     blur_px: float
     """Length of the motion blur."""
     sun_elevation_deg: float | None
@@ -173,7 +172,7 @@ class Look(NamedTuple):
 
 
 def seen_camera(camera: Camera, longest_px: int) -> Camera:
-    """A camera with the pixels of the images that a detector looks at; the field of view stays.
+    """A camera with the pixels of the images that a detector searches, and the same field of view.
 
     Args:
         longest_px: longer side of the images, unless the camera's own is shorter.
@@ -184,32 +183,32 @@ def seen_camera(camera: Camera, longest_px: int) -> Camera:
 
 
 class OutlineShape(NamedTuple):
-    """What counts of an outline, world frame."""
+    """Centre, size and reach of an outline in the world frame."""
 
     x: float
     y: float
     size_m: float
     """Root of the area."""
     reach_m: float
-    """From the centre to the farthest point."""
+    """Distance from the centre to the farthest point."""
 
 
 class LookMeter:
-    """Says what captures show of defects."""
+    """Measures looks at defects."""
 
     def __init__(self, longest_px: int | None = None) -> None:
         """Args:
-        longest_px: longer side of the images that are looked at; the camera's own unless given.
+        longest_px: longer side of the searched images; by default the camera's.
         """
         self._longest_px = longest_px
 
     def pixel_m(self, frame: Frame) -> float:
-        """Side of a pixel on the ground, in the image that is looked at."""
+        """Side of a pixel on the ground, in the image that is searched."""
         longer = max(frame.camera.image_px)
         return frame.ground_resolution_m * max(1.0, longer / (self._longest_px or longer))
 
     def look(self, frame: Frame, sighting: Sighting) -> Look:
-        """What a capture shows of a defect."""
+        """The look of a capture at a defect."""
         defect, own_m = sighting.defect, frame.ground_resolution_m
         pixel_m = self.pixel_m(frame)
         shape = shape_of(defect.polygon)
@@ -232,7 +231,7 @@ class LookMeter:
 
 
 _SHAPES: Final[dict[int, tuple[Polygon, OutlineShape]]] = {}
-"""By the outline's identity, which missions over one environment share; hashing an outline takes longer."""
+"""Shapes by the identity of the outline, which missions over one environment share; hashing outlines is slower."""
 _MOST_SHAPES: Final = 16384
 
 

@@ -12,7 +12,7 @@ LOOK_COLUMNS: Final = {
     **dict.fromkeys(("width_px", "size_px", "pixel_mm", "visible_fraction", "inside_fraction"), pl.Float64),
     **dict.fromkeys(("off_centre", "blur_px", "sun_elevation_deg", "clouds"), pl.Float64),
 }
-"""Those of `Look`, in its order."""
+"""Columns of `Look`, in its order."""
 
 LOOK_SCHEMA: Final = {
     "capture": pl.Int64,
@@ -22,34 +22,33 @@ LOOK_SCHEMA: Final = {
     "found": pl.Boolean,
     **LOOK_COLUMNS,
 }
-"""A table of looks: the capture's index; of the image that was looked at the longer side, and the ground in it; the
-defect's id, whether it was found, and the look. A capture that sees no defect is a row too, of whose look only
-`pixel_mm` is not null."""
+"""Columns of a table of looks: the capture's index; the longer side of the searched image, and its area on the ground;
+the defect's id, whether it was found, and the look. A capture without a defect is one row, which has only `pixel_mm` of
+a look."""
 
 POSE_SCHEMA: Final = dict.fromkeys(("t_s", "x_m", "y_m", "yaw_rad"), pl.Float64)
-"""When and where a capture was taken: further columns of a table of looks, which those of earlier versions lack."""
+"""Time and pose of a capture: further columns of a table of looks."""
 
 CAPTURE: Final = "capture"
-"""Column of a table of images: what names the capture among all sources; null where nothing tells whether another is
-the same."""
+"""Column of a table of images: name of the capture among all sources; null if it is not known."""
 
 GROUP: Final = "group"
-"""Column of a table of looks: what names the defect among all sources."""
+"""Column of a table of looks: name of the defect among all sources."""
 
 
 ALARM_SCHEMA: Final = {"image": pl.Int64, "kind": pl.String, "size_px": pl.Float64}
-"""A table of false alarms: the row of its image, its class, and the root of its area."""
+"""Columns of a table of false alarms: the row of its image, its class, and the root of its area."""
 
 
 @dataclass(frozen=True)
 class LookSource:
-    """What one folder tells of a detector."""
+    """Looks, images and false alarms of one folder, all by one detector."""
 
     name: str
     detector: FittedDetector
     looks: pl.DataFrame
-    """A row a look: `GROUP`, `found`, and `LOOK_COLUMNS`."""
+    """One row per look: `GROUP`, `found`, and `LOOK_COLUMNS`."""
     images: pl.DataFrame
-    """A row an image: `area_m2` of its ground, `pixel_mm`, `CAPTURE`."""
+    """One row per image: `area_m2` of its ground, `pixel_mm`, `CAPTURE`."""
     alarms: pl.DataFrame
-    """A row a false alarm, see `ALARM_SCHEMA`."""
+    """One row per false alarm, see `ALARM_SCHEMA`."""

@@ -1,4 +1,4 @@
-"""Which defects detections mean. One set of rules for every sensor (docs/explanation/definitions.md, "Matching").
+"""Matching of detections with defects, by one set of rules (docs/explanation/definitions.md, "Matching").
 
 A detection matches a defect of its own class when the intersection over union (IoU) of their image boxes is at least
 0.5. Boxes of thin defects (classes registered with `is_thin`) overlap badly when one is shifted by a few pixels: for

@@ -1,4 +1,4 @@
-"""How the chance of finding a defect falls with what a pixel covers.
+"""Dependence of the chance of finding a defect on the size of a pixel on the ground.
 
 Below `least_px` pixels across, a defect is not seen. Above, the chance rises along a smoothstep, s = 3t² − 2t³, to all
 of `recall` at `full_recall_ratio` times `least_px`. Sources and assumptions stand in
@@ -17,7 +17,7 @@ from pavetwin.world.model import Defect
 
 LEAST_PX_THIN: Final = 2.0
 LEAST_PX_OTHER: Final = 8.0
-"""Of the user's own classes, where the settings do not name them."""
+"""`least_px` of a user's own classes that the settings do not name."""
 
 
 def is_thin(kind: str) -> bool:
@@ -63,8 +63,7 @@ def sighted_share(settings: SensingSettings, frame: Frame, sighting: Sighting) -
 
 
 def _extent(settings: SensingSettings, kind: str, across_m: float, visible_fraction: float) -> float:
-    """What counts of a defect, over `least_px`: metres a pixel up to which it is seen; infinite where size does not
-    matter."""
+    """Largest side of a pixel, in metres, at which a defect is still seen; infinite where size does not matter."""
     least = least_px_of(settings, kind)
     if not least:
         return inf

@@ -55,8 +55,7 @@ class Sensor(ABC):
     """Whether one instance may serve several missions over the same world, defects, traffic and parked vehicles, under
     the same settings and seed: it then searches the captures that they share only once."""
     after_landing: bool = False
-    """Whether the mission is flown before it looks at any capture: it is then handed all of them, see `look_at`, and
-    policies know nothing of what is found."""
+    """Whether it searches all captures after the mission, in `look_at`: policies then know no detections."""
     measures_sizes: bool = False
     """Whether its detections have sizes and `pixel_mm`, and it reports all that it sees: the condition index of a road
     then follows from its detections. An instance may override its class."""
