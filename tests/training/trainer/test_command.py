@@ -146,7 +146,7 @@ def test_a_run_that_began_with_other_weights_of_the_same_name(folder: Path, trai
 @pytest.mark.parametrize("minutes", ["-1", "nan"])
 def test_a_time_to_stop_after_that_is_none(folder: Path, tmp_path: Path, minutes: str) -> None:
     line = plain_refusal(pavetwin("train", folder, "-o", tmp_path / "run", *ONE_EPOCH, "--stop-after", minutes))
-    assert line.startswith("Error: Invalid value for '--stop-after': it must be greater than or equal to 0.")
+    assert line.startswith("Error: --stop-after: it must be greater than or equal to 0.")
     assert not (tmp_path / "run").exists()
 
 
