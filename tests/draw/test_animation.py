@@ -171,14 +171,14 @@ def test_the_palette_keeps_the_colours_that_carry_meaning() -> None:
         ("mission.gif", {"start_s": 1e6}, "mission lasts"),
     ],
 )
-def test_what_does_not_fit_is_said(tmp_path: Path, name: str, options: dict[str, float], message: str) -> None:
+def test_what_does_not_fit_is_refused(tmp_path: Path, name: str, options: dict[str, float], message: str) -> None:
     result = tiny.result("empty_street", "baseline")
     with pytest.raises(PaveTwinError, match=message):
         save_animation(result, tmp_path / name, **options)  # type: ignore[arg-type]
     assert list(tmp_path.iterdir()) == []
 
 
-def test_mp4_without_ffmpeg_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_mp4_without_ffmpeg_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "which", lambda _: None)
     result = tiny.result("empty_street", "baseline")
     with pytest.raises(PaveTwinError, match=r"ffmpeg.*\.gif"):

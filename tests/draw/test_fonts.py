@@ -175,7 +175,7 @@ def test_letters_that_join_are_placed_as_words_in_their_direction(name: str, pie
 
 
 def test_a_page_holds_names_as_they_are(machine: Machine) -> None:
-    """The browser has fonts of its own; where it has not, a segment's tip tells the Latin name."""
+    """The browser has fonts of its own; where it has none, a segment's tip shows the Latin name."""
     machine([])
     page = world_page(scripts.built("chinese").world)
     assert "青石路</textPath>" in page

@@ -1,4 +1,4 @@
-"""Two ways to the same number: what the kernel says is hidden of a defect, and what the instance image shows of it."""
+"""Shares of a defect that the kernel counts as hidden, compared with what the instance image shows of it."""
 
 from collections.abc import Iterator
 from functools import cache

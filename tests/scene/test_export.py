@@ -158,7 +158,7 @@ def test_parked_vehicles_are_nodes_with_their_labels(tmp_path: Path) -> None:
     assert (made.agents, labels.count(parked_label(0)), labels.count(parked_label(1))) == (1, 1, 0)
 
 
-def test_crowns_are_cut_by_a_image_of_leaves(written: Written) -> None:
+def test_crowns_are_cut_by_an_image_of_leaves(written: Written) -> None:
     document = written.glb.document
     cut = [index for index, each in enumerate(document["materials"]) if each.get("alphaMode") == "MASK"]
     crowns = {node["mesh"] for node in document["nodes"] if node["name"].endswith(" crown")}

@@ -243,7 +243,7 @@ def test_a_tree_is_a_trunk_on_the_ground_and_a_crown_of_the_stated_size(name: st
 
 @pytest.mark.parametrize("name", TREES)
 def test_a_crown_hides_most_of_the_ground_and_lets_some_light_through(name: str) -> None:
-    """Seen straight from above, on spots of the crown's disc: whatever cards hold over it, cut as the sheet says."""
+    """Seen straight from above, on spots of the crown's disc: whatever cards hold over it, cut by the sheet."""
     crown, radius = library()[name].parts["crown"], 0.9 * library()[name].extras["crown_radius_m"]
     assert crown.uv is not None
     corners, uv = crown.positions[crown.indices][..., :2].astype(float), crown.uv[crown.indices]

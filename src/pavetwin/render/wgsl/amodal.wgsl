@@ -1,4 +1,4 @@
-// Labels without occlusion: each object in its own cell of an atlas, with the triangles and pixel centres of the picture.
+// Labels without occlusion: each object in its own cell of an atlas, with the triangles and pixel centres of the image.
 
 struct Seen {
     @builtin(position) clip: vec4f,

@@ -12,7 +12,7 @@ struct FrameInfo {
     axis: vec4f,              // the camera's axis in the world, w: 1/e distance of haze [m]
     drift: vec4f,             // clip-space change for each second the camera moves on, w of it too
     // x: seconds from the first row's exposure to the last's; y: 1 when drawing into an atlas; zw: where the camera's
-    // axis goes through the picture, in clip space (0, 0 unless it is a crop)
+    // axis goes through the image, in clip space (0, 0 unless it is a crop)
     shutter: vec4f,
 }
 

@@ -32,7 +32,7 @@ fn grain_axes(relative: vec3f, uv: vec2f, n: vec3f) -> mat2x3f {
     let down = dpdy(relative);
     let a = cross(down, n);
     let b = cross(n, right);
-    // Where the picture's axes and the normal are left-handed, both are reversed.
+    // Where the image's axes and the normal are left-handed, both are reversed.
     let way = sign(dot(a, right));
     let u = way * (a * dpdx(uv.x) + b * dpdy(uv.x));
     let v = way * (a * dpdx(uv.y) + b * dpdy(uv.y));

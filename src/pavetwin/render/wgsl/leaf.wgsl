@@ -1,4 +1,4 @@
-// The leaf atlas, whose alpha cuts leaf cards out: the same in the picture, in shadows and in labels.
+// The leaf atlas, whose alpha cuts leaf cards out: the same in the image, in shadows and in labels.
 
 @group(1) @binding(0) var leaf_atlas: texture_2d<f32>;    // factors of colour, alpha
 @group(1) @binding(1) var leaf_sampler: sampler;

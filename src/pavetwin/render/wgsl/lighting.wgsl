@@ -2,7 +2,7 @@
 
 const PI = 3.14159265;
 
-// For pictures that look down from nearby, known before they are drawn: no haze, no grazing reflections. The CPU
+// For images that look down from nearby, known before they are drawn: no haze, no grazing reflections. The CPU
 // executes both sides of an `if`, but only one of this.
 override looks_down: bool = false;
 
@@ -13,7 +13,7 @@ override looks_down: bool = false;
 @group(0) @binding(5) var sky_sampler: sampler;     // wraps around the horizon
 @group(0) @binding(6) var nearest_sampler: sampler;
 
-// The picture, and its ground truth at pixel centres of the same triangles.
+// The image, and its ground truth at pixel centres of the same triangles.
 struct Pixel {
     @location(0) light: vec4f,
     @location(1) label: u32,

@@ -1,4 +1,4 @@
-"""Painted marks and other distractors from data files: as often as a style says, and never labelled."""
+"""Painted marks and other distractors from data files: as often as a style states, and never labelled."""
 
 from collections import Counter
 from functools import cache

@@ -1,4 +1,4 @@
-"""Hatched areas, boxes and rumble strips: where they belong, as the marking standard says."""
+"""Hatched areas, boxes and rumble strips: where they belong, as the marking standard states."""
 
 from functools import cache
 
