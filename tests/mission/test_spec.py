@@ -62,10 +62,11 @@ def release(folder: Path, version: str) -> None:
 def installed(folder: Path) -> Iterator[None]:
     """Version 1.0 of the package is there, and nothing of it was asked for yet."""
     with pytest.MonkeyPatch.context() as patch:
+        for registry in (POLICIES, FORMATS):
+            registry.names()  # before the package is there: its entry points must not stay
         release(folder, "1.0")
         patch.syspath_prepend(str(folder))
         for registry in (POLICIES, FORMATS):
-            registry.names()
             patch.setattr(registry, "_entries", dict(registry._entries))
             patch.setattr(registry, "_has_installed", False)
         yield
