@@ -368,7 +368,7 @@ def test_the_world_of_a_study_must_be_there(study: Path, tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (("--study", "gone"), "Error: --study gone: there is no study."),
+        (("--study", "gone"), "Error: --study gone: this folder holds no study."),
         (("--traffic", "low"), "Error: --traffic low: it is for a study; name one, or add --study."),
         (("--choose", "best"), "Error: --choose: no objective 'best'"),
     ],

@@ -73,8 +73,8 @@ def test_a_mission_prints_its_traffic(world: Path, tmp_path: Path, options: tupl
 def test_the_usual_level_out_of_reach_is_replaced_and_one_asked_for_is_refused(world: Path, tmp_path: Path) -> None:
     printed = flown(world, tmp_path / "m")
     assert (
-        "Level of service C, the usual one, is out of reach in 'cross': its traffic is D, the nearest that it reaches. "
-        "--los asks for another." in printed
+        "Level of service C, the usual one, cannot be reached in 'cross'; using D, the nearest one. "
+        "Choose another with --los." in printed
     )
     assert "Traffic los-D: " in printed
     traffic = yaml.safe_load((tmp_path / "m" / "mission.yaml").read_text())["traffic"]

@@ -116,7 +116,7 @@ def test_the_savings_of_an_area_in_a_large_town_are_printed(grid: Path, monkeypa
     area = TrafficArea.around(world, targets, 100.0)
     assert area is not None
     printed = flight_report.whole_town_line(world, targets)
-    assert f"With --traffic-area 100 it is that of {area.length_km(world):.1f} km around" in printed
+    assert f"--traffic-area 100 records only the {area.length_km(world):.1f} km around" in printed
     monkeypatch.setattr(flight_report, "STATED_AREA_M", 10_000.0)
     assert flight_report.whole_town_line(world, targets) == "", "an area that is most of the town is the town"
 

@@ -115,7 +115,7 @@ def test_a_broken_class_is_refused_before_anything_is_built(tmp_path: Path) -> N
 def test_a_check_prints_sizes_or_what_breaks(tmp_path: Path) -> None:
     done = pavetwin("defect", "check", file(tmp_path))
     assert done.returncode == 0, done.stderr
-    assert "dent: keeps the rules." in done.stdout
+    assert "dent: follows all rules." in done.stdout
     assert "0.2" in done.stdout
     assert "50 low" in done.stdout
     assert "50 of 50" in done.stdout

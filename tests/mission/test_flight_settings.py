@@ -203,6 +203,6 @@ def test_the_paper_has_its_own_speed_and_interval() -> None:
 def test_the_pace_line_names_the_cost_of_the_camera() -> None:
     assert pace_line(settings_of()) == ""
     slow = pace_line(settings_of("aircraft=phantom4pro"))
-    assert slow.startswith("Inspects at 2.5 m/s: its camera takes an image every 2 s")
+    assert slow.startswith("Inspection speed 2.5 m/s: the camera takes an image every 2 s")
     gaps = pace_line(settings_of("aircraft=phantom4pro", "uav.inspect_speed_mps=5"))
     assert gaps == "Captures every 2 s at 5 m/s leave gaps of 5.0 m between their windows of 5.0 m."

@@ -1,4 +1,5 @@
-"""The command line: parses, calls, prints. One file a command group; a command imports what it needs when it runs."""
+"""The command line: parses, calls, prints. One file per command group; each command imports what it needs when it
+runs."""
 
 import os
 import signal
@@ -132,7 +133,7 @@ def _run() -> int:
     except TyperException as error:
         message = usage_message(error)
         usage = "" if isinstance(error, typer.BadParameter) else f" See `{_command_of(error)} --help`."
-        fail(f"{message}{usage}" if message else "Give one of these commands.")
+        fail(f"{message}{usage}" if message else "Choose one of these commands.")
         return 2
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
@@ -147,7 +148,7 @@ def _run() -> int:
         )
         return 1
     if code in (INTERRUPTED, TERMINATED):
-        fail(f"{'Interrupted' if code == INTERRUPTED else 'Terminated'}; nothing half-written was left behind.")
+        fail(f"{'Interrupted' if code == INTERRUPTED else 'Terminated'}; no partial files are left.")
     return code if isinstance(code, int) else 0
 
 

@@ -71,19 +71,19 @@ class CameraOptions:
 
     platforms: Annotated[
         list[str] | None,
-        typer.Option("--platform", help="Carrier of the camera: {platforms}; several with commas. uav unless given."),
+        typer.Option("--platform", help="Platform of the camera: {platforms}; several with commas. Default: uav."),
     ] = None
     camera: Annotated[str | None, typer.Option(help="Camera of the UAV: {cameras}, or a YAML file.")] = None
     altitudes_m: Annotated[
         list[float] | None,
-        typer.Option("--altitude", help="Altitude of the UAV in metres; may be repeated. 6, 10 and 15 unless given."),
+        typer.Option("--altitude", help="Altitude of the UAV in metres; may be repeated. Default: 6, 10 and 15."),
     ] = None
     gsd_mm: Annotated[
         tuple[float, float] | None,
         typer.Option(
             metavar="FINEST COARSEST",
             help="Ground resolution of the UAV's images, in millimetres per pixel: crops of full camera images, each "
-            "from the altitude of that resolution. Then the camera is phantom4pro unless given.",
+            "from the altitude of that resolution. The default camera is then phantom4pro.",
         ),
     ] = None
     size_px: Annotated[
@@ -112,7 +112,7 @@ class CapturedTraffic:
 
     los: Annotated[
         list[str] | None,
-        typer.Option(metavar="A…F", help="Traffic by level of service; may be repeated. C unless given."),
+        typer.Option(metavar="A…F", help="Traffic by level of service; may be repeated. Default: C."),
     ] = None
     hour: Annotated[
         list[int] | None, typer.Option(metavar="0…23", help="Traffic of an hour of a weekday; may be repeated.")
@@ -124,11 +124,11 @@ class CapturedTraffic:
 
     @property
     def is_given(self) -> bool:
-        """Whether an amount of traffic is asked for."""
+        """Whether an amount of traffic is requested."""
         return bool(self.los or self.hour or self.density)
 
     def names(self) -> tuple[str, ...]:
-        """Names of all traffic that is asked for."""
+        """Names of all requested traffic."""
         from pavetwin.traffic.demand import DEFAULT_TRAFFIC
 
         levels = [
@@ -147,7 +147,7 @@ class ContentOptions:
         str | None,
         typer.Option(
             metavar="NAME|FILE.yaml",
-            help="Appearance of the streets: varied, uniform, or a YAML file. varied unless given.",
+            help="Appearance of the streets: varied (default), uniform, or a YAML file.",
         ),
     ] = None
     parking: Parking = None
@@ -155,8 +155,10 @@ class ContentOptions:
     road_users: Annotated[
         float,
         typer.Option(
-            help="Share of the UAV's images without defects that are centred on a person or a vehicle. Few people walk "
-            "where defects are."
+            help=(
+                "Share of the UAV's images without defects that are centred on a person or a vehicle, since few "
+                "pedestrians walk near defects."
+            )
         ),
     ] = 0.0
 
@@ -283,7 +285,7 @@ def _in_reach(settings: "CaptureSettings", folder: Path, show: "OnProgress") -> 
     from pavetwin.world.store import load_world
 
     world, (usual,) = load_world(folder), map(density_named, settings.densities)
-    search = f"Finding the demand of {usual.name}, kept for the next time"
+    search = f"Finding the demand of {usual.name}, cached for later runs"
     nearest = within_reach(world, usual, lambda _: show(0.0, search))
     if nearest == usual:
         return settings, ""
@@ -348,7 +350,7 @@ def _print(statistics: "Statistics") -> None:
         of = f"{statistics.missed_requests} of {sum(statistics.images.values())} images"
         out.print(
             f"\n[yellow]Note:[/] {of} do not show what was requested (a class, or no defect at all): no pose was "
-            "found. With fewer defects in a world, more of its roads is free of them, also from high altitudes."
+            "found. A world with fewer defects has more roads without any, also from high altitudes."
         )
     for split, names in statistics.missing_classes().items():
         out.print(

@@ -13,7 +13,7 @@ from pavetwin.errors import PaveTwinError, about, no_such
 from pavetwin.files import check_target, writing
 
 EXPORT = ("onnx", "onnxscript")
-"""Modules that count operations and export untrained networks, besides PyTorch."""
+"""Modules besides PyTorch that count operations and export untrained networks."""
 
 SIZES = ("n", "s", "m", "l")
 

@@ -124,8 +124,8 @@ class Lines:
 
 @contextmanager
 def progress(what: str, *, lines: bool = False) -> Iterator[Bar | Lines]:
-    """A progress bar on the error stream, so that results can be piped. When that is not a terminal, a plain line now
-    and then while it takes long, and with `lines` also at every tenth."""
+    """A progress bar on the error stream, so that results can be piped. If the stream is not a terminal, plain lines at
+    intervals replace it, and with `lines` also at every tenth."""
     if not err.rich.is_terminal:
         with Lines(what, tenths=lines) as plain:
             yield plain

@@ -36,7 +36,7 @@ SHOWN = 20
 """Lines of a report on the terminal; all are in its file."""
 
 NOTES_SHOWN = 3
-"""Notes on the terminal: a merge has one for every two pictures of one place."""
+"""Notes on the terminal: a merge has one for every two images of one place."""
 
 
 def print_report(report: "Report", folder: Path) -> None:
@@ -107,7 +107,7 @@ def counts_table(title: str, counts: "DatasetCounts") -> "Table":
 
 
 app = Commands(
-    help="""Convert public datasets and your own images into one form, count them and look at them.
+    help="""Convert public datasets and your own images into one format, count their labels and view them.
 
     \b
     pavetwin data sources
@@ -122,7 +122,7 @@ app = Commands(
 
 @app.command("sources")
 def list_sources() -> None:
-    """List the known sources: home pages, licences, and what becomes of their classes.
+    """List the known sources: home pages, licences, and how their classes are mapped.
 
     \b
     pavetwin data sources
@@ -143,7 +143,7 @@ def import_folder(
     source: Annotated[str, typer.Argument(help="{sources}, or a mapping file of your own (mine.yaml).")],
     folder: Annotated[Path, typer.Argument(help="Folder of the unpacked dataset.")],
     output: NewDataset,
-    longest: Annotated[int, typer.Option(help="Longer side of images in pixels, at most.")] = 640,
+    longest: Annotated[int, typer.Option(help="Maximum length of the longer side of images, in pixels.")] = 640,
     tiles: Annotated[
         bool, typer.Option("--tiles", help="Cut larger images into tiles instead: thin cracks vanish when shrunk.")
     ] = False,
@@ -156,13 +156,11 @@ def import_folder(
     ] = None,
     background: Annotated[
         Path | None,
-        typer.Option(help="Text file with a picture's path a line: checked, they show nothing of any class."),
+        typer.Option(help="Text file with one image path per line: images checked to show no object of any class."),
     ] = None,
-    quality: Annotated[
-        int, typer.Option(help="JPEG quality, 50 to 100; pictures that fit are copied as they are.")
-    ] = 92,
+    quality: Annotated[int, typer.Option(help="JPEG quality, 50 to 100; images that fit are copied unchanged.")] = 92,
 ) -> None:
-    """Convert a source's folder into a dataset of the common form, or continue an unfinished import.
+    """Convert a source's folder into a dataset of the common format, or continue an unfinished import.
 
     \b
     pavetwin data import rdd2022-china-drone ~/downloads/China_Drone -o datasets/china
@@ -233,7 +231,7 @@ def balance(
     dataset: DatasetFolder,
     output: NewDataset,
     target: Annotated[
-        int | None, typer.Option(help="Instances of each class, at least; with --leave-out exactly so many.")
+        int | None, typer.Option(help="Minimum number of instances of each class; with --leave-out, the exact number.")
     ] = None,
     leave_out: Annotated[
         bool, typer.Option("--leave-out", help="Leave images out where copies alone do not make classes equal.")
@@ -247,7 +245,7 @@ def balance(
     pavetwin data balance datasets/all -o datasets/balanced
     pavetwin data balance datasets/all -o datasets/balanced --target 1000 --leave-out
 
-    Copies stay in the scene of their image. Needs Albumentations: pip install 'pavetwin\\[augment]'.
+    Copies belong to the scene of their image. Needs Albumentations: pip install 'pavetwin\\[augment]'.
     """
     from pavetwin.training.datasets.balancing import BalanceSettings
     from pavetwin.training.datasets.balancing import balance as balanced
@@ -267,10 +265,14 @@ def composite(
     dataset: DatasetFolder,
     output: NewDataset,
     objects: Annotated[
-        str, typer.Option(help="Sources to cut people and vehicles out of, with commas, as in uav-cars,uav-people.")
+        str,
+        typer.Option(help="Sources of people and vehicles to cut out, separated by commas, as in uav-cars,uav-people."),
     ] = "uav-cars,uav-people",
     roads: Annotated[
-        str, typer.Option(help="Sources whose pictures look straight down on roads, with commas, as in uav-pdd2023.")
+        str,
+        typer.Option(
+            help="Sources of images that look straight down on roads, separated by commas, as in uav-pdd2023."
+        ),
     ] = "",
     share: Annotated[float, typer.Option(help="Percentage of the road images to make composites of.")] = 30.0,
     repeat: Annotated[int, typer.Option(min=1, help="Images that one cut-out stands on, at most.")] = 20,
@@ -287,11 +289,11 @@ def composite(
     pavetwin data composite datasets/all -o datasets/mixed --objects uav-cars --roads uav-pdd2023
     pavetwin data composite datasets/all -o datasets/mixed --objects pavetwin --roads uav-pdd2023 --share 20
 
-    An object stands on roads of its own split only, so scenes are split before; those of composites and of their
-    objects keep that split.
+    Objects are placed only on roads of their own split, so scenes are split first; composites and their objects keep
+    that split.
 
-    Ground resolutions must fit. Give them with --gsd at the import where you know them; else those of objects follow
-    from their usual size, and those of roads from the width of lane lines.
+    Ground resolutions must match. Give them with --gsd at the import if you know them; otherwise those of objects
+    follow from their usual size, and those of roads from the width of lane lines.
     """
     from pavetwin.training.datasets.compositing import CompositeSettings, compose
 
@@ -322,7 +324,7 @@ def split(
     shares: Annotated[str, typer.Option(help="Percent of train/val/test.")] = "70/20/10",
     seed: Annotated[int, typer.Option(help="Random seed; 0 is valid.")] = 0,
 ) -> None:
-    """Divide a dataset into train, val and test: every class in these shares, scenes undivided.
+    """Split a dataset into train, val and test: each class in the given shares, each scene in one split.
 
     \b
     pavetwin data split datasets/all
@@ -338,11 +340,11 @@ def split(
 
 @app.command()
 def export(
-    dataset: Annotated[Path, typer.Argument(help="Folder of a dataset that is split.")],
+    dataset: Annotated[Path, typer.Argument(help="Folder of a dataset after `data split`.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write to.")],
-    formats: Annotated[str, typer.Option(help="Any of yolo, yolo-seg, coco, with commas.")] = "yolo,coco",
+    formats: Annotated[str, typer.Option(help="Any of yolo, yolo-seg, coco, separated by commas.")] = "yolo,coco",
 ) -> None:
-    """Write a split dataset as YOLO (boxes or polygons) or COCO; pictures are linked.
+    """Write a split dataset as YOLO (boxes or polygons) or COCO; images are linked.
 
     \b
     pavetwin data export datasets/all -o datasets/all-yolo --formats yolo
@@ -354,17 +356,18 @@ def export(
     written = ", ".join(f"{count} images as {name}" for name, count in counts.items())
     out.line(f"{written} in {output}/")
     if counts.get("yolo-seg") is not None:
-        out.line("yolo-seg has the images whose labels all have outlines.")
+        out.line("yolo-seg holds only images whose labels all have outlines.")
 
 
 @app.command()
 def pack(
     datasets: Annotated[list[Path], typer.Argument(help="Folders with COCO files: exported datasets and captures.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write.")],
-    most_mb: Annotated[float, typer.Option("--max-mb", help="Size of the file in millions of bytes, at most.")] = 60.0,
+    most_mb: Annotated[float, typer.Option("--max-mb", help="Maximum size of the file, in MB.")] = 60.0,
     quality: Annotated[int, typer.Option(help="WebP quality, 1 to 100; lowered if the file would be too large.")] = 90,
     longest_px: Annotated[
-        int | None, typer.Option("--longest", help="Longer side of images in pixels, at most; as they are by default.")
+        int | None,
+        typer.Option("--longest", help="Maximum length of the longer side of images, in pixels; unchanged by default."),
     ] = None,
     splits: Annotated[str, typer.Option(help="Splits to pack, with commas.")] = "train,val",
 ) -> None:
@@ -391,7 +394,7 @@ def pack(
 def stats(
     datasets: Annotated[list[Path], typer.Argument(help="Folders of datasets.")],
 ) -> None:
-    """Count what is in datasets: instances of each class, and images, by source.
+    """Count the images and the instances of each class, by source.
 
     \b
     pavetwin data stats datasets/pdd datasets/china

@@ -23,7 +23,7 @@ ALTITUDES_M = (6.0, 10.0, 15.0)
 CAMERA = "paper"
 
 EVEN_SD = 3.0
-"""An even change of the pavement by fewer of its standard deviations is hard to see: an assumption of ours."""
+"""A uniform change of the pavement by fewer of its standard deviations is hard to see (assumed)."""
 
 
 @app.command("list")
@@ -65,7 +65,7 @@ def check(
                 out.line("\n".join(f"  {rule}" for rule in broken))
             more = "" if verbose or len(broken) == 1 else f" (and {len(broken) - 1} more; --verbose lists them)"
             raise PaveTwinError(f"defect check: the defect class '{kind.name}' breaks a rule: {broken[0]}{more}.")
-        out.line(f"{kind.name}: keeps the rules.")
+        out.line(f"{kind.name}: follows all rules.")
 
 
 def _classes(name: str) -> "list[DefectKind]":

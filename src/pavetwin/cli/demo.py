@@ -97,7 +97,7 @@ def demo(
 
 
 def _activation() -> str:
-    """A hint for `make demo`, where the environment of the checkout is not on the shell's path."""
+    """A hint for `make demo`, if the environment of the checkout is not on the shell's path."""
     activate = Path(sys.executable).with_name("activate")
     if shutil.which("pavetwin") or not activate.is_file():
         return ""

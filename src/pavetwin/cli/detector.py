@@ -22,15 +22,17 @@ def detect(
     source: Annotated[Path, typer.Argument(help="An image, a video, or a folder of images.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
     detector: DetectorOptions,
-    overlap: Annotated[float, typer.Option(help="IoU from which two boxes of a class are one object.")] = 0.7,
+    overlap: Annotated[float, typer.Option(help="IoU above which two boxes of a class count as one object.")] = 0.7,
     image_px: Annotated[
         int, typer.Option("--image", help="Side of the network's input, in pixels; 0: as it was trained.")
     ] = 0,
     gsd_mm: Annotated[
         float | None,
         typer.Option(
-            help="Ground resolution of all images in millimetres per pixel, as in --gsd-mm 2.7; unless given, by the "
-            "metadata of photographs."
+            help=(
+                "Ground resolution of all images in millimetres per pixel, as in --gsd-mm 2.7; default: from the "
+                "metadata of photographs."
+            )
         ),
     ] = None,
     every_s: Annotated[
@@ -114,7 +116,7 @@ def serve(
     name = f"[{host}]" if ":" in host else host
 
     def print_address(bound: int) -> None:
-        out.line(f"Listening at http://{name}:{bound}/, which explains the requests; Ctrl-C ends it.")
+        out.line(f"Listening at http://{name}:{bound}/, where a page explains the requests; Ctrl-C stops it.")
         sys.stdout.flush()  # a caller with a pipe waits for this line
 
     if run_until_terminated(serve_forever(server, host, port, print_address)):

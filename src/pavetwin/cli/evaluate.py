@@ -44,7 +44,9 @@ def evaluate(
     ] = None,
     runs: Annotated[
         list[Path] | None,
-        typer.Option("--run", metavar="MODEL", help="The same training with another seed, for --against; repeatable."),
+        typer.Option(
+            "--run", metavar="MODEL", help="The same training with another seed, for --against; may be repeated."
+        ),
     ] = None,
     overview: Annotated[
         bool,
@@ -63,7 +65,7 @@ def evaluate(
     resamples: Annotated[int, typer.Option(help="Resamples of the bootstrap over images; 0 for no intervals.")] = 1000,
     seed: Annotated[int, typer.Option(help="Random seed of the bootstrap.")] = 0,
 ) -> None:
-    """Evaluate a model or detections against a dataset's labels: average precision, errors, and their dependencies.
+    """Evaluate a model or detections against a dataset's labels: average precision, errors, and what they depend on.
 
     \b
     pavetwin evaluate model.onnx datasets/streets -o evaluation
@@ -232,7 +234,7 @@ def _print_result(result: "DetectorEvaluation") -> None:
 def _print_differences(found: "PairedComparison") -> None:
     from pavetwin.training.report.page import METRICS
 
-    shown = table("less the others, points", "these", "others", "difference", "95 % interval", "p")
+    shown = table("minus the others, points", "these", "others", "difference", "95 % interval", "p")
     for name, words in METRICS.items():
         each = found.differences[name]
         p = "" if isnan(each.p) else f"{each.p:.3f}"
@@ -242,4 +244,4 @@ def _print_differences(found: "PairedComparison") -> None:
     out.print(shown)
     these, others = len(found.second), len(found.first)
     if these + others > 2:
-        out.line(f"\nMeans of {these} and {others} runs; the intervals hold the spread between runs too.")
+        out.line(f"\nMeans of {these} and {others} runs; the intervals include the spread between runs.")

@@ -65,7 +65,7 @@ class LimitOptions:
     ] = "most-found"
 
     def limits(self) -> "MissionLimits":
-        """The limits, with shares in place of per cent."""
+        """The limits, with shares instead of percentages."""
         from pavetwin.experiments.statistics import MissionLimits
 
         energy, coverage = (
@@ -132,9 +132,7 @@ def run(
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Folder of the study; an unfinished one is continued.")
     ],
-    jobs: Annotated[
-        int | None, typer.Option(min=1, help="Number of worker processes; one per core unless given.")
-    ] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Number of worker processes; default: one per core.")] = None,
     engine: Annotated[str, typer.Option(help="Distribution of the missions: local or dask.")] = "local",
     scheduler: Annotated[
         str | None, typer.Option(metavar="tcp://HOST:PORT", help="With dask: address of a running scheduler.")
@@ -217,7 +215,7 @@ def report(
     folder: Folder,
     chosen: LimitOptions,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder for the files; the study's own unless given.")
+        Path | None, typer.Option("--output", "-o", help="Folder for the files; default: that of the study.")
     ] = None,
     figures: Annotated[bool, typer.Option("--figures", help="Also write every figure as a file, SVG or PNG.")] = False,
 ) -> None:
@@ -255,8 +253,8 @@ def report(
 def recommend(
     folder: Folder,
     chosen: LimitOptions,
-    traffic: Annotated[str | None, typer.Option(help="Only in this traffic; all of the study unless given.")] = None,
-    world: Annotated[str | None, typer.Option(help="Only over this world; all of the study unless given.")] = None,
+    traffic: Annotated[str | None, typer.Option(help="Only in this traffic; default: all of the study.")] = None,
+    world: Annotated[str | None, typer.Option(help="Only over this world; default: all of the study.")] = None,
 ) -> None:
     """Recommend the altitude and policy with the best mean coverage within limits, with the certainty of the choice.
 
@@ -344,7 +342,7 @@ def _print_run(ran: "Ran", folder: Path) -> None:
     presets = f"preset{'s' * (len(ran.plan.design.presets) > 1)} {', '.join(ran.plan.design.presets)}"
     parts = f"{len(ran.plan.units)} parts in {folder}/segments.parquet/"
     rows = ran.plan.segment_missions
-    each = f", {rows} segment missions, a row each" if rows > total else ""
+    each = f", {rows} segment missions, one row each" if rows > total else ""
     out.line(f"{total} missions flown{before}, {presets}{each}: {parts}")
     failed = sum(ran.failures.values())
     if failed:

@@ -48,7 +48,7 @@ STATED_AREA_M: Final = 200.0
 """The distance that agrees with the traffic of whole towns: docs/explanation/traffic.md, "Area"."""
 
 LEAST_GAP_M: Final = 0.05
-"""Smaller gaps between captures are not worth a word."""
+"""Smaller gaps between captures are not reported."""
 
 
 def settings_text(settings: "MissionSettings") -> str:
@@ -57,7 +57,7 @@ def settings_text(settings: "MissionSettings") -> str:
 
 
 def instead_line(spec: "MissionSpec") -> str:
-    """That another level of service is flown than the usual one; empty where it is not."""
+    """A note if the level of service is not the usual one; otherwise empty."""
     traffic = spec.traffic
     if traffic.instead_of is None or traffic.density is None:
         return ""
@@ -65,12 +65,12 @@ def instead_line(spec: "MissionSpec") -> str:
 
 
 def area_line(area: "TrafficArea | None", world: "World") -> str:
-    """On which streets there is traffic; empty where it is on all."""
+    """A note on the streets with traffic; empty if all streets have it."""
     if area is None:
         return ""
     return (
-        f"Traffic on {area.length_km(world):.1f} km of lanes, those within {area.distance_m:g} m of what is inspected; "
-        "--traffic-area all has it everywhere."
+        f"Traffic on {area.length_km(world):.1f} km of lanes, those within {area.distance_m:g} m of the inspected "
+        "segments; --traffic-area all simulates it everywhere."
     )
 
 
@@ -89,8 +89,8 @@ def reporting_whole_towns(report: "OnProgress", spec: "MissionSpec", world: "Wor
 
 
 def whole_town_line(world: "World", targets: Sequence[str]) -> str:
-    """That the traffic of a large town is recorded as a whole, and how much less an area would be; empty for a small
-    one, and where the area would be most of it."""
+    """A note that the traffic of a whole large town is recorded, and how much smaller an area would be; empty for a
+    small town, and where the area would be most of it."""
     from pavetwin.traffic.area import TrafficArea
     from pavetwin.world.model import LaneKind
 
@@ -98,17 +98,18 @@ def whole_town_line(world: "World", targets: Sequence[str]) -> str:
     if whole_km < CITY_KM or (area := TrafficArea.around(world, targets, STATED_AREA_M)) is None:
         return ""
     return (
-        f"Recording the traffic of all {whole_km:.0f} km of lanes. With --traffic-area {STATED_AREA_M:g} it is that of "
-        f"{area.length_km(world):.1f} km around what is inspected, which takes less time and is a little less exact."
+        f"Recording the traffic of all {whole_km:.0f} km of lanes. --traffic-area {STATED_AREA_M:g} records only the "
+        f"{area.length_km(world):.1f} km around the inspected segments, which is faster and slightly less accurate."
     )
 
 
 def nearest_line(usual: str, nearest: str, world: str) -> str:
-    """That a world cannot reach the usual level of service, and which it has instead; by the names of the traffic."""
+    """A note that a world cannot reach the usual level of service, and the level used instead, by the names of the
+    traffic."""
     missed, instead = (density_named(name).level for name in (usual, nearest))
     return (
-        f"Level of service {missed}, the usual one, is out of reach in '{world}': its traffic is {instead}, the "
-        "nearest that it reaches. --los asks for another."
+        f"Level of service {missed}, the usual one, cannot be reached in '{world}'; using {instead}, the nearest one. "
+        "Choose another with --los."
     )
 
 
@@ -153,7 +154,7 @@ def save(missions: Iterable["MissionResult"], folder: Path, *, several: bool) ->
 
 
 def print_results(results: Sequence["MissionResult"], inputs: "MissionInputs", former: "MissionFolder | None") -> None:
-    """Print what came out, and how it compares with a former flight of the same mission."""
+    """Print the results, and how they compare with an earlier flight of the same mission."""
     recorder = inputs.replay.recorder
     for path in recorder.damaged if recorder is not None else ():
         out.print(
@@ -173,22 +174,22 @@ def print_results(results: Sequence["MissionResult"], inputs: "MissionInputs", f
 
 
 def segments_table(result: "MissionResult") -> Table:
-    """One row a segment, and the sums."""
+    """One row per segment, and the sums."""
     return _table(segment_columns(result), show_footer=True)
 
 
 def comparison_table(results: Sequence["MissionResult"]) -> Table:
-    """One row a policy, the best of each column in bold."""
+    """One row per policy, the best of each column in bold."""
     return _table(comparison_columns(results))
 
 
 def streets_table(results: Sequence["MissionResult"]) -> Table:
-    """One row a street."""
+    """One row per street."""
     return _table(street_columns(results))
 
 
 def _table(columns: Sequence[TableColumn], *, show_footer: bool = False) -> Table:
-    """A table whose names are shortened where space is short, and nothing else: half a number is a wrong number."""
+    """A table that shortens names, never numbers, where space is short."""
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold", show_footer=show_footer)
     for column in columns:
         if column.is_name:
@@ -223,8 +224,8 @@ def pace_line(settings: "MissionSettings") -> str:
     speed_mps, interval_s, along_m = inspect_speed_mps(settings), capture_interval_s(settings), window_m(settings)[1]
     if settings.uav.inspect_speed_mps is None and speed_mps < INSPECT_MPS:
         return (
-            f"Inspects at {speed_mps:.1f} m/s: its camera takes an image every {interval_s:g} s, and faster would "
-            "leave gaps. A speed of your own: --set uav.inspect_speed_mps=5."
+            f"Inspection speed {speed_mps:.1f} m/s: the camera takes an image every {interval_s:g} s, and a higher "
+            "speed would leave gaps. To override it: --set uav.inspect_speed_mps=5."
         )
     gap_m = speed_mps * interval_s - along_m
     if gap_m < LEAST_GAP_M:
@@ -359,7 +360,7 @@ def _draw_comparison(results: Sequence["MissionResult"], path: Path) -> None:
 
 
 def _failures(draw: Callable[[Path], None], path: Path) -> list[PaveTwinError]:
-    """Draw one picture. Whatever is wrong with it must not cost the next one."""
+    """Draw one image; an error is reported and does not prevent the next one."""
     try:
         draw(path)
     except PaveTwinError as error:

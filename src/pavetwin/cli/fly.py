@@ -69,13 +69,13 @@ class AgainOptions:
         """
         if self.again is None:
             if self.only_missed:
-                raise PaveTwinError("`only_missed` applies to a flown mission; name its folder by `again`.")
+                raise PaveTwinError("`only_missed` applies to a flown mission; give its folder with `again`.")
             return None
         from pavetwin.mission.folder import MissionFolder
 
         for name in (field.name for group in IN_MISSION_FILE for field in fields(group)):
             if was_given(context, name):
-                raise PaveTwinError(f"`again`: the mission.yaml holds `{name}`; leave one of the two out.")
+                raise PaveTwinError(f"`again`: the mission.yaml holds `{name}`; omit one of the two.")
         with about("again"):
             if not self.again.exists():
                 raise PaveTwinError(f"there is no '{self.again}'; name the folder of a mission, or its mission.yaml.")
@@ -118,7 +118,7 @@ class ResultOptions:
         PaveTwinError: a value is not known.
         """
         if self.save_frames not in FRAMES:
-            raise PaveTwinError(f"`save_frames` {self.save_frames}: one of {', '.join(FRAMES)}.")
+            raise PaveTwinError(f"`save_frames` {self.save_frames}: expected {' or '.join(FRAMES)}.")
 
 
 @grouped
@@ -138,8 +138,8 @@ def fly(
     policy: Annotated[
         list[str] | None,
         typer.Option(
-            help="{policies}; all for every registered one; or your own, file.py:ClassName. May be repeated. hover "
-            "unless given."
+            help="{policies}; all for every registered one; or your own, file.py:ClassName. May be repeated. "
+            "Default: hover."
         ),
     ] = None,
     cache: CacheFolder = None,  # noqa: ARG001 - its callback does it
@@ -166,7 +166,7 @@ def fly(
     refuse_together(context, "names", "count")
     results.check()
     if world is None and repeat.again is None and not settings:
-        raise PaveTwinError("Name the folder of a world, or that of a mission by `again`.")
+        raise PaveTwinError("Give the folder of a world, or that of a mission with `again`.")
     former = repeat.former(context, other_policy=policy is not None)
     if former is not None:
         mission_settings = former.spec.settings

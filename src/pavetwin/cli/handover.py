@@ -29,21 +29,23 @@ def handover(
     chosen: LimitOptions,
     plans: PlanOptions,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder for the files; handover in that one unless given.")
+        Path | None, typer.Option("--output", "-o", help="Folder for the files; default: handover in that folder.")
     ] = None,
     study: Annotated[
         Path | None,
-        typer.Option(metavar="STUDY", help="With a mission: a study over the same world, for what to fly by street."),
+        typer.Option(
+            metavar="STUDY", help="With a mission: a study over the same world, for recommendations by street."
+        ),
     ] = None,
-    world: Annotated[str | None, typer.Option(help="Of a study with several worlds, the one.")] = None,
-    traffic: Annotated[str | None, typer.Option(help="Of a study in several kinds of traffic, the one.")] = None,
-    sensor: Annotated[str | None, typer.Option(help="Of a study with several sensors, the one.")] = None,
-    preset: Annotated[str | None, typer.Option(help="Of a study with several presets, the one.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace a handover that is there.")] = False,
+    world: Annotated[str | None, typer.Option(help="The world, for a study with several.")] = None,
+    traffic: Annotated[str | None, typer.Option(help="The traffic, for a study with several.")] = None,
+    sensor: Annotated[str | None, typer.Option(help="The sensor, for a study with several.")] = None,
+    preset: Annotated[str | None, typer.Option(help="The preset, for a study with several.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing handover.")] = False,
 ) -> None:
     """Make one folder that an agency can file and a pilot can take along.
 
-    Of a study, what it recommends is flown once over all of its streets.
+    For a study, its recommendation is flown once over all its streets.
 
     \b
     pavetwin handover missions/monday/hover
@@ -77,7 +79,7 @@ def handover(
 
 
 def _source(folder: Path, study: Path | None, levels: Mapping[str, str | None], *, is_study: bool) -> Path | None:
-    """The study that recommends; None where there is none.
+    """The study for recommendations; None without one.
 
     Raises:
         PaveTwinError: the study does not exist, there are two, or an option needs a study.
@@ -85,7 +87,7 @@ def _source(folder: Path, study: Path | None, levels: Mapping[str, str | None], 
     if study is not None and is_study:
         raise PaveTwinError(f"`study` {study}: '{folder}' is a study itself; name a mission.")
     if study is not None and not (study / DESIGN).is_file():
-        raise PaveTwinError(f"`study` {study}: there is no study.")
+        raise PaveTwinError(f"`study` {study}: this folder holds no study.")
     for name, level in levels.items():
         if level is not None and not is_study and study is None:
             raise PaveTwinError(f"`{name}` {level}: it is for a study; name one, or add `study`.")

@@ -39,7 +39,7 @@ class PhotographOptions:
     ] = None
     height_m: Annotated[
         float | None,
-        typer.Option(help="Height of all photographs above the ground; unless given, by their metadata."),
+        typer.Option(help="Height of all photographs above the ground; default: from their metadata."),
     ] = None
 
 
@@ -57,17 +57,17 @@ def inventory(
     photographs: PhotographOptions,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="Folder for the files; for one source, inventory in it unless given."),
+        typer.Option("--output", "-o", help="Folder for the files; default for one source: inventory in it."),
     ] = None,
     position_error_m: Annotated[
         float | None,
-        typer.Option(help="Standard deviation of the positions; unless given, by the metadata of photographs, or 0."),
+        typer.Option(help="Standard deviation of the positions; default: from the metadata of photographs, or 0."),
     ] = None,
     fitted: Annotated[
         str | None,
         typer.Option(
             metavar="NAME|FILE.json",
-            help="Fitted sensor for the probability that an entry is a defect; unless given, the one that ships for "
+            help="Fitted sensor for the probability that an entry is a defect; default: the one that ships for "
             "the detector.",
         ),
     ] = None,
@@ -210,10 +210,10 @@ SHOWN: Final = 20
 def pci(
     folder: Annotated[Path, typer.Argument(metavar="WORLD|MISSION", help="Folder of a world or of a mission.")],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder for the files; pci in the given folder unless given.")
+        Path | None, typer.Option("--output", "-o", help="Folder for the files; default: pci in the given folder.")
     ] = None,
 ) -> None:
-    """Rate pavement by ASTM D6433: by sample unit and street, as it is and as a mission found it.
+    """Rate pavement by ASTM D6433: by sample unit and street, from all defects and from those that a mission found.
 
     \b
     pavetwin pci worlds/berlin

@@ -105,12 +105,12 @@ DatasetFolder = Annotated[Path, typer.Argument(help="Folder of a dataset.")]
 Jobs = Annotated[
     int | None,
     typer.Option(
-        help="Number of processes that take images; unless given, one per core, as far as memory allows. With 2 or "
+        help="Number of processes that take images; default: one per core, as far as memory allows. With 2 or "
         "more, one further process prefetches tiles (one of these for few images). The images do not depend on it."
     ),
 ]
 SheetFile = Annotated[
-    Path | None, typer.Option("--output", "-o", help="Image file; contact-sheet.png in the dataset unless given.")
+    Path | None, typer.Option("--output", "-o", help="Image file; default: contact-sheet.png in the dataset.")
 ]
 SheetCount = Annotated[int, typer.Option("--count", help="Number of images.")]
 Plugins = Annotated[list[Path] | None, typer.Option("--plugin", **PLUGIN)]
@@ -121,7 +121,7 @@ CacheFolder = Annotated[
     typer.Option(
         "--cache",
         metavar="FOLDER",
-        help=f"Folder for recorded traffic and baked NavMeshes; {CACHE_VARIABLE} or ~/.cache/pavetwin unless given.",
+        help=f"Folder for recorded traffic and baked NavMeshes; default: {CACHE_VARIABLE} or ~/.cache/pavetwin.",
         callback=_use_cache,
     ),
 ]
@@ -159,7 +159,7 @@ def split_shares(text: str, parameter: str) -> tuple[float, float, float]:
 
 Mix = Annotated[
     str | None,
-    typer.Option("--mix", help="Vehicles: europe, north_america, east_asia or south_asia. europe unless given."),
+    typer.Option("--mix", help="Vehicles: europe (default), north_america, east_asia or south_asia."),
 ]
 
 
@@ -189,8 +189,11 @@ class TrafficLevel:
         str | None,
         typer.Option(
             metavar="A…F",
-            help="Traffic by level of service: A free, C stable, E near capacity, F stop and go; as in --los E. A "
-            "level that the world cannot reach, such as A among traffic lights, is refused with those that it reaches.",
+            help=(
+                "Traffic by level of service: A free, C stable, E near capacity, F stop and go; as in --los E. A "
+                "level that the world cannot reach, such as A among traffic lights, is refused, and the error lists "
+                "the reachable ones."
+            ),
         ),
     ] = None
     hour: Annotated[
@@ -204,7 +207,7 @@ class TrafficLevel:
 
     @property
     def name(self) -> str | None:
-        """The name of the traffic; None where none is asked for."""
+        """The name of the traffic; None if none is requested."""
         return traffic_name(self.density, self.los, self.hour, self.mix)
 
 
@@ -248,8 +251,10 @@ class TrafficOptions(TrafficLevel):
         typer.Option(
             "--take-off",
             metavar="SECONDS",
-            help="Take-off after the traffic begins. Unless given, 0 for a density, which is warmed up; over --routes "
-            "300 s after the first departure, or with the last one where that is earlier.",
+            help=(
+                "Take-off after the traffic begins. Unless given, 0 for a density, which is warmed up; with "
+                "--routes, 300 s after the first departure, or at the last one if that is earlier."
+            ),
         ),
     ] = None
     traffic_area: Annotated[
@@ -343,14 +348,12 @@ class TargetOptions:
 class AircraftOptions:
     """Aircraft."""
 
-    altitude_m: Annotated[
-        float | None, typer.Option("--altitude", help="Metres above ground; 10 unless set otherwise.")
-    ] = None
+    altitude_m: Annotated[float | None, typer.Option("--altitude", help="Metres above ground; default: 10.")] = None
     aircraft: Annotated[
         str | None,
         typer.Option(
             metavar="NAME|FILE.yaml",
-            help="{aircraft}, or your own, as in --aircraft mine.yaml:survey. mavic3e unless set otherwise.",
+            help="{aircraft}, or your own, as in --aircraft mine.yaml:survey. Default: mavic3e.",
         ),
     ] = None
     airspace: Annotated[
@@ -441,7 +444,7 @@ Parking = Annotated[
         metavar="SHARE|by-time|none",
         parser=_parking,
         help="Occupied share of the parking places, 0…1; by-time: by the daily curve of the date and time; or none. "
-        "by-time unless given; none with --preset paper and in exports.",
+        "Default: by-time; none with --preset paper and in exports.",
     ),
 ]
 
@@ -503,15 +506,15 @@ class ConditionOptions(DaylightOptions):
 class SensorOptions:
     """Sensor."""
 
-    sensor: Annotated[
-        str | None, typer.Option(help="{sensors}, or your own, file.py:ClassName. recall unless set otherwise.")
-    ] = None
+    sensor: Annotated[str | None, typer.Option(help="{sensors}, or your own, file.py:ClassName. Default: recall.")] = (
+        None
+    )
     model: Annotated[
         str | None,
         typer.Option(
             metavar="NAME|FILE",
             help="For --sensor detector, one that ships or a file of `pavetwin export`; for --sensor calibrated, one "
-            f"that ships or a file of `pavetwin sensor fit`. {DEFAULT} unless given.",
+            f"that ships or a file of `pavetwin sensor fit`. Default: {DEFAULT}.",
         ),
     ] = None
 
@@ -615,8 +618,10 @@ class DetectorOptions:
         bool | None,
         typer.Option(
             "--tiled/--whole",
-            help="Search large images in tiles at their own resolution, or scaled down as a whole; unless given, as "
-            "the model was trained.",
+            help=(
+                "Search large images in tiles at their own resolution, or scaled down as a whole; default: as the "
+                "model was trained."
+            ),
         ),
     ] = None
     overview: Annotated[

@@ -22,7 +22,7 @@ def app(
         list[Path] | None,
         typer.Argument(
             metavar="[WORLD|STUDY|DATASET]…",
-            help="Folders of worlds (those in worlds/ unless any is given), and of studies and datasets to show.",
+            help="Folders of worlds (default: those in worlds/), and of studies and datasets to show.",
         ),
     ] = None,
     host: Host = "127.0.0.1",
@@ -48,7 +48,8 @@ def app(
 
 
 async def _serve(folders: Sequence[Path], host: str, port: int, *, opens_browser: bool) -> None:
-    """Serve the page. The process that reads the first town starts before the server is loaded, since it loads more."""
+    """Serve the page. The process that reads the first town starts before the server is imported, since it imports
+    more."""
     from pavetwin.app.task_pool import TaskPool
 
     tasks = TaskPool()
@@ -68,7 +69,7 @@ async def _serve_with(tasks: "TaskPool", folders: Sequence[Path], host: str, por
 
     def print_address(bound: int) -> None:
         address = f"http://{own_name(host)}:{bound}/?token={guard.token}"
-        out.line(f"The page is at {address}; Ctrl-C ends it.")
+        out.line(f"The page is at {address}; Ctrl-C stops it.")
         if name := name_for_others(host):
             out.line(f"Other machines open http://{name}:{bound}/?token={guard.token}")
         sys.stdout.flush()  # a caller with a pipe waits for this line
@@ -94,7 +95,7 @@ def replay(
             "--output",
             "-o",
             metavar="FILE",
-            help="A .html file, replay.html in the folder unless given; or .rrd for Rerun, if that is installed.",
+            help="A .html file (default: replay.html in the folder), or .rrd for Rerun, if installed.",
         ),
     ] = None,
     cache: CacheFolder = None,  # noqa: ARG001 - its callback does it

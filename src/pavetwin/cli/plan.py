@@ -31,19 +31,19 @@ class PlanOptions:
     """Plans."""
 
     formats: Annotated[
-        list[str] | None, typer.Option("--format", help="{planformats}; may be repeated. qgc unless given.")
+        list[str] | None, typer.Option("--format", help="{planformats}; may be repeated. Default: qgc.")
     ] = None
     trigger: Annotated[
         str, typer.Option(metavar="distance|time", help="Release of the camera: by metres flown, or by seconds.")
     ] = "distance"
     drone: Annotated[
-        str | None, typer.Option(help="Drone for wpml: mavic3e, matrice30 or matrice350; the mission's unless given.")
+        str | None, typer.Option(help="Drone for wpml: mavic3e, matrice30 or matrice350; default: that of the mission.")
     ] = None
     highest: Annotated[
-        float | None, typer.Option(metavar="METRES", min=0, help="Refuse plans that go higher above take-off.")
+        float | None, typer.Option(metavar="METRES", min=0, help="Refuse plans that exceed this height above take-off.")
     ] = None
     from_buildings: Annotated[
-        float, typer.Option(metavar="METRES", min=0, help="Refuse plans that come nearer to a building.")
+        float, typer.Option(metavar="METRES", min=0, help="Refuse plans that come closer to a building.")
     ] = 0.0
     no_fly: Annotated[
         Path | None,
@@ -70,7 +70,7 @@ class PlanOptions:
         return Trigger(self.trigger), [PLAN_FORMATS.get(name)(self.drone) for name in names]
 
     def limits(self) -> "PlanLimits":
-        """The limits that a plan has to keep."""
+        """Limits of a plan."""
         from pavetwin.flightplan import PlanLimits
 
         return PlanLimits(self.highest, self.from_buildings, self.no_fly)
@@ -82,15 +82,15 @@ class SelectionOptions:
 
     names: Annotated[
         list[str] | None,
-        typer.Option("--segment", help="Id of a segment or name of a street; may be repeated. All unless given."),
+        typer.Option("--segment", help="Id of a segment or name of a street; may be repeated. Default: all."),
     ] = None
-    order: Annotated[
-        str | None, typer.Option(metavar="near|random", help="Order of the segments; near unless given.")
-    ] = None
-    altitude_m: Annotated[float | None, typer.Option("--altitude", help="Metres above ground; 10 unless given.")] = None
+    order: Annotated[str | None, typer.Option(metavar="near|random", help="Order of the segments; default: near.")] = (
+        None
+    )
+    altitude_m: Annotated[float | None, typer.Option("--altitude", help="Metres above ground; default: 10.")] = None
     aircraft: Annotated[str | None, typer.Option(metavar="NAME|FILE.yaml", help="{aircraft}, or your own.")] = None
     base: Annotated[
-        str | None, typer.Option(metavar="LAT,LON|x,y", help="Take-off place; as in `pavetwin fly` unless given.")
+        str | None, typer.Option(metavar="LAT,LON|x,y", help="Take-off place; default: as in `pavetwin fly`.")
     ] = None
     preset: Annotated[str | None, typer.Option(help="default or paper.")] = None
     overrides: Annotated[
@@ -121,12 +121,12 @@ def export(
     plans: PlanOptions,
     selection: SelectionOptions,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder for the files; plan in that one unless given.")
+        Path | None, typer.Option("--output", "-o", help="Folder for the files; default: plan in that folder.")
     ] = None,
 ) -> None:
     """Write a plan for QGroundControl, DJI Pilot 2 or Litchi, one file per set of batteries.
 
-    A plan of a flown mission; or of segments of a world, which need no mission: the plan of the policy baseline.
+    The source is a flown mission, or a world, for a plan of its segments by the policy baseline.
 
     \b
     pavetwin plan export missions/monday/baseline --format qgc
@@ -217,6 +217,7 @@ def print_plan(plan: "FlightPlan") -> None:
     for remark in plan.remarks:
         out.line(remark)
     out.line(
-        "The ground is taken as level and obstacles as mapped; wires and trees may be missing. The pilot is "
+        "The ground is assumed to be level, and obstacles to be as mapped; wires and trees may be missing. The pilot "
+        "is "
         "responsible: check the plan, the airspace and the permits, and keep the aircraft in sight."
     )

@@ -20,7 +20,7 @@ def note_difference(presets: Iterable[str], worlds: Iterable["World | Path"], po
 
     Args:
         worlds: loaded, or their folders; a folder that cannot be read is passed over, since flying over it is refused.
-        population: what a design places defects by; by what those of each world were placed unless given.
+        population: what a design places defects by; default: the population of each world.
     """
     if PAPER not in presets:
         return
@@ -41,7 +41,7 @@ def note_difference(presets: Iterable[str], worlds: Iterable["World | Path"], po
 
 
 def _setup(world: "World | Path", population: str | None) -> tuple[str, bool, str] | None:
-    """The name of a world, whether it has parking lanes, and what its defects are placed by."""
+    """The name of a world, whether it has parking lanes, and the damage population of its defects."""
     from pavetwin.world.layers import lane_kinds
     from pavetwin.world.model import LaneKind
 

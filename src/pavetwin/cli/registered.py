@@ -40,7 +40,7 @@ def fit(
         str | None,
         typer.Option(
             metavar="NAME|FILE.onnx",
-            help=f"Detector that searches datasets: one that ships, or a file. {DEFAULT} unless given.",
+            help=f"Detector that searches datasets: one that ships, or a file. Default: {DEFAULT}.",
         ),
     ] = None,
     check: Annotated[
@@ -61,9 +61,9 @@ def fit(
     pavetwin sensor fit missions captures/town --check missions-elsewhere -o sensor.json
     pavetwin fly worlds/town --sensor calibrated --model sensor.json
 
-    Only missions, where many captures show one defect, show how repeated captures of a defect are correlated. A figure
-    next to the file (.png) compares predicted probabilities with the shares found. Unusable missions are listed and
-    left out.
+    Only missions, with several captures of each defect, determine the correlation between captures of one defect. A
+    figure next to the file (.png) compares predicted probabilities with the shares found. Unusable missions are listed
+    and left out.
     """
     from pavetwin.draw.sensor_figure import save_sensor_figure
     from pavetwin.sensing.fitting import fit_sensor
@@ -208,7 +208,7 @@ def _group(kind: str, plural: str, package: str, example: str, load: Callable[[A
             words = (value.__doc__ or "").split("\n\n")[0]
             out.print(f"[bold]{name}[/]: {' '.join(words.split())}")
 
-    @group.command(help=_help(f"Check that a {kind} keeps the rules in many situations.", f"{kind} check {example}"))
+    @group.command(help=_help(f"Check that a {kind} follows the rules in many situations.", f"{kind} check {example}"))
     def check(
         name: Annotated[str, typer.Argument(metavar="FILE.py:ClassName", help=f"Your own {kind}, or a known one.")],
         verbose: Annotated[bool, typer.Option("--verbose", help="List every broken rule.")] = False,
@@ -222,7 +222,7 @@ def _group(kind: str, plural: str, package: str, example: str, load: Callable[[A
                     out.line("\n".join(f"  {rule}" for rule in error.rules))
                     raise
                 raise PaveTwinError(str(error).replace(" more).", " more; --verbose lists them).")) from error
-            out.print(f"{checked.name}: keeps the rules.")
+            out.print(f"{checked.name}: follows all rules.")
 
     return group
 

@@ -56,7 +56,7 @@ def record(
     from pavetwin.world.store import load_world
 
     if routes and level.mix is not None:
-        raise PaveTwinError("`mix`: routes name the types of their vehicles; leave it out.")
+        raise PaveTwinError("`mix`: routes define their own vehicle types; omit it.")
     asked = _density(level, vehicles_per_lane_km, pedestrians_per_sidewalk_km, routes or [])
     loaded = load_world(world)
     started, simulated = time.perf_counter(), [False]
@@ -66,7 +66,7 @@ def record(
             simulated[0] = True
             show(share)
 
-        search = f"Finding the demand of {asked.name}, kept for the next time" if asked else ""
+        search = f"Finding the demand of {asked.name}, cached for later runs" if asked else ""
         recording = record_traffic(
             loaded,
             asked,
@@ -106,7 +106,7 @@ def export(
     file: Annotated[Path, typer.Argument(metavar="FILE.parquet", help="A recording.")],
     target: Annotated[Path, typer.Argument(help="The file to write, ending in .parquet or .csv.")],
     start: Annotated[float, typer.Option("--from", help="Start, in seconds of the recording.")] = 0.0,
-    end: Annotated[float | None, typer.Option("--to", help="End; that of the recording unless given.")] = None,
+    end: Annotated[float | None, typer.Option("--to", help="End; default: that of the recording.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the file.")] = False,
 ) -> None:
     """Write part of a recording as a table with one row per agent and time step, as in SUMO's floating car data.

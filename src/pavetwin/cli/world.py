@@ -42,7 +42,7 @@ def build(
         Path | None, typer.Argument(help="A map: .osm, .osm.gz, .osm.pbf, or a SUMO network: .net.xml.")
     ] = None,
     generate: Annotated[str | None, typer.Option(help="Generate streets: town, grid, spider or random.")] = None,
-    seed: Annotated[int, typer.Option(help="Random seed of the world; 0 is a seed like any other.")] = 0,
+    seed: Annotated[int, typer.Option(help="Random seed of the world; 0 is valid.")] = 0,
     segment_length_m: Annotated[float, typer.Option("--segment-length", help="Longest segment, in metres.")] = 135.0,
     population: Annotated[
         str | None,
@@ -80,7 +80,7 @@ def build(
         str,
         typer.Option(
             metavar="RULE",
-            help="Parking where the map has none: europe, north_america, a rule.yaml of your own, or none.",
+            help="Parking rule where the map has no parking: europe, north_america, a rule.yaml of your own, or none.",
         ),
     ] = "europe",
     force: Annotated[bool, typer.Option("--force", help="Replace an existing world.")] = False,
@@ -162,7 +162,7 @@ def info(
 
 
 def _streets_table(world: "World") -> "Table":
-    """A row per street: its name for `--segment`, and its extent."""
+    """One row per street: its name for `--segment`, and its extent."""
     from rich.table import Table
     from rich.text import Text
 
@@ -222,7 +222,7 @@ def _summary(world: "World", record: "BuildRecord") -> list[tuple[str, str]]:
     rows += _parking_rows(world)
     if lost := record.left_out.streets:
         streets = "1 street" if lost == 1 else f"{lost} streets"
-        rows.append(("left out", f"{streets} ({record.left_out.length_m:.0f} m) that no street joins to the rest"))
+        rows.append(("left out", f"{streets} ({record.left_out.length_m:.0f} m) not connected to the rest"))
     shares = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in sorted(classes.items()))
     rows.append(("defects", f"{len(world.defects)}" + (f" ({shares}); {PLACED}" if shares else "")))
     if paved := paving_words(record.paving_m2):
@@ -274,19 +274,17 @@ def export(
         str | None,
         typer.Option(metavar="ID|STREET", help='Only the surroundings of a segment or street: s0003, "Bell Lane".'),
     ] = None,
-    detail: Annotated[
-        str | None, typer.Option(help="Level of detail: low, medium or high; medium unless given.")
-    ] = None,
+    detail: Annotated[str | None, typer.Option(help="Level of detail: low, medium or high; default: medium.")] = None,
     texel_m: Annotated[
         float | None,
-        typer.Option("--texel", help="Size of ground texels in metres; by the level of detail unless given."),
+        typer.Option("--texel", help="Size of ground texels in metres; default: by the level of detail."),
     ] = None,
     recording: Annotated[
         Path | None,
         typer.Option("--traffic", metavar="FILE.parquet", help="A recording, for traffic at one moment."),
     ] = None,
     at: Annotated[
-        float | None, typer.Option(help="That moment, in seconds from the recording's beginning; 0 unless given.")
+        float | None, typer.Option(help="That moment, in seconds from the start of the recording; default: 0.")
     ] = None,
     parking: Parking = None,
     style: Annotated[
@@ -360,7 +358,7 @@ def export(
         )
     held = f"{made.tiles} tiles of 32 m, {made.defects} defects, {made.buildings} buildings"
     held += f", {made.agents} agents and parked vehicles" if made.agents else ""
-    out.line(f"Written to {target}: {made.bytes / 1e6:.1f} MB; {held}; {made.texel_m * 100:g} cm a texel.")
+    out.line(f"Written to {target}: {made.bytes / 1e6:.1f} MB; {held}; {made.texel_m * 100:g} cm per texel.")
 
 
 def _to_folder(
@@ -424,7 +422,7 @@ def _parked(
     seed: int,
     moment: "TrafficSnapshot | None",
 ) -> "ParkedVehicles | None":
-    """Parked vehicles of the mix of the traffic; None unless they are asked for."""
+    """Parked vehicles of the mix of the traffic; None unless requested."""
     from pavetwin.config import Conditions
     from pavetwin.config.mission import ParkingSettings
     from pavetwin.traffic.demand import DEFAULT_MIX

@@ -179,7 +179,7 @@ def test_an_interrupted_run_leaves_nothing_half_written(
     process.send_signal(number)
     _, words = process.communicate(timeout=60)
     assert process.returncode == code, words
-    assert words.splitlines()[-1] == f"Error: {printed}; nothing half-written was left behind."
+    assert words.splitlines()[-1] == f"Error: {printed}; no partial files are left."
     assert [path.name for path in tmp_path.iterdir() if path.name not in ("cache", "cross", "m")] == []
     for result in (tmp_path / "m").glob("*/"):  # missions that were whole by then
         assert {"mission.parquet", "track.parquet", "captures.geojson", "mission.yaml"} <= set(digests(result))
@@ -197,7 +197,7 @@ def test_an_interruption_while_the_kernel_has_traffic_read_is_one(
     monkeypatch.setattr(part_table, "from_columns", interrupted)
     done = pavetwin("fly", world, *SHORT, "-o", tmp_path / "m")
     assert done.returncode == code, done.stderr
-    assert without_progress(done.stderr) == [f"Error: {printed}; nothing half-written was left behind."]
+    assert without_progress(done.stderr) == [f"Error: {printed}; no partial files are left."]
     assert not list(tmp_path.iterdir())
 
 
