@@ -8,6 +8,7 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from pavetwin.config.conditions import Conditions
+from pavetwin.config.named import names_in
 from pavetwin.config.options import Options
 from pavetwin.config.settings import (
     NameOrFile,
@@ -262,11 +263,7 @@ class MissionSettings(Settings):
 
 def preset_names() -> list[str]:
     """The presets that ship with the package."""
-    return sorted(
-        entry.name.removesuffix(".yaml")
-        for entry in (files("pavetwin.config") / "presets").iterdir()
-        if entry.name.endswith(".yaml")
-    )
+    return names_in("pavetwin.config", "presets")
 
 
 def load_settings(preset: str = "default", overrides: Iterable[str] = (), **given: Any) -> MissionSettings:

@@ -58,14 +58,11 @@ class _Broken:
     def __init__(self) -> None:
         self._seeds: dict[str, list[int]] = {}
 
-    def add(self, rule: str, seed: int) -> None:
-        self._seeds.setdefault(rule, []).append(seed)
+    def add(self, rule: str, *seeds: int) -> None:
+        self._seeds.setdefault(rule, []).extend(seeds)
 
     def sentences(self) -> list[str]:
         return [f"{rule} ({_seeds_text(seeds)})" if seeds else rule for rule, seeds in self._seeds.items()]
-
-    def add_rule(self, rule: str) -> None:
-        self._seeds.setdefault(rule, [])
 
 
 def check_defect_class(kind: "DefectKind", shapes: int = SHAPES) -> list[str]:
@@ -85,7 +82,7 @@ def tried(kind: "DefectKind", shapes: int = SHAPES) -> tuple[list[TriedShape], l
     _check_label(kind, broken)
     trials = [trial for seed in range(shapes) if (trial := _trial(kind, seed, broken)) is not None]
     if len(trials) >= ROOM_FROM and not any(trial.has_room for trial in trials):
-        broken.add_rule(
+        broken.add(
             f"none of {len(trials)} shapes finds room on a straight road of two lanes, {ROADS[0].width_m:g} m wide"
         )
     return trials, broken.sentences()
@@ -95,9 +92,9 @@ def _check_label(kind: "DefectKind", broken: _Broken) -> None:
     values = {each.name: getattr(kind.label, each.name) for each in fields(kind.label)}
     wrong = [f"{name}={value!r}" for name, value in values.items() if not _is_number(value) or value < 0]
     if wrong:
-        broken.add_rule(f"its label rule has {', '.join(wrong)}: give numbers from 0 on")
+        broken.add(f"its label rule has {', '.join(wrong)}: give numbers from 0 on")
     elif kind.label.least_short_side_px > kind.label.least_side_px:
-        broken.add_rule("its label rule asks for a shorter side that is longer than the longer side")
+        broken.add("its label rule asks for a shorter side that is longer than the longer side")
 
 
 def _trial(kind: "DefectKind", seed: int, broken: _Broken) -> TriedShape | None:
@@ -177,7 +174,9 @@ def _room(
         return False
     found = np.asarray(poses)
     if found.shape != (POSES, 3) or found.dtype.kind != "f" or not np.isfinite(found).all():
-        broken.add(f"`sample_poses` gives {_array_text(found)}, not finite numbers of shape (count, 3)", seed)
+        broken.add(
+            f"`sample_poses` gives {found.dtype} of shape {found.shape}, not finite numbers of shape (count, 3)", seed
+        )
         return False
     if not np.array_equal(found, np.asarray(again)):
         broken.add("`sample_poses` proposes different poses with equal generators", seed)
@@ -193,10 +192,6 @@ def _room(
 
 def _transform(x: float, y: float, turn: float) -> list[float]:
     return [cos(turn), -sin(turn), sin(turn), cos(turn), x, y]
-
-
-def _array_text(found: "np.ndarray[Any, Any]") -> str:
-    return f"{found.dtype} of shape {found.shape}"
 
 
 def _is_number(value: object) -> bool:

@@ -63,7 +63,7 @@ def ways_out(environment: MissionEnvironment, settings: MissionSettings, targets
         lines = passes(environment.world.segments[target], across_m, settings.pattern)
         points = np.unique(np.concatenate(lines), axis=0).tolist()
         ways = [environment.mesh.path(start, environment.mesh.nearest(*point)) for point in points]
-        needed = [_there_and_back(way, flight) for way in ways]
+        needed = [sum(_flown(line, flight.transit, flight.battery) for line in (way, way[::-1])) for way in ways]
         most = int(np.argmax(needed))
         yield WayOut(target, _length_m(ways[most]), needed[most] + _up_and_down(flight))
 
@@ -92,11 +92,6 @@ def check_reach(environment: MissionEnvironment, settings: MissionSettings, targ
         f"{100 * usable:.0f} %. Take off nearer to it (`base`), {help_wind}leave it out, fly another "
         "`aircraft` or with more energy (energy.capacity_wh, energy.reserve)."
     )
-
-
-def _there_and_back(way: Float64Array, flight: FlightSettings) -> float:
-    """Share of the batteries for flying along a way and back."""
-    return sum(_flown(line, flight.transit, flight.battery) for line in (way, way[::-1]))
 
 
 def _flown(way: Float64Array, limits: Limits, battery: Battery) -> float:

@@ -9,7 +9,6 @@ from pavetwin.defects.placement import PLACED
 from pavetwin.mission.inspected_defects import missed_words
 from pavetwin.mission.metrics import SegmentMetrics, Totals, found_share, totals
 from pavetwin.mission.result import MissionResult
-from pavetwin.world.model import World
 from pavetwin.world.segments import outside_words
 
 ON_RETURN: Final = "found\non\nreturn\n%"
@@ -189,8 +188,8 @@ def _as_far_as_known(rows: Sequence[SegmentMetrics]) -> str:
 
 def remarks(results: Sequence[MissionResult]) -> list[str]:
     """The lines below the sentence: missed defects and why, segments without defects, and the limits of the numbers."""
-    world = results[0].environment.world
-    return [*unprovoked(results), *missed_lines(results), *without_defects(results[0].rows), limits_line(world)]
+    limits = f"Defects are {PLACED}; not inspected: {outside_words(results[0].environment.world)}."
+    return [*unprovoked(results), *missed_lines(results), *without_defects(results[0].rows), limits]
 
 
 def unprovoked(results: Sequence[MissionResult]) -> list[str]:
@@ -220,11 +219,6 @@ def without_defects(rows: Sequence[SegmentMetrics]) -> list[str]:
         return []
     which = "1 of the segments has" if empty == 1 else f"{empty} of the segments have"
     return [f"{which} no defects: what is found there is no share, neither 0 nor 100 %."]
-
-
-def limits_line(world: World) -> str:
-    """The limits of the numbers."""
-    return f"Defects are {PLACED}; not inspected: {outside_words(world)}."
 
 
 def _reachable(measured: SegmentMetrics | Totals) -> float | None:

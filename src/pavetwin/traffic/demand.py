@@ -26,6 +26,7 @@ from xml.etree import ElementTree
 import yaml
 from pydantic import Field, model_validator
 
+from pavetwin.config.named import names_in
 from pavetwin.config.settings import Settings
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.files import file_sha256
@@ -93,8 +94,6 @@ def level_named(name: str) -> LevelOfService:
 DEFAULT_MIX: Final = "europe"
 """The kinds and shares of `kinds.VEHICLES`."""
 
-_FOLDER: Final = files("pavetwin.traffic") / "mixes"
-
 
 class Mix(Settings):
     """Contents of the file of a mix."""
@@ -124,8 +123,7 @@ class Mix(Settings):
 
 def mix_names() -> list[str]:
     """The mixes that ship with the package, the default first."""
-    names = (entry.name.removesuffix(".yaml") for entry in _FOLDER.iterdir() if entry.name.endswith(".yaml"))
-    return sorted(names, key=lambda name: (name != DEFAULT_MIX, name))
+    return sorted(names_in("pavetwin.traffic", "mixes"), key=lambda name: (name != DEFAULT_MIX, name))
 
 
 @cache
@@ -137,7 +135,7 @@ def mix_named(name: str) -> Mix:
     """
     if name not in mix_names():
         raise PaveTwinError(no_such("mix of vehicles", name, mix_names(), key="`mix`"))
-    text = (_FOLDER / f"{name}.yaml").read_text(encoding="utf-8")
+    text = (files("pavetwin.traffic") / "mixes" / f"{name}.yaml").read_text(encoding="utf-8")
     return Mix.parse(yaml.safe_load(text), where=f"the mix '{name}'")
 
 

@@ -73,7 +73,7 @@ def content_hash(world: World, network_sha256: str) -> str:
     place = world.georeference
     frame = [place.epsg, place.offset_east_m, place.offset_north_m, world.left_hand, network_sha256]
     digest.update(json.dumps(frame).encode())
-    digest.update(_wkb(world.base))
+    digest.update(shapely.to_wkb(world.base, byte_order=1))
     for name in (*HASHED, *(name for name in HASHED_IF_ANY if getattr(world, name))):
         digest.update(name.encode())
         for part in _parts(getattr(world, name)):
@@ -88,7 +88,8 @@ def _parts(items: Sequence[Any]) -> Iterator[bytes]:
     written = iter(shapely.to_wkb(np.array([*chain.from_iterable(shapes)], dtype=object), byte_order=1).tolist())
     for item, row, its in zip(items, rows, shapes, strict=True):
         if not isinstance(item, BaseGeometry):
-            plain = [_without_minus_zero(value) for value in row if not isinstance(value, BaseGeometry)]
+            values = (value for value in row if not isinstance(value, BaseGeometry))
+            plain = [value + 0.0 if isinstance(value, float) else value for value in values]  # a GeoPackage has no −0
             yield json.dumps(plain, ensure_ascii=False).encode()
         yield from islice(written, len(its))
 
@@ -101,12 +102,3 @@ def _hashed_values(item: Any) -> list[Any]:
 @cache
 def _hashed_fields(kind: type) -> tuple[str, ...]:
     return tuple(field.name for field in fields(kind) if field.hash is not False)
-
-
-def _without_minus_zero(value: Any) -> Any:
-    """A GeoPackage returns −0 as 0."""
-    return value + 0.0 if isinstance(value, float) else value
-
-
-def _wkb(geometry: BaseGeometry) -> bytes:
-    return bytes(shapely.to_wkb(geometry, byte_order=1))

@@ -122,12 +122,6 @@ def building_height_m(tags: Mapping[str, str], area_m2: float) -> float:
             roof = 0.0 if flat else roof_levels * LEVEL_HEIGHT_M if roof_levels is not None else ROOF_HEIGHT_M
         height = levels * LEVEL_HEIGHT_M + roof
     if not height:
-        height = height_by_rule_m(tags.get("building", "yes"), area_m2)
+        by_area = (height for largest, height in AREA_RULE if area_m2 <= largest)
+        height = 3.0 if tags.get("building", "yes") in LOW_KINDS else next(by_area, LARGEST_AREA_HEIGHT_M)
     return round(min(400.0, max(2.0, height)), 2)
-
-
-def height_by_rule_m(kind: str, area_m2: float) -> float:
-    """The height that a kind of building and its footprint suggest."""
-    if kind in LOW_KINDS:
-        return 3.0
-    return next((height for largest, height in AREA_RULE if area_m2 <= largest), LARGEST_AREA_HEIGHT_M)

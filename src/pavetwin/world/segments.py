@@ -65,7 +65,8 @@ def pair_edges(edges: Iterable[Edge]) -> list[tuple[Edge, ...]]:
     for edge in open_edges.values():
         between.setdefault((edge.start, edge.end), []).append(edge)
     pairs: list[tuple[Edge, ...]] = []
-    for name in sorted(open_edges, key=_plain_first):
+    # OSM's own direction (`12#1`) before the reverse one (`-12#1`), so that a street runs as it was drawn.
+    for name in sorted(open_edges, key=lambda name: (name.removeprefix("-"), name.startswith("-"))):
         if name not in open_edges:
             continue
         edge = open_edges.pop(name)
@@ -77,11 +78,6 @@ def pair_edges(edges: Iterable[Edge]) -> list[tuple[Edge, ...]]:
         gap, partner = min(beside, default=(math.inf, ""))
         pairs.append((edge, open_edges.pop(partner)) if gap <= MAX_MEDIAN_M else (edge,))
     return pairs
-
-
-def _plain_first(name: str) -> tuple[str, bool]:
-    """OSM's own direction (`12#1`) before the reverse one (`-12#1`), so that a street runs as it was drawn."""
-    return name.removeprefix("-"), name.startswith("-")
 
 
 def _median_m(edge: Edge, other: Edge) -> float:
@@ -114,7 +110,8 @@ def _street(edges: tuple[Edge, ...], left_hand: bool) -> StreetSurface:
 def lanes_polygon(lanes: Sequence[Lane], closing_m: float = CLOSING_M) -> Surface:
     """Union of lanes with flat ends; gaps of up to twice `closing_m` between them are closed, holes filled."""
     strips = [lane.centre_line.buffer(lane.width_m / 2, cap_style="flat", join_style="mitre") for lane in lanes]
-    return solid_parts(union_of(strips, closing_m).buffer(-closing_m, join_style="mitre"))
+    closed = union_of(strips, closing_m).buffer(-closing_m, join_style="mitre")
+    return surface_of([Polygon(part.exterior) for part in polygons_of(closed)])
 
 
 def union_of(surfaces: Iterable[Surface], wider_m: float) -> Surface:
@@ -125,11 +122,6 @@ def union_of(surfaces: Iterable[Surface], wider_m: float) -> Surface:
     union = shapely.union_all([surface.buffer(wider_m, join_style="mitre") for surface in surfaces])
     assert isinstance(union, Polygon | MultiPolygon)
     return union
-
-
-def solid_parts(geometry: shapely.Geometry) -> Surface:
-    """The polygons of a geometry with their holes filled."""
-    return surface_of([Polygon(part.exterior) for part in polygons_of(geometry)])
 
 
 def surface_of(parts: Sequence[Polygon]) -> Surface:
@@ -228,7 +220,8 @@ def segments_of(
         raise ValueError(f"a segment length of {segment_length_m:g} m is below {2 * MIN_SEGMENT_LENGTH_M:g} m")
     segments: list[Segment] = []
     for street in streets:
-        for line, polygon in pieces_of(street, segment_length_m):
+        count = math.ceil(street.length_m / segment_length_m - 1e-9)
+        for line, polygon in equal_pieces(street.centre_line, street.polygon, count):
             segments.append(
                 Segment(
                     id=f"s{len(segments) + 1:04d}",
@@ -241,12 +234,6 @@ def segments_of(
                 )
             )
     return tuple(segments)
-
-
-def pieces_of(street: StreetSurface, segment_length_m: float) -> Iterator[tuple[LineString, Surface]]:
-    """The pieces of a street's centre line, each with its part of the carriageway."""
-    count = math.ceil(street.length_m / segment_length_m - 1e-9)
-    return equal_pieces(street.centre_line, street.polygon, count)
 
 
 def equal_pieces(centre_line: LineString, polygon: Surface, count: int) -> Iterator[tuple[LineString, Surface]]:
