@@ -8,8 +8,7 @@ import yaml
 
 from pavetwin.errors import PaveTwinError
 
-_MERGE: Final = "tag:yaml.org,2002:merge"
-"""Tag of `<<`, whose keys may be repeated."""
+_MERGE: Final = "tag:yaml.org,2002:merge"  # Tag of `<<`, whose keys may be repeated
 
 
 _CLOCK: Final = re.compile(r"^[0-9]+(:[0-5]?[0-9])+(\.[0-9]*)?$")

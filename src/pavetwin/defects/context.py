@@ -55,8 +55,7 @@ JOINT_SPREAD_RAD: Final = 0.004
 STRAIGHT: Final[ShapeParameters] = (("wander", 0.3), ("branches", 0.25))
 """Spread of cracks along joints, which hardly leave them, and of those across corners."""
 
-_FEATURES, _POSES = 1, 2
-"""Keys of random numbers under the seed of a shape."""
+_FEATURES, _POSES = 1, 2  # Keys of random numbers under the seed of a shape
 
 
 class Feature(StrEnum):

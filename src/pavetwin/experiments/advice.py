@@ -31,8 +31,7 @@ _WORDS: Final[Mapping[str, tuple[str, str]]] = {
     "crocodile_crack": ("crocodile cracks", "narrower"),
     "pothole": ("potholes", "narrower"),
 }
-_BLUR_COUNTS: Final = 1.1
-"""Blur that widens the least crack by less than this factor is not described by direction."""
+_BLUR_COUNTS: Final = 1.1  # Blur that widens the least crack by less than this factor is not described by direction
 
 
 @dataclass(frozen=True)

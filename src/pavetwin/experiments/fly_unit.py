@@ -66,8 +66,7 @@ extend it."""
 QUIET_S: Final = 300.0
 """A user's demand without any agent for so long after the take-off has ended."""
 
-_LEFT_OUT: Final = ("start_s", "end_s")
-"""Columns of a segment's row that only state the mission's clock."""
+_LEFT_OUT: Final = ("start_s", "end_s")  # Columns of a segment's row that only state the mission's clock
 
 _TYPES: Final = {int: pl.Int64, float: pl.Float64, str: pl.String, bool: pl.Boolean}
 

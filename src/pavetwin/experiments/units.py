@@ -114,8 +114,7 @@ SHOWN: Final = 12
 """Characters of a hash in `design.yaml` and in the table."""
 
 _LARGEST_SEED: Final = 2**31
-_SEEDS, _SEGMENTS = 0, 1
-"""Keys of the stream EXPERIMENT, before the replicate."""
+_SEEDS, _SEGMENTS = 0, 1  # Keys of the stream EXPERIMENT, before the replicate
 
 
 @dataclass(frozen=True)

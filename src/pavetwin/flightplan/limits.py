@@ -21,8 +21,7 @@ from pavetwin.world.model import World
 NEAR_M: Final = 20_000.0
 """A file without a zone this close to the flights is taken to be of another place (our assumption)."""
 
-_M_PER_DEGREE: Final = 111_200.0
-"""Metres per degree of latitude."""
+_M_PER_DEGREE: Final = 111_200.0  # Metres per degree of latitude
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,8 +26,7 @@ FLIGHTS: Final = ("#1F3A5F", "#7A2E8C", "#8A4B00", "#006D77", "#A3195B", "#3F5B0
 """Colours of the flights, in turn."""
 
 _LAYERS: Final = frozenset({MapLayer.PARKS, MapLayer.BUILDINGS, MapLayer.SIDEWALKS, MapLayer.CARRIAGEWAYS})
-_CONDITION: Final = 9.0
-"""Above buildings and their shadows, below the names of streets."""
+_CONDITION: Final = 9.0  # Above buildings and their shadows, below the names of streets
 _WAY: Final = ABOVE_WORLD - 12.0
 _PASS_PT, _WAY_PT = 1.1, 0.7
 

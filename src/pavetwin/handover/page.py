@@ -26,8 +26,7 @@ PILOT: Final = (
 )
 
 
-_WORDS: Final = ("rating of that", "recommended")
-"""Heads of columns that hold words."""
+_WORDS: Final = ("rating of that", "recommended")  # Heads of columns that hold words
 
 
 @dataclass(frozen=True)

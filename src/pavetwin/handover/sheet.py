@@ -27,8 +27,7 @@ MOST_STREETS: Final = 14
 """In the table of streets, where there is room."""
 
 _TITLE_PT, _HEAD_PT, _TEXT_PT, _TABLE_PT, _FOOT_PT = 15.0, 8.6, 7.6, 7.2, 6.6
-_LINE: Final = 1.32
-"""Distance of lines, in sizes of the letters."""
+_LINE: Final = 1.32  # Distance of lines, in sizes of the letters
 _ROW_IN: Final = 0.148
 
 

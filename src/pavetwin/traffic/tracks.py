@@ -260,8 +260,7 @@ def _expected(east: Int32Array, north: Int32Array) -> Int32Array:
 
 _SCHEMA: Final = pa.schema([*((name, pa.int32()) for name in KEY_COLUMNS), ("is_last", pa.bool_())])
 _ENCODING: Final = {**dict.fromkeys(KEY_COLUMNS, "BYTE_STREAM_SPLIT"), "is_last": "RLE"}
-_LEVEL: Final = 1
-"""Level of compression; higher ones gain 3 % and take three times as long."""
+_LEVEL: Final = 1  # Level of compression; higher ones gain 3 % and take three times as long
 
 
 def part_writer(target: Any) -> pq.ParquetWriter:

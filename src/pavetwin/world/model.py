@@ -28,17 +28,14 @@ from pavetwin.errors import PaveTwinError, nearest_name
 from pavetwin.world.georeference import GeoReference
 from pavetwin.world.parking.place import ParkingPlace
 
-_TOUCH_M = 0.4
-"""A segment that ends within this of a junction is one of its arms."""
+_TOUCH_M = 0.4  # A segment that ends within this of a junction is one of its arms
 
-_ROUND_M = 2.2
-"""Gaps of twice as much between the arms of a junction are closed [m]."""
+_ROUND_M = 2.2  # Gaps of twice as much between the arms of a junction are closed [m]
 
 _CORNER_RADIUS_M = 7.0
 """Least radius of a kerb around a corner; 6 to 8 m are built where streets cross squarely (RASt 06)."""
 
-_SPECK_M2 = 1.0
-"""Smaller islands and holes have no kerb of their own."""
+_SPECK_M2 = 1.0  # Smaller islands and holes have no kerb of their own
 
 
 def carriageway(arms: Sequence[BaseGeometry], junctions: Sequence[BaseGeometry]) -> BaseGeometry:

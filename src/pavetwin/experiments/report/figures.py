@@ -27,8 +27,7 @@ from pavetwin.reports.words import number, p_text
 PolicyStyles = Mapping[Any, style.PolicyStyle]
 """How each policy is drawn."""
 
-_WIDE_COSTS: Final = 2.5
-"""From this ratio of costs on their axis is logarithmic."""
+_WIDE_COSTS: Final = 2.5  # From this ratio of costs on their axis is logarithmic
 _MARK_PT: Final = 5.6
 
 
@@ -86,12 +85,9 @@ def _altitude_legend(group: Group) -> list[Line2D]:
     ]  # fmt: skip
 
 
-_SPREAD: Final = 0.5
-"""Share of the distance between two ticks that the policies at one tick take."""
-_WIDEST: Final = 2.5
-"""Numbers on the axis are to scale where that makes it at most so many times as long."""
-_FROM_ZERO: Final = 0.35
-"""An axis begins at 0 when the smallest value is below this share of the largest."""
+_SPREAD: Final = 0.5  # Share of the distance between two ticks that the policies at one tick take
+_WIDEST: Final = 2.5  # Numbers on the axis are to scale where that makes it at most so many times as long
+_FROM_ZERO: Final = 0.35  # An axis begins at 0 when the smallest value is below this share of the largest
 
 
 WITHOUT: Final = "without"
@@ -307,8 +303,7 @@ def _row_level(factor: str, level: Any) -> str:
     return text if factor in AXES else f"{factor_text(factor)} {text}"
 
 
-_MARK_SIZES_PT: Final = (3.4, 5.0, 6.6, 8.0, 9.2)
-"""Sizes of marks, from the lowest altitude up."""
+_MARK_SIZES_PT: Final = (3.4, 5.0, 6.6, 8.0, 9.2)  # Sizes of marks, from the lowest altitude up
 
 
 @dataclass(frozen=True)
@@ -403,8 +398,7 @@ def _mark_size(group: Group, altitude: Any) -> float:
 
 _GOLDEN: Final = 0.6180339887498949
 """Multiples of it, modulo 1, are spread evenly: dots next to each other without a random number."""
-_MANY_DOTS: Final = 1500
-"""More dots than this are drawn as one image, to keep the page small."""
+_MANY_DOTS: Final = 1500  # More dots than this are drawn as one image, to keep the page small
 
 
 def spread(group: Group, metric: Metric, traffics: Sequence[Any]) -> Figure:
@@ -466,8 +460,7 @@ def _at_level(frame: pl.DataFrame, column: str, level: Any) -> pl.DataFrame:
     return frame.filter(pl.col(column) == level) if level is not None else frame
 
 
-_NO_FACTORS: Final = ("replicate", "residual")
-"""Terms that are not factors of the design."""
+_NO_FACTORS: Final = ("replicate", "residual")  # Terms that are not factors of the design
 _MOST_TERMS: Final = 16
 
 

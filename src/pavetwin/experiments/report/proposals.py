@@ -32,8 +32,7 @@ ANSWER: Final = "answer"
 FINDINGS: Final = "findings"
 """Anchor of the section with the differences."""
 
-_MOST_ROWS: Final = 40
-"""A longer table of differences lists only those with a significant one."""
+_MOST_ROWS: Final = 40  # A longer table of differences lists only those with a significant one
 
 
 def answer_section(study: Study) -> Section:
@@ -245,5 +244,4 @@ def _few(study: Study) -> list[str]:
     return [f"Intervals of {most} replicates are rough: they miss the true mean more often than stated.{unsure}"]
 
 
-_ENOUGH: Final = 10
-"""Replicates from which on intervals hold about what they promise."""
+_ENOUGH: Final = 10  # Replicates from which on intervals hold about what they promise

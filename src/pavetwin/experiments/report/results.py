@@ -27,8 +27,7 @@ ACCURACY: Final = (INDEX_ERROR,)
 _ENOUGH_OF_WAITING: Final = 20
 """With fewer replicates, simultaneous intervals of metrics that depend on waiting miss their level by far."""
 _MOST_COLUMNS: Final = 4
-_MOST_ROWS: Final = 44
-"""Largest number of rows of a forest plot that fits a page."""
+_MOST_ROWS: Final = 44  # Largest number of rows of a forest plot that fits a page
 
 
 def group_builders(group: Group, *, brief: bool = False) -> list[Callable[[str], Section]]:

@@ -286,8 +286,7 @@ def _order(level: Any) -> tuple[int, Any]:
     return (1, float(level)) if level is not None else (3, 0)
 
 
-_MOST_TRAFFICS = 6
-"""More kinds of traffic have no recommendation of their own."""
+_MOST_TRAFFICS = 6  # More kinds of traffic have no recommendation of their own
 
 
 def gather(

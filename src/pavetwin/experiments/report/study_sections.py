@@ -38,13 +38,10 @@ from pavetwin.traffic.recording_file import load_recording
 from pavetwin.traffic.tracks import STANDING_MPS
 from pavetwin.world.model import Segment, World
 
-_MOST_RESTS: Final = 3
-"""Combinations of the rest that one factor is drawn for."""
+_MOST_RESTS: Final = 3  # Combinations of the rest that one factor is drawn for
 _MOST_MAPS: Final = 4
-_WORST: Final = 10
-"""Segments in the table of the least covered."""
-_FEW: Final = 10
-"""Fewer defects leave the coverage of a segment open: 3 of 6 found may be 12 to 88 %."""
+_WORST: Final = 10  # Segments in the table of the least covered
+_FEW: Final = 10  # Fewer defects leave the coverage of a segment open: 3 of 6 found may be 12 to 88 %
 _MOST_REASONS: Final = 20
 _MOST_PLACES: Final = 4
 

@@ -206,8 +206,7 @@ _LATEX: Final = {
 }
 
 
-_AIRY: Final = 5
-"""Tables with more columns are set tighter, to fit the page of an article."""
+_AIRY: Final = 5  # Tables with more columns are set tighter, to fit the page of an article
 
 
 def csv(summary: pl.DataFrame) -> str:

@@ -25,10 +25,8 @@ LEVEL: Final = 0.95
 
 _TAIL: Final = round((1 - LEVEL) / 2 * (RESAMPLES + 1)) - 1
 """Index of the lower limit among the sorted resamples; that of the upper one counts from the end."""
-_COLUMNS: Final = 64
-"""Cells resampled at a time, to bound memory."""
-_BOOTSTRAP: Final = 1
-"""Keeps these draws apart from those of the tests under the same seed."""
+_COLUMNS: Final = 64  # Cells resampled at a time, to bound memory
+_BOOTSTRAP: Final = 1  # Keeps these draws apart from those of the tests under the same seed
 
 Sizes = tuple[int, ...]
 """Replicates in each world that are resampled among themselves."""

@@ -37,10 +37,8 @@ from pavetwin.experiments.metrics import COMPARED, INDEX_ERROR
 from pavetwin.experiments.statistics.bootstrap import Sizes, resamples, strata
 
 DRAWS: Final = 4000
-_SHRINKAGE: Final = 3
-"""Separates these draws from those of bootstrap and tests under the same seed."""
-_FLAT: Final = 1e-3
-"""Below this rate the density of κ is a power of κ to many digits."""
+_SHRINKAGE: Final = 3  # Separates these draws from those of bootstrap and tests under the same seed
+_FLAT: Final = 1e-3  # Below this rate the density of κ is a power of κ to many digits
 
 
 @dataclass(frozen=True)
@@ -166,10 +164,8 @@ UNSEEN: Final = 1.0
 """Replicates that were not flown, in which options that are level may differ in coverage. Costs have none: the time of
 a policy that waits is no evidence about one that does not."""
 _MORE_IS_BETTER: Final = (COVERAGE, ALTITUDE)
-_SENSOR: Final = 4
-"""Separates draws of a sensor's parameters from others under the same seed."""
-_NEAR: Final = 0.01
-"""Options that break their limits by this share more than the nearest are as near."""
+_SENSOR: Final = 4  # Separates draws of a sensor's parameters from others under the same seed
+_NEAR: Final = 0.01  # Options that break their limits by this share more than the nearest are as near
 
 Row = dict[str, Any]
 """An option: its levels and the columns of `Recommendation.options`."""

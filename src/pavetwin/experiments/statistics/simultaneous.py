@@ -33,10 +33,8 @@ EXACT: Final = 16
 ASSIGNMENTS: Final = 2**15
 """Tried for more: the one observed, and drawn ones (Phipson and Smyth 2010: p is never 0)."""
 
-_SIGNS: Final = 2
-"""Keeps these draws apart from those of the bootstrap under the same seed."""
-_ROUNDING: Final = 1e-9
-"""Sums of decimal fractions that are equal on paper differ in their last bits."""
+_SIGNS: Final = 2  # Keeps these draws apart from those of the bootstrap under the same seed
+_ROUNDING: Final = 1e-9  # Sums of decimal fractions that are equal on paper differ in their last bits
 
 
 def flips(blocks: int, seed: int) -> Float64Array:
