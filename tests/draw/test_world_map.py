@@ -15,9 +15,10 @@ from shapely import affinity
 from pavetwin.arrays import UInt8Array
 from pavetwin.cli import main
 from pavetwin.draw import lettering, style
+from pavetwin.draw.extent import lane_lines
 from pavetwin.draw.shapes import shadow, stripes
 from pavetwin.draw.style import with_palette
-from pavetwin.draw.world_map import ABOVE_WORLD, draw_world, lane_lines
+from pavetwin.draw.world_map import ABOVE_WORLD, draw_world
 from pavetwin.errors import PaveTwinError
 from pavetwin.world.model import World
 from pavetwin.world.store import attribution, load_world, save_world

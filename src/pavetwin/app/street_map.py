@@ -11,8 +11,7 @@ import shapely
 from shapely import Geometry, LineString, Polygon
 
 from pavetwin.config.mission import UavSettings
-from pavetwin.draw.extent import credit, world_bounds
-from pavetwin.draw.world_map import lane_lines, sidewalks
+from pavetwin.draw.extent import credit, lane_lines, sidewalks, world_bounds
 from pavetwin.navigation.take_off import with_roadside_base
 from pavetwin.world.model import FurnitureKind, World
 

@@ -14,8 +14,9 @@ from shapely.ops import substring
 
 from pavetwin.arrays import Float64Array
 from pavetwin.draw import shapes, style
+from pavetwin.draw.extent import sidewalks
 from pavetwin.draw.mission_style import rgb
-from pavetwin.draw.world_map import TALL_M, sidewalks
+from pavetwin.draw.world_map import TALL_M
 from pavetwin.world.model import CARRIAGEWAY_LANES, FurnitureKind, World
 
 PixelColour = tuple[int, ...]  # Red, green, blue and, where given, opacity; 0 … 255

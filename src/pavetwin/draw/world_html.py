@@ -12,8 +12,8 @@ from matplotlib.colors import to_hex
 from shapely import Geometry, Polygon
 
 from pavetwin.draw import lettering, shapes, style
-from pavetwin.draw.extent import credit, world_bounds
-from pavetwin.draw.world_map import TALL_M, defect_words, lane_lines, legend, sidewalks, subtitle
+from pavetwin.draw.extent import credit, lane_lines, sidewalks, world_bounds
+from pavetwin.draw.world_map import TALL_M, defect_words, legend, subtitle
 from pavetwin.files import writing
 from pavetwin.world.model import FurnitureKind, World
 

@@ -11,41 +11,13 @@ import shapely
 from matplotlib.axes import Axes
 from matplotlib.path import Path as MarkerPath
 from matplotlib.typing import ColorType
-from shapely import Geometry, LineString
-from shapely.geometry.base import BaseGeometry
 
 from pavetwin.arrays import Float64Array
 from pavetwin.draw import lettering, shapes, style
-from pavetwin.draw.extent import credit, world_bounds
+from pavetwin.draw.extent import credit, lane_lines, sidewalks, world_bounds
 from pavetwin.draw.style import LegendEntry
 from pavetwin.world.ground import Bounds
 from pavetwin.world.model import Furniture, FurnitureKind, LaneKind, World
-
-_KERB_M = 0.7  # Lines closer to the kerb than this are not lane lines
-
-
-def sidewalks(world: World) -> BaseGeometry:
-    """Sidewalks and junctions, with the gaps of centimetres between them closed; carriageways are drawn over them."""
-    lanes = world.lanes_of(LaneKind.SIDEWALK)
-    strips = [lane.centre_line.buffer(lane.width_m / 2, cap_style="flat") for lane in lanes]
-    ground = [*strips, *(junction.polygon for junction in world.junctions)]
-    return shapely.union_all(shapely.buffer(np.array(ground, dtype=object), 0.05, join_style="mitre"))
-
-
-def lane_lines(world: World) -> list[Float64Array]:
-    """The lines between lanes: of every driving edge between its own lanes, and between the directions of a street."""
-    lines: list[Geometry] = []
-    for street in world.streets:
-        for edge in street.edges:
-            lanes = world.lanes_on(edge, LaneKind.DRIVING)
-            divided = lanes if len(street.edges) > 1 and edge == street.edges[0] else lanes[:-1]
-            lines += [world.beside(lane, lane.width_m / 2) for lane in divided]
-    if not lines:
-        return []
-    inside = shapely.intersection(np.array(lines, dtype=object), shapely.buffer(world.carriageway, -_KERB_M))
-    parts = shapely.get_parts(inside)
-    return [shapely.get_coordinates(part) for part in parts if isinstance(part, LineString) and part.length > 2.0]
-
 
 ABOVE_WORLD = 50
 """The lowest zorder above everything that `draw_world` draws."""

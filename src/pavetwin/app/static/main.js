@@ -313,7 +313,7 @@ function find(text) {
   if (!text) return;
   const found = map.named(text), streets = [...new Set(found.map(({ street }) => street))];
   if (!found.length) return notice(`There is no street named '${text}'.`);
-  if (streets.length > 1) return notice(`Several streets have '${text}' in their names: ${streets.slice(0, 5).join(', ')}${streets.length > 5 ? ' …' : ''}.`);
+  if (streets.length > 1) return notice(`Several streets have '${text}' in their names: ${streets.slice(0, 5).join('; ')}${streets.length > 5 ? '; …' : '.'}`);
   by('notice').hidden = true;
   selection.pick(found.map(segment => segment.id), { toggle: false });
   const boxes = found.map(segment => segment.box);
