@@ -148,7 +148,7 @@ class Column(Generic[ArrayT]):
 
 
 class Detections:
-    """Detections of one or several images, a row each.
+    """Detections of one or several images, one row each.
 
     ```python
     Detections(["pothole"], [0.9], box_px=[[10, 20, 60, 50]])

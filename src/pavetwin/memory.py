@@ -27,10 +27,10 @@ def _trim() -> Callable[[int], int] | None:
 
 
 def give_back() -> None:
-    """Give freed memory back: after work whose arrays are large and gone.
+    """Return freed memory to the system, after work with large arrays.
 
-    glibc keeps what threads have freed for their next request, however large it was: half a gigabyte after the ground's
-    textures are made.
+    glibc keeps memory freed by threads for their next request, however large: half a gigabyte after building the
+    ground's textures.
     """
     trim = _trim()
     if trim is not None:

@@ -130,7 +130,7 @@ def _data_files(source: Path, module: ModuleType | None, key: str) -> list[Path]
     """The data that a module declares to read.
 
     Raises:
-        PaveTwinError: it declares no list of names, or a file that is not there.
+        PaveTwinError: the declaration is not a list of names, or a file does not exist.
     """
     names = getattr(module, DATA_FILES, ())
     if not isinstance(names, list | tuple) or not all(isinstance(name, str | Path) for name in names):

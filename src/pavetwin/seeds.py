@@ -30,6 +30,6 @@ class Stream(IntEnum):
 def child(seed: int, stream: Stream, *keys: int) -> np.random.Generator:
     """The generator of `stream` under `seed`; further `keys` (≥ 0) name its children.
 
-    The same arguments give the same numbers on every machine. Seed 0 is a seed like any other.
+    The same arguments give the same numbers on every machine. Seed 0 is valid.
     """
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(int(stream), *keys)))

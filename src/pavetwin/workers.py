@@ -56,7 +56,8 @@ def may_start() -> bool:
 
 
 def _spare_bytes() -> int:
-    """Memory that new processes can have without swapping, by the kernel's estimate; elsewhere half of all."""
+    """Memory available to new processes without swapping, as the kernel estimates it; half of the total on other
+    systems."""
     with suppress(OSError), Path("/proc/meminfo").open(encoding="ascii") as file:
         for name, value, *_ in map(str.split, file):
             if name == "MemAvailable:":

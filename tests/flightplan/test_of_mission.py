@@ -132,5 +132,5 @@ def test_the_plan_follows_the_track(ways: list[Step]) -> None:
 
 @pytest.mark.parametrize("world", [SimpleNamespace(name="town", georeference=anchored(0.0, 0.0))])
 def test_a_world_without_a_place_is_refused(world: Any) -> None:
-    with pytest.raises(PaveTwinError, match="'town' has no place on the earth"):
+    with pytest.raises(PaveTwinError, match="'town' is not georeferenced"):
         planned(track(*OUT_AND_BACK), world)

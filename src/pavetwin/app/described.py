@@ -131,8 +131,10 @@ def _part(values: Mapping[str, Any], name: str) -> Mapping[str, Any]:
 
 
 def _plain_name(name: Any, what: str) -> Any:
-    """Raises:
-    PaveTwinError: it is a file.
+    """Return a name after a check that it is no file.
+
+    Raises:
+        PaveTwinError: it is a file.
     """
     if isinstance(name, str) and (":" in name or "/" in name):
         raise PaveTwinError(

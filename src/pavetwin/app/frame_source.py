@@ -146,7 +146,7 @@ def _shown(source: "MissionFrames", capture: int, part: FramePart) -> dict[str, 
 
 
 def _jpeg(rgb: UInt8Array) -> str:
-    """An image of `SHOWN_PX` at most, in base64."""
+    """A JPEG of at most `SHOWN_PX`, in base64."""
     image, content = Image.fromarray(rgb), BytesIO()
     image.thumbnail((SHOWN_PX, SHOWN_PX), Image.Resampling.LANCZOS)
     image.save(content, "JPEG", quality=_QUALITY)

@@ -1,4 +1,5 @@
-"""Requests of a browser about maps, frames and flights by hand. The server reads these itself, so this loads little."""
+"""Requests of a browser about maps, frames and flights by hand. The server handles these itself, so this module imports
+little."""
 
 import re
 from enum import StrEnum

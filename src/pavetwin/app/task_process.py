@@ -1,8 +1,8 @@
 """The process that runs tasks for the page: `python -m pavetwin.app.task_process`.
 
 It reads one task per line from its input, and messages to the running task, and writes lines of JSON: progress, then a
-result or an error. The traceback of an error that is a fault of the program goes to the error stream. It ends with its
-input, so that it does not outlive the server, and takes what it has started with it: it leads a session of its own.
+result or an error. Tracebacks of internal errors go to the error stream. The process ends when its input closes, so
+that it does not outlive the server, and ends its child processes, since it leads a session of its own.
 """
 
 import json

@@ -29,10 +29,10 @@ from pavetwin.world.parking.rule import NO_RULE, rule_names
 
 
 def run(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, Any]:
-    """Do a task by its name.
+    """Run a task by name.
 
     Raises:
-        PaveTwinError: it cannot be done, in words for who asked for it.
+        PaveTwinError: the task failed; the message is for the requester.
     """
     tasks: dict[str, Callable[[Mapping[str, Any], TaskReport], Mapping[str, Any]]] = {
         "choices": _choices,

@@ -121,7 +121,7 @@ def _fields(message: bytes) -> Iterator[tuple[int, int | bytes]]:
     """Number and value of the fields of a Protocol Buffers message.
 
     Raises:
-        ValueError, IndexError: it is none.
+        ValueError, IndexError: the bytes are not such a message.
     """
     at = 0
     while at < len(message):

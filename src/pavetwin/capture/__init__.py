@@ -1,1 +1,1 @@
-"""Datasets of labelled images, taken of a world from the air or from a car. Its parts are imported where used."""
+"""Datasets of labelled images of a world, taken from the air or from a car. Import its modules directly."""

@@ -1,6 +1,6 @@
 """Image specs and camera samples of a dataset: what image i must show, its name, and a pose and light that can meet it.
 
-Spec i follows from the seed, the platform and i only. Each factor follows its own low-discrepancy sequence
+Spec i depends only on the seed, the platform and i. Each factor follows its own low-discrepancy sequence
 frac(start + i·√p) with its own prime p: each share holds in any run of images, and for any combination of factors
 (Kronecker, Weyl). So the first 100 images of a dataset of 200 are the dataset of 100, and a dataset of two platforms is
 the union of the datasets of each.

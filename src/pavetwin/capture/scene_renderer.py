@@ -34,7 +34,7 @@ class SceneRenderer:
     """Renders images of a world with any of its recorded traffic.
 
     Raises:
-        PaveTwinError: there is no adapter to draw with.
+        PaveTwinError: there is no graphics adapter.
     """
 
     def __init__(self, world: World, style: str = DEFAULT_STYLE) -> None:
@@ -130,7 +130,7 @@ class SceneFrameSource:
 
     @classmethod
     def begin(cls, world: World, settings: CaptureSettings) -> None:
-        """Make the renderer of a world before its traffic is known, for the source that is made next."""
+        """Create the renderer of a world before its traffic is known, for the next source."""
         cls._begun[:] = [(world, SceneRenderer(world, settings.style))]
 
     @staticmethod

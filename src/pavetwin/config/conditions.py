@@ -1,7 +1,7 @@
 """When and in what weather a mission is flown or an image is taken. The place is the world's own.
 
-Light (`pavetwin.scene.light`) and wind (the kernel's airspeed) are read from here. Further weather is a field here and
-the file that computes its effect.
+Light (`pavetwin.scene.light`) and wind (the kernel's airspeed) are read from here. To model further weather, add a
+field here and compute its effect in a module of its own.
 """
 
 import datetime as dt

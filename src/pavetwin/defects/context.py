@@ -158,7 +158,7 @@ def poses_at(seed: int, feature: Feature, segment: Segment, count: int, length_m
 
 def _across_corners(rng: np.random.Generator, segment: Segment, count: int, length_m: float) -> Poses:
     """Poses across corners of slabs, with both ends at a joint at most half a slab from the corner (ASTM D6433: farther
-    it is a linear crack); none for a defect that is too long, or where four slabs meet nowhere."""
+    away it is a linear crack); none for a defect that is too long, or without corners of four slabs."""
     across, along = joints_across(segment), joints_along(segment)
     angle = rng.uniform(*CORNER_RAD, count)
     legs = length_m * np.stack([np.cos(angle), np.sin(angle)], axis=1)

@@ -299,7 +299,7 @@ class SegmentPlacement:
         return None
 
     def _notch(self, number: int, left: Notched) -> None:
-        """Let a defect found lose its notch."""
+        """Remove the notch from a placed defect."""
         before, at = self._found[number], self._outline_at[number]
         outline = turned(np.asarray(left.shape.outline.exterior.coords)[:-1], before.yaw_rad)
         polygon = Polygon(outline + np.array(before.centre.coords[0]))

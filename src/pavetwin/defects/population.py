@@ -104,10 +104,10 @@ class Size(Settings):
         return self
 
     def contains(self, median: float) -> None:
-        """Refuse a median outside the limits, which would be hardly ever drawn.
+        """Refuse a median outside the limits, since few draws would lie within them.
 
         Raises:
-            PlacedValueError: it lies outside.
+            PlacedValueError: the median lies outside.
         """
         if not self.least <= median <= self.most:
             product = (

@@ -80,7 +80,7 @@ def save_condition_map(world: World, path: Path) -> None:
 
 
 def shade_of(per_100_m2: float) -> int:
-    """The number of its shade, from 0 for sound."""
+    """Number of the shade, 0 for defect-free."""
     return sum(per_100_m2 >= limit for limit in STEPS)
 
 

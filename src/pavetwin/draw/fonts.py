@@ -108,7 +108,7 @@ def usual_file(*, bold: bool = False) -> str:
 
 @cache
 def fonts() -> Fonts:
-    """Those of this machine."""
+    """Fonts of this machine."""
     return Fonts(findSystemFonts())
 
 

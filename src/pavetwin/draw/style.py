@@ -342,8 +342,8 @@ def save_figure(figure: Figure, path: Path) -> None:
 
 
 def _pixels(figure: Figure) -> UInt8Array:
-    """(height, width, 4) of a figure as it is saved. `savefig` would write them and have them read again: several
-    copies, which are most of what drawing a map takes of memory."""
+    """(height, width, 4) of a figure as it is saved. `savefig` would encode and decode them, in several copies that
+    dominate the memory of drawing a map."""
     canvas = FigureCanvasAgg(figure)
     figure.set(dpi=DPI, facecolor=PAPER)
     canvas.draw()  # type: ignore[no-untyped-call]
@@ -352,10 +352,11 @@ def _pixels(figure: Figure) -> UInt8Array:
 
 
 def with_palette(rgba: UInt8Array) -> Image.Image:
-    """An opaque image (height, width, 4) in 256 colours, chosen so that none of its own is far from one of them.
+    """An opaque image (height, width, 4) in 256 colours, chosen so that every colour of the image is close to one of
+    them.
 
-    Pillow chooses among the image's colours, each as often as the power 0.7 of its pixels: areas of one colour weigh
-    most, and a map has far fewer such samples than pixels. No dithering.
+    Pillow chooses among the image's colours, each as often as the power 0.7 of its pixels: areas of one colour have the
+    greatest weight, with far fewer samples than pixels. No dithering.
     """
     # As 0xRRGGBB, without arrays of each channel, for the same reason.
     codes = np.ascontiguousarray(rgba).view(">u4")[..., 0].astype("<u4")

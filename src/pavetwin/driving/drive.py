@@ -233,7 +233,7 @@ class Drive:
         """Drive on for `STEP_S`, and return the defects found.
 
         Raises:
-            PaveTwinError: the traffic cannot be recorded any further.
+            PaveTwinError: the recording cannot be extended.
         """
         if self._pedals.ends:
             pedals = replace(pedals, ends=True)

@@ -1,4 +1,4 @@
-"""Missions that are tours: the table with one row a mission instead of one a segment."""
+"""Tours: a table with one row per mission instead of one per segment."""
 
 from typing import Final
 

@@ -200,8 +200,10 @@ def _check_degrees(lonlat: np.ndarray, what: str) -> None:
 
 
 def check_file(path: Path) -> None:
-    """Raises:
-    PaveTwinError: the file of zones does not exist.
+    """Check a file of zones before it is read.
+
+    Raises:
+        PaveTwinError: it does not exist.
     """
     if path.is_dir():
         raise PaveTwinError(f"`no_fly` {path}: it is a folder; name a file of polygons in it.")

@@ -65,7 +65,7 @@ def plan_of(mission: MissionFolder, world: World, *, trigger: Trigger = Trigger.
         world: the world of the mission.
 
     Raises:
-        PaveTwinError: the world has no place on the earth, or the track is missing or damaged.
+        PaveTwinError: the world is not georeferenced, or the track is missing or damaged.
     """
     check_place(world)
     try:
@@ -117,12 +117,14 @@ def _way_home(world: World, settings: MissionSettings) -> WayHome:
 
 
 def check_place(world: World) -> None:
-    """Raises:
-    PaveTwinError: the world has no georeference of its own.
+    """Check that a world is georeferenced.
+
+    Raises:
+        PaveTwinError: it has no georeference of its own.
     """
     if world.georeference == anchored(*DEFAULT_ANCHOR_DEG):
         raise PaveTwinError(
-            f"The world '{world.name}' has no place on the earth, so no drone can fly there; build it with one, as in "
+            f"The world '{world.name}' is not georeferenced, so no drone can fly there; build it with a place, as in "
             "`pavetwin world build SOURCE --anchor 52.47,13.44`, or from a map."
         )
 
@@ -246,7 +248,7 @@ def plan_of_selection(
         on_progress: called with the share done.
 
     Raises:
-        PaveTwinError: the world has no place on the earth, a segment does not exist or cannot be reached, or the
+        PaveTwinError: the world is not georeferenced, a segment does not exist or cannot be reached, or the
             settings do not fit.
     """
     check_place(world)

@@ -129,7 +129,7 @@ def handover_of(
 
     Raises:
         PaveTwinError: the world or a file of the mission is gone, damaged or not what it was, its files contradict each
-            other, or the world has no place on the earth.
+            other, or the world is not georeferenced.
     """
     folder, condition = mission.folder, condition_of_mission(mission)
     reading = flown(mission, frame=condition.world.georeference)

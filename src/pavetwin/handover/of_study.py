@@ -85,7 +85,7 @@ def street_advice(
 
     Args:
         study: its name.
-        table: with a row a segment mission.
+        table: with one row per segment mission.
         design: plain values of `design.yaml`.
         levels: of `CHOSEN`; None where the study has one alone.
         limits, objective: as `advise` takes them. Of a street only the least coverage is judged: limits of time and
@@ -200,8 +200,8 @@ def fly_recommended(folder: Path, advice: StreetAdvice, images: ImagesOf, tell: 
         images: for a sensor that looks at them.
 
     Raises:
-        PaveTwinError: the world is gone, is not what the study flew over, or has no place on the earth; or the mission
-            cannot be flown.
+        PaveTwinError: the world is missing, differs from that of the study, or is not georeferenced; or the mission
+        cannot be flown.
     """
     store = Store(folder)
     design = store.design()

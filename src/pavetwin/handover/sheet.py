@@ -1,4 +1,4 @@
-"""The page of a handover on one sheet of A4, as a figure: everything has its place in inches."""
+"""The page of a handover on one sheet of A4, as a figure, with positions in inches."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -144,7 +144,7 @@ def _streets(paper: Axes, table: PageTable, handover: Handover, y: float, bottom
 
 
 def _names(handover: Handover) -> dict[str, str]:
-    """Names that can be shown, of streets whose own no font of the machine can write."""
+    """Substitute names for streets whose names no installed font can show."""
     world = handover.world
     first = {row["street"]: row["segments"].split()[0] for row in handover.streets.iter_rows(named=True)}
     return {name: shown_label(world, world.segment(each)) for name, each in first.items() if not readable(name)}

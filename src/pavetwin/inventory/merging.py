@@ -84,8 +84,8 @@ def alignment(one: Polygon, other: Polygon) -> Alignment | None:
 
 
 def are_beside(one: Polygon | None, other: Polygon | None) -> bool:
-    """Whether two outlines of one image that lie apart are side by side, as two cracks are. Pieces of one crack follow
-    one another."""
+    """Whether two separate outlines of one image lie side by side, as two cracks do. Pieces of one crack lie in
+    line."""
     if one is None or other is None:
         return False
     larger, smaller = sorted((one, other), key=lambda outline: (-outline.area, outline.wkb))
@@ -278,8 +278,8 @@ def _shares(detections: Detections) -> dict[tuple[int, int], float]:
 
 
 def _pieces(detections: Detections) -> Iterator[tuple[tuple[Alignment, _Content, _Content], int, int]]:
-    """Pairs that go on in one another, each with what it is sorted by: how well, then what the two are, so that the
-    order of the detections decides nothing."""
+    """Pairs in which one piece continues the other, each with its sort key: quality of the fit, then both pieces, so
+    that the result does not depend on the order of detections."""
     thin = [
         index
         for index in range(len(detections))

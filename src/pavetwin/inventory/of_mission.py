@@ -32,7 +32,7 @@ _OF_IMAGES: Final = {"capture": pl.Int64, "image": pl.String}
 def flown_together(folders: Sequence[Path], *, position_error_m: float = 0.0, fitted: str | None = None) -> Reading:
     """Detections of several missions over one place, in the frame of the first; see `flown`.
 
-    A mission that cannot be read is a remark.
+    A mission that cannot be read adds a remark.
 
     Raises:
         PaveTwinError: none can be read.

@@ -233,7 +233,7 @@ def read_description(folder: Path, name: str = DESCRIPTION) -> dict[str, Any]:
     """Content of `dataset.yaml`, or of such a file under another name.
 
     Raises:
-        PaveTwinError: there is none, it is damaged, or of another version's format.
+        PaveTwinError: the file is missing, damaged, or of another version of the format.
     """
     path = folder / name
     if not path.is_file():

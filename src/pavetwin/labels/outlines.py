@@ -1,8 +1,8 @@
-"""Masks as one polygon each, for label files that know nothing else, and polygons as masks.
+"""Masks as one polygon each, for label formats without masks, and polygons as masks.
 
 `outline` passes through the middles of the pixels on the border and is simplified: readers that draw it, border
 included, find the mask. `boundary` passes along the edges of pixels, as boxes do, and is exact: flipped, rotated and
-scaled it still surrounds what the mask does. `filled` is its inverse.
+scaled, it still encloses the area of the mask. `filled` is its inverse.
 """
 
 from collections import defaultdict

@@ -75,7 +75,7 @@ def condition_of_mission(mission: MissionFolder) -> ConditionReport:
 
 
 def unit_table(report: ConditionReport) -> pl.DataFrame:
-    """Table of sample units, one row a unit.
+    """Table of sample units, one row per unit.
 
     Columns: `unit`, `segment`, `street`, `area_m2`, `pci`, `rating`, for missions `pci_found` and `rating_found`, where
     their sensor measured also `pci_detected` and `rating_detected`, and the quantity of each distress and severity that
@@ -106,7 +106,7 @@ def unit_table(report: ConditionReport) -> pl.DataFrame:
 
 
 def street_condition(report: ConditionReport) -> pl.DataFrame:
-    """Table of streets, one row a street, the worst first.
+    """Table of streets, one row per street, the worst first.
 
     Columns: `street`, `units`, `area_m2`, `pci`, `rating`, `worst_unit`, `worst_pci`, and the columns `_found` and
     `_detected` of `unit_table`.

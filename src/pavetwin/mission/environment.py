@@ -73,7 +73,8 @@ class ParkingInput:
 
 
 def parked_columns(parked: ParkedVehicles) -> "PoseColumns":
-    """Parked vehicles as agents that stand still, one array a column, to be drawn and labelled like recorded agents."""
+    """Parked vehicles as agents that stand still, one array per column, to be drawn and labelled like recorded
+    agents."""
     still = np.zeros(len(parked))
     return {
         "agent": (FIRST_ID + parked.place).astype(np.uint32),

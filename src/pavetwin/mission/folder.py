@@ -69,7 +69,8 @@ class MissionFolder:
     def __init__(self, place: Path | str, *, other_policy: bool = False) -> None:
         """Args:
             place: the folder, or its `mission.yaml`.
-            other_policy: the mission is to be flown with another policy, so that its own policy's files may be gone.
+            other_policy: the mission is to be flown with another policy, so that the files of its own policy may be
+            missing.
 
         Raises:
             PaveTwinError: there is no `mission.yaml`, one for each policy, a damaged one or one of another format.
@@ -147,7 +148,7 @@ class MissionFolder:
 
     @cached_property
     def rows(self) -> pl.DataFrame:
-        """The metrics, one row a segment (`segment_table`)."""
+        """The metrics, one row per segment (`segment_table`)."""
         return self.table(SEGMENTS)
 
     @cached_property

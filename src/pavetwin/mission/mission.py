@@ -417,7 +417,7 @@ class Mission:
         self._emit(SegmentFinished(self.flight.time_s, target))
 
     def _fly_pass(self, target: int, line: Pass) -> Iterator[Event | Paused]:
-        """Fly a pass with as many batteries as it takes; each one after the first is full and must bring it further."""
+        """Fly a pass with as many batteries as needed; each one after the first is full and must make progress."""
         left, is_full = line, False
         while not (yield from self._fly_line(target, left)):
             rest = self._left if len(self._left) > 1 else left

@@ -87,7 +87,7 @@ def described(defect: Defect, world: World) -> dict[str, Any]:
 
 
 def defects_table(result: MissionResult) -> pl.DataFrame:
-    """Table of the inspected segments' defects: one row a defect, found or missed and why."""
+    """Table of the inspected segments' defects: one row per defect, found or missed and why."""
     rows = [_defect_row(outcome, result.environment.world) for outcome in result.inspected_defects]
     return pl.DataFrame(rows, schema=_DEFECT_COLUMNS)
 
@@ -211,7 +211,7 @@ def look_table(result: MissionResult) -> pl.DataFrame:
 
 
 def street_table(result: MissionResult, reasons: pl.DataFrame) -> pl.DataFrame:
-    """Table of streets, one row a street, in the order of inspection.
+    """Table of streets, one row per street, in the order of inspection.
 
     Columns: `policy`, `street`, `segments` (ids), `length_m`, `area_m2`, `defects`, `found`, `coverage` (share of the
     defects), `surface_coverage` (by area), `hidden`, `not_recognised`, `other_missed`, `time_s`,

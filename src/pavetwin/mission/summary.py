@@ -109,7 +109,8 @@ def _compared(
 
 
 def street_columns(results: Sequence[MissionResult]) -> tuple[TableColumn, ...]:
-    """One row a street, with the share of its defects that each policy found; of one policy also what it saw."""
+    """One row per street, with the share of its defects that each policy found; for a single policy also what it
+    saw."""
     names = list(dict.fromkeys(row.street for row in results[0].rows))
     by_street = [[[row for row in mission.rows if row.street == name] for name in names] for mission in results]
     first = by_street[0]

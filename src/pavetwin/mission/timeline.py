@@ -90,7 +90,7 @@ class TimelineState:
         return agents_of(self._timeline.trace.agents_at(self.time_s))
 
     def agents_near(self, place: Place, radius_m: float) -> "PoseColumns":
-        """Agents whose body may reach into the disc, one array a column."""
+        """Agents whose body may reach into the disc, one array per column."""
         return self._timeline.trace.agents_near(*place, radius_m, self.time_s)
 
 
@@ -196,7 +196,7 @@ class Timeline:
 
     @cached_property
     def parked(self) -> "PoseColumns":
-        """The vehicles that stand parked during the whole mission, one array a column."""
+        """The vehicles that stand parked during the whole mission, one array per column."""
         return parked_columns(self.environment.parked)
 
     @cached_property

@@ -91,7 +91,7 @@ def allowed_number(highest: float) -> float:
 
 
 def _allowed(values: list[float]) -> list[float]:
-    """The largest m of values in descending order, the last one in part."""
+    """The m largest of values in descending order; the last one is scaled by the fraction of m."""
     number = allowed_number(values[0])
     whole = floor(number)
     kept = values[:whole]

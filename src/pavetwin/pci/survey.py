@@ -45,7 +45,7 @@ class SampleUnit:
 
 
 def sample_units(segments: Iterable[Segment]) -> tuple[SampleUnit, ...]:
-    """The units of segments, in their order: each segment is cut into equal lengths, as near to 225 m² as can be."""
+    """The units of segments, in their order: each segment is cut into equal lengths, as close to 225 m² as possible."""
     return tuple(unit for segment in segments for unit in _units_of(segment))
 
 

@@ -43,7 +43,7 @@ def detect_source(
     pictures: bool = True,
     report: Callable[[float, str], None] = lambda share, what: None,  # noqa: ARG005
 ) -> DetectOutcome:
-    """Detect in every image of a source. Memory holds one image, and the detections of all.
+    """Detect in every image of a source. Memory holds one image at a time, and all detections.
 
     Args:
         output: folder of the files; it may exist.

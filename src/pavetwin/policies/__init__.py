@@ -1,4 +1,4 @@
-"""Π: what to do when traffic hides the road. The shipped policies and the registry for others."""
+"""Recovery policies Π, for roads hidden by traffic: the shipped ones, and the registry."""
 
 from pavetwin.policies.builtin import Baseline, Hover, Micro, Skip
 from pavetwin.policies.policy import Action, Displace, GoOn, Pilot, Policy, Revisit, Wait

@@ -20,7 +20,7 @@ class GoOn:
 
 @dataclass(frozen=True, slots=True)
 class Wait:
-    """Brake, stay where that ends, and look again `seconds` after the decision."""
+    """Brake to a stop, and look again `seconds` after the decision."""
 
     seconds: float
 

@@ -78,7 +78,7 @@ def check_policy(factory: Callable[[PolicySettings], Policy]) -> list[str]:
 
 
 def _watched(settings: PolicySettings, read: set[str]) -> PolicySettings:
-    """The same settings, which add the names of those that are read to `read`."""
+    """Copy of settings that adds the name of each setting it reads to `read`."""
 
     class Watched(PolicySettings):
         def __getattribute__(self, name: str) -> Any:
@@ -156,11 +156,11 @@ def _fingerprint(snapshot: Snapshot) -> str:
 
 @dataclass(frozen=True)
 class _MadeUp:
-    """A kernel's view of a moment that never was: where the hidden cells are seen from is a plain formula."""
+    """Synthetic kernel view of a moment, in which visibility from a displaced place follows a simple formula."""
 
     present: tuple[Agent, ...]
     towards: Place
-    """The visible share grows in this direction, by its length a metre."""
+    """The visible share grows in this direction, by its length per metre."""
     reach_m: float = inf
     """Displacements further than this leave the flight domain."""
 
@@ -297,7 +297,7 @@ def policy_class(name: str) -> type[Policy]:
     """A registered policy's class, or that of `path/to/file.py:ClassName`, once it has passed `check_policy`.
 
     Raises:
-        PaveTwinError: there is none, its file does not give a policy, or the policy breaks a rule.
+        PaveTwinError: it does not exist, its file defines no policy, or the policy breaks a rule.
     """
     kind = find_class(POLICIES, Policy, name)
     if "name" not in vars(kind):

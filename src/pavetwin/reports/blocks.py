@@ -20,7 +20,7 @@ def text_cells(*texts: str) -> tuple[TableCell, ...]:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows under their heads; the first `lead` cells of a row identify it."""
+    """Rows under column heads; the first `lead` cells of a row identify it."""
 
     caption: str
     heads: tuple[str, ...]

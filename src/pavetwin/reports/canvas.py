@@ -24,12 +24,12 @@ _CSS_PX_PER_IN: Final = 96
 
 
 def vector(figure: Figure, caption: str, alt: str) -> ReportFigure:
-    """The figure as SVG, its letters as outlines: it looks the same where DejaVu Sans is not installed."""
+    """The figure as SVG, with text as outlines, so that it looks the same without DejaVu Sans."""
     return _embedded(figure, caption, alt, "svg")
 
 
 def raster(figure: Figure, caption: str, alt: str) -> ReportFigure:
-    """The figure as PNG of few colours: for maps, which hold more shapes than a page should."""
+    """The figure as PNG of few colours, for maps, which have too many shapes for a page."""
     return _embedded(figure, caption, alt, "png")
 
 

@@ -67,7 +67,7 @@ def parked_appearance(kind: str, key: int, seed: int, models: Mapping[str, Model
 
 
 def vehicle_model(kind: str, size_m: Float64Array) -> str:
-    """The model for a kind of ours, or for a SUMO vehicle class: the one of that class whose size is nearest."""
+    """The model for one of our kinds, or for a SUMO vehicle class: the model of that class nearest in size."""
     if kind in KINDS:
         return KINDS[kind].model or kind
     candidates = _CLASSES.get(kind, _CARS)

@@ -48,7 +48,7 @@ def coarser(mesh: Mesh, level: int) -> Mesh:
 
 
 def thinned(mesh: Mesh, level: int, sparser: int = 1) -> Mesh:
-    """Keep one card or triangle of 2^level, enlarged to match; of those keep one of `sparser`, not enlarged."""
+    """Keep one in 2^level cards or triangles, enlarged to match; of those, keep one in `sparser` without enlarging."""
     together = 1 if mesh.uv is None else 2
     kept = mesh.indices.reshape(-1, 3 * together)[:: sparser * 2**level]
     corners = mesh.positions[kept]

@@ -154,9 +154,9 @@ FEWEST_ALARMS: Final = 10
 
 
 def fit_sensor(sources: Sequence[LookSource]) -> SensorModel:
-    """Fit a sensor to what one detector found.
+    """Fit a sensor to the detections of one detector.
 
-    Captures that several missions share, such as those of policies before they part, count once.
+    Captures that several missions share, such as those of policies before they diverge, count once.
 
     Raises:
         PaveTwinError: the sources are of several detectors, or hold too few looks.

@@ -129,7 +129,7 @@ def _scores(reported: Detections, there: Detections, indices: IndexArray) -> Cal
 
 
 def _best(scores: dict[int, float]) -> int:
-    """The defect with the greatest IoU, of equal ones the first; −1 for none."""
+    """The defect with the greatest IoU, the first of equal ones; −1 for none."""
     return min(scores, key=lambda defect: (-scores[defect], defect), default=-1)
 
 

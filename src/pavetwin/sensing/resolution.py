@@ -71,6 +71,6 @@ def _extent(settings: SensingSettings, kind: str, across_m: float, visible_fract
 
 
 def _risen(settings: SensingSettings, ratio: float) -> float:
-    """The smoothstep of pixels over the fewest pixels."""
+    """Smoothstep of the ratio of pixels to the fewest pixels, 0 … 1."""
     risen = min(max((ratio - 1.0) / (settings.full_recall_ratio - 1.0), 0.0), 1.0)
     return risen * risen * (3.0 - 2.0 * risen)

@@ -1,9 +1,8 @@
 """The streets around the targets of a mission, on which its traffic is recorded.
 
-Traffic hides what is inspected only where it is inspected. What flows there is decided by the streets around it: queues
-that reach back from the next junctions, platoons that their signals form. A recording of an area holds the streets
-within a distance of the targets, and the rest of the town is empty. Why that distance is enough: docs/explanation/
-traffic.md, "Area".
+Only traffic on the inspected streets hides the road, but the streets around them determine it: queues that reach back
+from the next junctions, and platoons that signals form. A recording of an area holds the streets within a distance of
+the targets, and the rest of the town is empty. Why that distance is enough: docs/explanation/traffic.md, "Area".
 
 Targets that lie in one square of a fixed grid share their area, whichever of them a mission inspects, so their
 recording is made once.

@@ -1,10 +1,10 @@
-"""Closed-loop demand: every simulated second the agents missing to the target number are inserted.
+"""Closed-loop demand: every simulated second, agents are inserted up to the target number.
 
 Vehicles enter at the map's border and at dead ends while these have room; only the remainder departs at the kerb of
 side streets, so that few vehicles appear in mid-street. A trip leads to a random exit (any edge, in a network without
 exits) and is at least `TRIP_M` long where the network is large enough. At a density it leads to the fastest of
 `GOALS` of them; such trips keep out of each other's way, so that flow hardly falls in dense traffic. Where a level of
-service or an hour is asked for, no exit is preferred. Vehicles are rerouted (SUMO's rerouting device) by travel times
+service or an hour is requested, no exit is preferred. Vehicles are rerouted (SUMO's rerouting device) by travel times
 that are means over up to half an hour. Pedestrians start on any sidewalk, walk at random over crossings and end on a
 sidewalk. During the first half of the warm-up agents start anywhere. Runs only in the simulation's process.
 

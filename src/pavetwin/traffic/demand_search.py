@@ -121,7 +121,7 @@ def search_for_areas(world: World, mix: str, on_progress: OnRecorded | None = No
 
 def middle_of(world: World) -> TrafficArea | None:
     """The smallest area around the middle of a world's segments with `SEARCHED_LANES_KM` of lanes or more; None for the
-    whole world where that has not twice as much."""
+    whole world if it has less than twice as much."""
     if not world.segments or world.length_km(LaneKind.DRIVING) < 2 * SEARCHED_LANES_KM:
         return None
     places = np.array([segment.centre_line.centroid.coords[0] for segment in world.segments])

@@ -139,7 +139,7 @@ class Inputs:
 
     @property
     def level_options(self) -> tuple[str, ...]:
-        """Options of SUMO for traffic that is to flow at a level of service."""
+        """SUMO options for traffic at a level of service."""
         return sumo_run.LEVEL_OPTIONS if self.asked and self.asked.is_found else ()
 
     @property

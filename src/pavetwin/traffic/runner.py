@@ -44,7 +44,7 @@ def workplace() -> Iterator[Path]:
     """A temporary folder for one simulation.
 
     Raises:
-        PaveTwinError: there is no room for it.
+        PaveTwinError: the disk is full.
     """
     try:
         with tempfile.TemporaryDirectory(prefix="pavetwin-", ignore_cleanup_errors=True) as folder:

@@ -2,9 +2,9 @@
 
 SUMO runs only here, so that a crash of SUMO ends this process and not the caller's. Standard input is one end of a
 connection. The owner sends a `SimulationJob` and then, any number of times, a count of frames; the answers are shares
-done and finally a `Part`. SUMO is paused between requests. After None the simulation is closed, which None answers;
-then the next job may come, which is simulated as in a new process. When the other end is closed, the job's folder is
-removed and the process ends.
+done and finally a `Part`. SUMO is paused between requests. None closes the simulation and is answered by None; the next
+job may follow, and runs as in a new process. When the other end is closed, the job's folder is removed and the process
+ends.
 
 `AreaLoop` holds the demand of an area: as many vehicles as its town has there, on the town's trips cut to the area. In
 the first half of the warm-up vehicles start anywhere on these trips, in proportion to the time that they take on each
@@ -448,7 +448,7 @@ def shares(count: int, weights: Sequence[float]) -> list[int]:
 
 
 def serve(owner: Connection) -> int:
-    """Simulate what the owner asks for, one job after the other. Returns the exit code: 0 the owner is done or gone, 1
+    """Run the owner's jobs, one after the other. Returns the exit code: 0 the owner is done or gone, 1
     SUMO refused."""
     sys.modules.setdefault("pyproj", None)  # type: ignore[arg-type] # libsumo's tools would load it, and need it not
     with redirect_stdout(None):  # what the module prints when it is imported is not SUMO's

@@ -437,7 +437,7 @@ class AgentTracks:
         return replace(self, first_step=self.first_step + first, numbers=self.numbers.between(first, end))
 
     def followed_by(self, rows: PoseRows, is_pedestrian: BoolArray, step_s: float) -> "AgentTracks":
-        """Longer by some frames; of a window that is the whole recording."""
+        """The tracks with further frames appended; the window must be the whole recording."""
         last = self.parts[-1].load()
         known = int(self.numbers.known[-1])
         longer = tuple(_parts(last.rows().followed_by(rows), last.first_step))

@@ -144,7 +144,7 @@ class InspectionMemory:
 
         Args:
             coverage: share of its cells seen so far.
-            inspected_share: share of the cells not hidden by parked vehicles that makes it inspected.
+            inspected_share: share of the cells not hidden by parked vehicles from which it counts as inspected.
             permanently_hidden: share of its cells that parked vehicles hide.
         """
         enough = inspected_share * (1.0 - permanently_hidden)

@@ -53,7 +53,7 @@ class ConnectionReader:
 
         Raises:
             KeyError: an attribute is missing.
-            ValueError: two lanes have one index, or a number is not one.
+            ValueError: two lanes have one index, or a number is malformed.
         """
         edge = element.attrib["id"]
         function = element.get("function") or "normal"
@@ -69,7 +69,7 @@ class ConnectionReader:
                 self._inner_shapes[lane.attrib["id"]] = points_of(lane.attrib["shape"])
 
     def take_connection(self, element: Element) -> None:
-        """Note a `<connection>`.
+        """Record a `<connection>`.
 
         Raises:
             KeyError: an attribute is missing.

@@ -267,7 +267,7 @@ def _settle(graph: StreetGraph, point: Float64Array, rng: np.random.Generator) -
 
 
 def _parcel(graph: StreetGraph, rng: np.random.Generator) -> None:
-    """Split blocks until none is larger than its place in town allows."""
+    """Split blocks until none is larger than its location in the town allows."""
     settled: set[Coordinate] = set()
     while True:
         blocks = [face for face in graph.faces() if (face.centroid.x, face.centroid.y) not in settled]

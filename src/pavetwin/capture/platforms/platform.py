@@ -111,7 +111,7 @@ class Platform(ABC):
 
     @classmethod
     def reaches(cls, world: World, recordings: Mapping[str, Recording]) -> set[str]:  # noqa: ARG003 - for others
-        """The streets of which it can take images in every one of the recordings."""
+        """The streets of which the platform can take images in every recording."""
         return {segment.street for segment in world.segments}
 
     @abstractmethod
@@ -130,7 +130,7 @@ platform = PLATFORMS.register
 
 
 def flying(names: Iterable[str]) -> list[str]:
-    """Those of some platforms that fly at an altitude with the camera of the settings.
+    """The platforms among `names` that fly at an altitude, with the camera of the settings.
 
     Raises:
         PaveTwinError: there is no such platform.

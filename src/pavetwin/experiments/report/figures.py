@@ -186,8 +186,8 @@ def _in_order(ticks: Sequence[Any]) -> bool:
 
 
 def _scale_axis(axes: Axes, metric: Metric, rows: Sequence[Row | None]) -> None:
-    """Logarithmic if values span a wide range, except points of an index; else from 0 where that costs little room.
-    A share ends at 100."""
+    """Make the axis logarithmic if values span a wide range, except points of an index; otherwise start it at 0 if that
+    costs little room. A share ends at 100."""
     ends = np.concatenate([_values(metric, rows, name) for name in ("mean", "low", "high")])
     ends = ends[np.isfinite(ends)]
     if metric.unit != "points" and canvas.spans_wide(ends.tolist()):

@@ -39,7 +39,7 @@ def intervals(units: Float64Array, worlds: IndexArray, seed: int) -> tuple[Float
     for, and mirrored or shifted values have the mirrored or shifted interval.
 
     Args:
-        units: (cells, blocks) one value a replicate, NaN where it has none.
+        units: (cells, blocks) one value per replicate, NaN where it has none.
         worlds: (blocks,) number of each block's world, ascending.
 
     Returns:

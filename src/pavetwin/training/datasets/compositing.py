@@ -395,7 +395,7 @@ def _name(image: AnnotatedImage) -> str:
 
 
 def _random_numbers(image: AnnotatedImage, *, seed: int) -> np.random.Generator:
-    """Those of an image, the first of which decides whether it becomes a composite."""
+    """Random numbers of an image; the first decides whether it becomes a composite."""
     return child(seed, Stream.COMPOSITE, int.from_bytes(sha256(as_xml(image)).digest()[:8], "big"))
 
 

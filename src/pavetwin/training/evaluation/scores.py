@@ -36,7 +36,7 @@ class ClassScores:
 
     @property
     def recall(self) -> float | None:
-        """None where there is no object."""
+        """Recall; None without objects."""
         return self.hits / self.objects if self.objects else None
 
     @property

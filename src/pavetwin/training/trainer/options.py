@@ -61,7 +61,7 @@ class TrainingOptions:
     brightness: float = _about("Brightnesses vary by at most this share.", 0.4, 0, 1)
     subtype_weight: float = _about("α of L_total.", 1.0, 0, 100)
     mask_weight: float = _about("μ of L_total; 0 trains no masks.", 1.0, 0, 100)
-    seed: int = _about("Random seed; 0 is a seed too.", 0, 0, 2**31)
+    seed: int = _about("Random seed; 0 is valid.", 0, 0, 2**31)
 
     def __post_init__(self) -> None:
         """Raises:

@@ -82,7 +82,7 @@ class Edges:
         self.tree = STRtree(pieces)
 
     def locate(self, xy: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
-        """For points (n, 2) the way along the nearest ring, that ring's length, and the distance from it [m]."""
+        """For points (n, 2), the distance along the nearest ring, that ring's length, and the distance from it [m]."""
         points = shapely.points(xy)
         piece = self.tree.nearest(points)
         lines = self.pieces[piece]

@@ -1,4 +1,4 @@
-"""How high the ground is: the carriageway at 0, a kerb around it, the land behind at the kerb's height."""
+"""Height of the ground: the carriageway at 0, a kerb around it, the land behind at the kerb's height."""
 
 from typing import Final
 
