@@ -210,7 +210,7 @@ def test_a_group_without_a_command_prints_its_help_and_asks_for_one() -> None:
         done = pavetwin(group)
         assert done.returncode == 2
         assert "Usage:" in done.stdout
-        assert done.stderr == "Error: Give one of these commands.\n"
+        assert done.stderr == "Error: Choose one of these commands.\n"
 
 
 # --- Frames of a mission --------------------------------------------------------------------------------------------

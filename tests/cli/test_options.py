@@ -214,7 +214,7 @@ GRID = ("world", "build", "--generate", "grid", "-o", "worlds/grid")
     [
         (("policy", "check", "hovr"), "Error: policy check: no policy 'hovr' (did you mean 'hover'?);"),
         (("sensor", "check", "idael"), "Error: sensor check: no sensor 'idael' (did you mean 'ideal'?);"),
-        (("policy", "check", "mine.py"), "Error: policy check: 'mine.py' lacks the name of the class;"),
+        (("policy", "check", "mine.py"), "Error: policy check: 'mine.py' names no class;"),
         (("defect", "check", "potole"), "Error: defect check: no defect class 'potole' (did you mean 'pothole'?);"),
         (("defect", "check", "potole"), "Name a class of your own by its file, as in my_class.py:ravelling."),
         ((*GRID, "--segment-length", "-5"), "Error: --segment-length: it must be greater than or equal to 40"),

@@ -21,7 +21,8 @@ from pavetwin.uav.aircraft import aircraft_of, camera_name
 
 PILOT: Final = (
     "The pilot is responsible for the flight: check the plan, the airspace, the permits and the people below, keep the "
-    "aircraft in sight and be ready to take over. Heights are above the take-off point; the ground is taken as level "
+    "aircraft in sight and be ready to take over. Heights are above the take-off point; the ground is assumed to be "
+    "level "
     "and obstacles as mapped, so that wires and trees may be missing."
 )
 
