@@ -118,7 +118,7 @@ class ResultOptions:
         PaveTwinError: a value is not known.
         """
         if self.save_frames not in FRAMES:
-            raise PaveTwinError(f"`save_frames` {self.save_frames}: expected {' or '.join(FRAMES)}.")
+            raise PaveTwinError(f"`save_frames` {self.save_frames}: expected one of {', '.join(FRAMES)}.")
 
 
 @grouped

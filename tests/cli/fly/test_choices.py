@@ -137,7 +137,7 @@ def test_the_detector_needs_a_model_that_is_there(world: Path, tmp_path: Path) -
     other = pavetwin("fly", world, *SHORT, "-o", tmp_path / "m", "--model", drawn_detector.FILE)
     assert plain_refusal(other) == "Error: --model: the sensor 'recall' takes none; add --sensor detector."
     assert plain_refusal(pavetwin("fly", world, "--save-frames", "some")) == (
-        "Error: --save-frames some: expected hits or all, none."
+        "Error: --save-frames some: expected one of hits, all, none."
     )
     assert not (tmp_path / "m").exists()
 
