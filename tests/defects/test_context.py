@@ -109,7 +109,7 @@ def test_plants_grow_in_overgrown_cracks_only(cracked: World, plan) -> None:  # 
     assert shapely.dwithin(outlines, shapely.points(tufts[:, :2]), 0.02).all()
     bare = tuple(replace(each, parameters=()) for each in cracked.defects)
     assert not len(plants(replace(plan, world=replace(cracked, defects=bare)), none).bars)
-    assert (plan.paint.bar_looks[:, 0] > paint("green")).any()
+    assert (plan.paint.bar_paints[:, 0] > paint("green")).any()
 
 
 def on_street(name: str, per_100_m2: float, context: str, folder: Path) -> World:
