@@ -143,7 +143,7 @@ def test_an_overview_is_asked_for(tmp_path: Path) -> None:
         (("in.png", "--model", FILE, "-o", "new", "--gsd-mm", "0"), "--gsd-mm 0: it must be above 0"),
         (("in.png", "--model", FILE, "-o", "new", "--confidence", "25"), "--confidence 25: it must be above 0"),
         (("in.png", "--model", FILE, "-o", "new", "--image", "100"), "--image 100: a multiple of 32"),
-        (("in.png", "--model", FILE, "-o", "new", "--whole", "--overview"), "--overview: it is a look beside those"),
+        (("in.png", "--model", FILE, "-o", "new", "--whole", "--overview"), "--overview adds to the search in tiles"),
         (("in.png", "--model", FILE, "-o", "new", "--every", "-1"), "--every -1: it must be 0 or more"),
         (("in.png", "--model", FILE, "-o", "new", "--every", "nan"), "--every nan: it is a finite number"),
         (("in.png", "--model", FILE, "-o", "new", "--gsd-mm", "nan"), "--gsd-mm nan: it is a finite number"),
