@@ -141,7 +141,7 @@ def test_a_street_need_not_be_in_every_world() -> None:
     first, other = (replace(avenue(name), name=name) for name in ("Bell Lane", "Mill Road"))
     made = design(worlds=["a", "b"], streets=["Bell Lane", "Mill Road"], altitudes_m=[10], policies=["baseline"])
     assert plan(made, [first, other]).targets == ((0,), (0,))
-    with pytest.raises(PaveTwinError, match="segments: 1 are asked for, but 'Mill Road' has only 0 of Bell Lane"):
+    with pytest.raises(PaveTwinError, match="segments: the design requests 1, but 'Mill Road' has only 0 of Bell Lane"):
         plan(made.model_copy(update={"streets": ("Bell Lane",)}), [first, other])
 
 
@@ -213,7 +213,7 @@ def test_what_does_not_fit_is_refused_by_name(values: dict[str, object], words: 
             {"streets": ["stret"]},
             r"^the design: streets: No segment or street 'stret' in the world 'tiny' \(did you mean 'street'\?\)",
         ),
-        ({"segments": 3}, "segments: 3 are asked for, but 'tiny' has only 1"),
+        ({"segments": 3}, "segments: the design requests 3, but 'tiny' has only 1"),
     ],
 )
 def test_levels_that_do_not_exist_are_refused_before_anything_is_flown(values: dict[str, object], words: str) -> None:

@@ -19,7 +19,7 @@ _SHADES: Final = 16
 
 
 def page_colours() -> Mapping[str, Any]:
-    """By what they stand for, as `#RRGGBB`."""
+    """Colours of the page as `#RRGGBB`, keyed by meaning."""
     ramp = [to_hex(style.VISIBILITY(shade / (_SHADES - 1))) for shade in range(_SHADES)]
     return {
         "ground": style.GROUND,

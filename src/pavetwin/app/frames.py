@@ -18,7 +18,7 @@ class FrameRenderer:
     """Renders one frame at a time in a process that is there while a page is open: the one that makes the tiles of the
     town in 3-D, of the same world.
 
-    Of each page only its latest request counts: moving the slider asks for many frames, and all but the last are of no
+    Of each page only its latest request counts: moving the slider requests many frames, and all but the last are of no
     use any more. One that waits is dropped, one that is rendered is given up unless it is a preview, which takes no
     longer than giving it up. Pages take turns.
     """
@@ -35,7 +35,7 @@ class FrameRenderer:
     async def frame(self, page: object, task: Mapping[str, Any]) -> Mapping[str, Any]:
         """Raises:
         PaveTwinError: the frame cannot be rendered.
-        asyncio.CancelledError: the page asked for another one, or has gone.
+        asyncio.CancelledError: the page requested another one, or disconnected.
         """
         self._drop(page)
         if known := self._kept.get(_name(task)):

@@ -228,7 +228,7 @@ class ResultHandler(GuardedHandler):
 
 
 class MadeHandler(GuardedHandler):
-    """A file that was made of a mission when it was asked for."""
+    """A file made from a mission on request."""
 
     async def get(self, key: str, name: str) -> None:
         file = self.session.made_file(key, name)

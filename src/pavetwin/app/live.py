@@ -3,7 +3,7 @@
 The page sends `{"id": 7, "do": "fly", "world": "w0", "request": {…}}` and gets `{"id": 7, "share": 0.4, "what": …}` as
 often as it reads, `{"id": 7, "ready": {…}}` when a mission can be played, and then `{"id": 7, "done": {…}}` or
 `{"id": 7, "error": "…"}`. `{"id": 7, "do": "cancel"}` ends a task; a mission that is ready stays, and is `done` without
-the images that were not drawn yet. Of the frames that a page asks for only the latest waits, to be rendered or to be
+the images that were not drawn yet. Of the frames that a page requests, only the latest waits, to be rendered or to be
 sent; `{"id": 7, "cancelled": true}` answers the one before it. A flight or a drive by hand reports
 `{"id": 7, "live": {…}}` ten times a second, as often as the page reads, with all that is new since, and takes
 `{"id": 7, "do": "steer", "stick": {…}}`, the latest first. A page that goes away ends all of its tasks.
@@ -212,7 +212,7 @@ class LiveHandler(WebSocketHandler):
 
     def _send(self, message: dict[str, Any]) -> None:
         if self._unread > UNREAD:
-            self.close(1008, "The page does not read what it asks for.")
+            self.close(1008, "The page does not read the answers that it requests.")
             return
         text = json.dumps(message)
         with suppress(WebSocketClosedError):

@@ -186,7 +186,7 @@ def write_flight(values: Mapping[str, Any], folder: Path, *, level: int = 6) -> 
 
 
 def tables(results: Sequence[MissionResult]) -> list[dict[str, Any]]:
-    """Those that the command line prints, column by column."""
+    """The tables of the command line, by column."""
     first = comparison_columns(results) if len(results) > 1 else segment_columns(results[0])
     shown: list[tuple[str, tuple[TableColumn, ...]]] = [("policies" if len(results) > 1 else "segments", first)]
     if has_street_table(results):

@@ -35,7 +35,7 @@ Deflection = Annotated[float, Field(ge=-1.0, le=1.0)]
 
 
 class TownRequest(Settings):
-    """A town that a browser asks for, from a map that it is going to send. No path is among it."""
+    """Request to build a town from a map that the browser will send. It contains no path."""
 
     name: Annotated[str, StringConstraints(pattern=re.compile(r"^\w[\w-]{0,59}\Z"))]
     """Name of the town and of its folder."""
@@ -43,7 +43,7 @@ class TownRequest(Settings):
     bytes: Annotated[int, Field(ge=1)]
     left_hand: bool = False
     parking_rule: Annotated[str, StringConstraints(pattern=re.compile(r"^[a-z_]{1,40}\Z"))] = "europe"
-    """By the name of one that ships."""
+    """Name of a shipped rule."""
 
     @classmethod
     def of(cls, values: Any) -> Self:

@@ -69,7 +69,7 @@ class Played:
 
     @property
     def made(self) -> Path:
-        """The folder of what is made of the missions when it is asked for."""
+        """The folder of files made from missions on request."""
         return self.folder / "made"
 
     def mission(self, number: int) -> Path:
@@ -84,7 +84,7 @@ class Session:
         """Args:
             folders: of worlds, studies and datasets.
             place: the folder that gets the worlds built from maps.
-            tasks: whose processes do what the page asks for; a pool of its own unless given.
+            tasks: pool whose processes run the page's tasks; default: a new one.
 
         Raises:
             PaveTwinError: a folder is none of these.
@@ -135,7 +135,7 @@ class Session:
         return self._played.get(key)
 
     async def map_file(self, key: str) -> Path:
-        """The map of a world; made when it is asked for first, and again when the world was built again.
+        """The map of a world; made on first request, and again after the world was rebuilt.
 
         Raises:
             PaveTwinError: there is no such world, or it cannot be read.
@@ -188,7 +188,7 @@ class Session:
     async def run(
         self, asked: Mapping[str, Any], on_progress: OnReport, messages: Messages | None = None
     ) -> Mapping[str, Any]:
-        """Do what a browser asked for: `choose` by a mission.yaml, `estimate`, `fly`, `fly_missed`, `play`, list
+        """Run a browser's request: `choose` by a mission.yaml, `estimate`, `fly`, `fly_missed`, `play`, list
         the `missions`, `build` a town, `pilot` a flight or `drive` a car by hand, `export` a mission, or `show` a study
         or a dataset.
 

@@ -105,7 +105,7 @@ class LiveVehicle(Protocol):
 
 
 def steer_live(vehicle: LiveVehicle, inputs: MissionInputs, session: Path, report: PilotReport) -> None:
-    """Go on until it is over, with a folder of the session that is gone afterwards.
+    """Continue to the end, with a temporary folder of the session.
 
     Raises:
         PaveTwinError: it cannot go on.
@@ -306,7 +306,7 @@ DRIVER: Final = "by-car"
 """Stands where the name of a policy does."""
 
 LONGEST_S: Final = 3600.0
-"""A drive ends by itself after this long: it is forgotten."""
+"""An abandoned drive ends after this time."""
 
 PEDALS: Final = "by-car.json"
 SEGMENTS, TRACK_FILE, DEFECTS = "segments.csv", "track.csv", "defects.csv"

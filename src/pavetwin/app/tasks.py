@@ -1,7 +1,7 @@
 """Tasks of the page: read a world for its map, estimate, fly, play missions, build.
 
 Each takes plain values and returns plain values; large results are files in the session's folder. What takes long once
-is kept for the next task: the world, and the environment at the altitude that was asked for last.
+is kept for the next task: the world, and the environment at the altitude requested last.
 """
 
 from collections.abc import Callable, Mapping

@@ -10,11 +10,11 @@ from pavetwin.scene.web.town import MANIFEST, WebTown
 from pavetwin.world.model import World
 
 _kept: dict[str, WebTown] = {}
-"""The town that was asked for last."""
+"""The town requested last."""
 
 
 def town_file(world: World, name: str, folder: Path) -> dict[str, Any]:
-    """Where a file of a world's town is; it is made when it is asked for first.
+    """Path of a file of a world's town, made on first request.
 
     Args:
         name: within the town, as its manifest names files.

@@ -116,7 +116,7 @@ class Uploads:
         return upload
 
     async def build(self, values: Any, on_progress: OnReport) -> Path:
-        """The folder of a town that a page asks for, once its map has come and the town is built.
+        """The folder of a requested town, once its map has arrived and the town is built.
 
         Args:
             on_progress: called with the key as `{"ready": {"upload": key}}`, then progress.
@@ -146,7 +146,7 @@ class Uploads:
 
     @contextmanager
     def _room(self) -> Iterator[Path]:
-        """A folder for one map, which is gone afterwards."""
+        """A temporary folder for one map."""
         if self._count >= AT_ONCE:
             raise PaveTwinError("Other maps are being built; wait for one of them to end.")
         try:

@@ -23,7 +23,7 @@ class ImageMetadata:
     when: datetime
     """UTC."""
     exposure: Exposure | None
-    """None where the camera's settings are not known."""
+    """None if the camera's settings are unknown."""
     is_airborne: bool
 
     @property

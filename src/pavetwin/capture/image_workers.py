@@ -45,7 +45,7 @@ class TilePrefetcher:
         self._sender.submit(self._send, _start_tiles)
 
     def make(self, views: Sequence[LitView]) -> None:
-        """Make what some frames need, in this order, after those that were asked for before."""
+        """Prepare what some frames need, in this order, after earlier requests."""
         self._sender.submit(self._send, views)
 
     def _send(self, message: object) -> None:

@@ -1,7 +1,7 @@
 """The images of a mission's captures, rendered from the world, its defects and the traffic the mission replays.
 
 Sensors that look at images get them here in flight, saved frames after it: the same capture gives the same image. Until
-the first image is asked for, nothing that renders is loaded.
+the first image is requested, nothing that renders is loaded.
 """
 
 from dataclasses import dataclass, field

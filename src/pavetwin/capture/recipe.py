@@ -35,7 +35,7 @@ class JoinedImages:
     """Counts of a joined dataset."""
 
     images: Counter[str] = field(default_factory=Counter)
-    """By split."""
+    """Keyed by split."""
     empty: Counter[str] = field(default_factory=Counter)
     """Images without any label, by split."""
     labelled: Counter[tuple[str, str]] = field(default_factory=Counter)

@@ -103,7 +103,7 @@ class Statistics:
     classes: tuple[str, ...] = field(default_factory=lambda: tuple(category.name for category in categories()))
     """Names of the classes, by number."""
     images: Counter[str] = field(default_factory=Counter)
-    """By split."""
+    """Keyed by split."""
     platforms: Counter[tuple[str, str]] = field(default_factory=Counter)
     """Images by platform and split."""
     empty: Counter[str] = field(default_factory=Counter)
@@ -111,7 +111,7 @@ class Statistics:
     missed_requests: int = 0
     """Images that show another class than requested (or a defect where none was): no pose for the request was found."""
     labelled: Counter[tuple[str, str]] = field(default_factory=Counter)
-    """By class and split."""
+    """Keyed by class and split."""
     distinct: dict[tuple[str, str], set[str]] = field(default_factory=dict)
     """Ids of the labelled defects, by class and split."""
     severities: Counter[tuple[str, str]] = field(default_factory=Counter)
@@ -119,7 +119,7 @@ class Statistics:
     sizes: Counter[tuple[str, str]] = field(default_factory=Counter)
     """Labelled objects by class and COCO's size class."""
     ignored: Counter[tuple[str, str]] = field(default_factory=Counter)
-    """By class and reason."""
+    """Keyed by class and reason."""
 
     def add(self, record: Record) -> None:
         self.images[record.split] += 1

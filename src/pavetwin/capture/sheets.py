@@ -226,7 +226,7 @@ def _reported(detections: Detections, outcome: str) -> list[_Cell]:
 
 
 def _missed(result: MissionResult) -> list[_Cell]:
-    """Those that a capture showed, the largest first."""
+    """Missed defects that a capture showed, the largest first."""
     shown = [each for each in result.inspected_defects if not each.is_found and each.capture is not None]
     shown.sort(key=lambda each: -each.defect.polygon.area)
     cells = []

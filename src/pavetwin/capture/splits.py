@@ -90,7 +90,7 @@ class _Town:
 
     @cached_property
     def open_splits(self) -> IndexArray:
-        """Those that get streets."""
+        """Splits that receive streets."""
         return np.flatnonzero(self.target > 0)
 
     @cached_property

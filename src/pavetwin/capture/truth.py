@@ -131,7 +131,7 @@ class ContrastMeter:
 
     @cached_property
     def _change(self) -> Float32Array:
-        """By how much defects change the luma of each pixel."""
+        """Change of each pixel's luma by defects."""
         return np.asarray(self._rgb.astype(np.float32) @ _LUMA - self._luma, dtype=np.float32)
 
     @cached_property

@@ -164,7 +164,7 @@ Mix = Annotated[
 
 
 def traffic_name(density: str | None, los: str | None, hour: int | None, mix: str | None) -> str | None:
-    """The name of the traffic that options ask for, as `density_named` reads it; None where none of them is given.
+    """The name of the requested traffic, as `density_named` reads it; None if no option is given.
 
     Raises:
         PaveTwinError: two of them exclude each other, or a name is not known.

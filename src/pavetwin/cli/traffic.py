@@ -131,7 +131,7 @@ def _density(
     pedestrians: float | None,
     routes: list[Path],
 ) -> "Density | None":
-    """The density that options ask for; None for the user's own routes.
+    """The requested density; None for the user's own routes.
 
     Raises:
         PaveTwinError: the options contradict each other, or none gives an amount of traffic.

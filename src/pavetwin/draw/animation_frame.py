@@ -42,7 +42,7 @@ def bodies(agents: "PoseColumns") -> Float64Array:
 
 
 def columns_near(agents: "PoseColumns", place: tuple[float, float], radius_m: float) -> "PoseColumns":
-    """Those agents whose body may reach into a disc."""
+    """Agents whose body may reach into a disc."""
     reach_m = radius_m + np.hypot(agents["length_m"], agents["width_m"]) / 2
     near = np.hypot(agents["x_m"] - place[0], agents["y_m"] - place[1]) <= reach_m
     return cast("PoseColumns", {name: column[near] for name, column in cast("dict[str, AnyArray]", agents).items()})

@@ -187,7 +187,7 @@ def choose_fonts(figure: Figure) -> None:
 
 
 def shown_names(world: World) -> dict[str, str]:
-    """By the id of each segment, its street's name in letters that an image can show; the id where there is none."""
+    """Street name of each segment, by id, in letters that an image can show; otherwise the id."""
     lacking = fonts().lacking("".join({segment.street for segment in world.segments}))
     shown = {}
     for segment in world.segments:

@@ -70,7 +70,7 @@ class MapTransform:
         disc = Point(self.origin).buffer(reach_m)
 
         def near(items: Iterable[Item], *geometries: str) -> tuple[Item, ...]:
-            """Those whose first geometry touches the disc, on the page."""
+            """Items whose first geometry touches the disc, on the page."""
             return tuple(
                 replace(item, **{name: self.shape(getattr(item, name)) for name in geometries})
                 for item in items

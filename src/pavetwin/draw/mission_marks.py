@@ -30,7 +30,7 @@ class DefectOutcome(StrEnum):
     """Confirmed first on a revisit."""
     MISSED = "missed"
     BEHIND_PARKED = "behind parked vehicle"
-    """Missed: under or behind a parked vehicle, hidden for good."""
+    """Missed: under or behind a parked vehicle, hidden permanently."""
 
 
 def outcomes(result: MissionResult) -> dict[int, DefectOutcome]:

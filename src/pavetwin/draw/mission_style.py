@@ -30,7 +30,7 @@ AGENT_COLOURS: Final = {
     "aircraft": "#7A2E8E",
     "parked": "#B4B7BB",
 }
-"""By group; muted, so that the colours of visibility stand out."""
+"""Keyed by group; muted, so that the colours of visibility stand out."""
 
 SMALLEST_VEHICLE_M = 1.2
 """Agents that are shorter and do not walk are other aircraft."""

@@ -34,11 +34,11 @@ class CarLimits:
     """Limits of the car."""
 
     speed_mps: float = 30 / 3.6
-    """By judgement: a calm drive in a town."""
+    """Estimate for a calm drive in a town."""
     fast_mps: float = 50 / 3.6
     """The usual limit in towns."""
     reverse_mps: float = 2.0
-    """By judgement."""
+    """Estimate."""
     acceleration_mps2: float = 2.6
     """SUMO's passenger cars: SUMO, Vehicle Type Parameter Defaults."""
     braking_mps2: float = 4.5
@@ -46,13 +46,13 @@ class CarLimits:
     slowing_mps2: float = 2.0
     """Deceleration without a pedal. By judgement, like electric cars."""
     lateral_mps2: float = 4.0
-    """By judgement: about half of what dry asphalt gives. It limits the steering angle at speed."""
+    """Estimate: about half the limit of dry asphalt. It limits the steering angle at speed."""
     steering_rad: float = radians(35.0)
     """Largest angle of the front wheels. By judgement: a turning circle of some 10 m, like small cars."""
     steering_rad_s: float = radians(45.0)
     """Turn rate of the front wheels. By judgement: from straight ahead to full lock in 0.8 s."""
     wheelbase_m: float = 2.43
-    """By judgement, for a body of 3.8 m. The axles are as far ahead of the middle as behind it."""
+    """Estimate for a body of 3.8 m. The axles are as far ahead of the middle as behind it."""
     track_m: float = 1.48
     """Distance between the wheels of an axle. By judgement."""
 

@@ -46,8 +46,8 @@ class GroundView:
     blur_px: float
     """Motion blur at the speed of inspection."""
     unseen_m: Mapping[str, float]
-    """By class the extent below which a defect covers fewer than `sensing.least_px` pixels, blur included: the width of
-    a crack across the flight, else the shorter side."""
+    """Extent, keyed by class, below which a defect covers fewer than `sensing.least_px` pixels, blur included: the
+    width of a crack across the flight, else the shorter side."""
     unseen_along_m: Mapping[str, float]
     """Limit of thin classes along the flight, which blur does not widen."""
     is_counted: bool

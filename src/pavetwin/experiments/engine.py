@@ -175,7 +175,8 @@ class Cluster(Engine):
                 if client.status == "running":
                     raise
                 raise PaveTwinError(
-                    f"The Dask scheduler {self._scheduler} is gone; what was flown is kept. Once one runs again, the "
+                    f"The Dask scheduler {self._scheduler} has stopped; flown missions are kept. Once one runs "
+                    "again, the "
                     "same command continues."
                 ) from error
 

@@ -278,7 +278,7 @@ class _Ground:
     images_of: ImageSourceFactory | None
     _image_sources: dict[ParkingInput, ImageSource] = field(default_factory=dict)
     _sensors: dict[tuple[str, ParkingInput], Sensor] = field(default_factory=dict)
-    """Those that serve several missions, see `Sensor.is_reused`, by their settings."""
+    """Sensors that serve several missions, see `Sensor.is_reused`, keyed by their settings."""
 
     @classmethod
     def of(cls, plan: Plan, unit: Unit) -> "_Ground":

@@ -116,7 +116,7 @@ def _check_levels(design: Design, cells: Sequence[Cell]) -> dict[str, str]:
 
 
 def _check_recordings(design: Design, worlds: Sequence[World]) -> dict[str, str]:
-    """By recording, the hash of what it was made from."""
+    """Hash of the inputs of each recording."""
     hashes = {}
     for entry, world in zip(design.worlds, worlds, strict=True):
         for file in entry.recordings:
@@ -157,7 +157,7 @@ def _populations(design: Design, worlds: Sequence[World]) -> list[str]:
 
 
 def _models(design: Design, cells: Sequence[Cell]) -> dict[str, dict[str, OptionValue]]:
-    """By sensor, the models that the design leaves to it."""
+    """Models that the design leaves to each sensor."""
     found = ((cell.sensor, unnamed_models(cell.settings(design).sensing)) for cell in cells)
     return {sensor: models for sensor, models in found if models}
 
@@ -222,7 +222,7 @@ def _targets(
             else f"only {len(found)} of the {len(asked)} segments{which} in '{world.name}' can be reached at all "
             "altitudes"
         )
-        raise PaveTwinError(f"the design: segments: {design.segments} are asked for, but {there_are}.")
+        raise PaveTwinError(f"the design: segments: the design requests {design.segments}, but {there_are}.")
     flown = replace(world, base=surroundings[0].base)
     return tuple(short_tour(flown, found)) if design.order == "near" else found
 

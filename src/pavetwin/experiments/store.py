@@ -90,7 +90,7 @@ class Store:
                 )
 
     def models(self) -> Mapping[str, Mapping[str, OptionValue]]:
-        """By sensor, the models that it used where the design names none."""
+        """Models used by each sensor for which the design names none."""
         return (self.description().get("models") or {}) if self._holds_anything() else {}
 
     def missing(self, plan: Plan, *, failed: bool = False) -> list[Unit]:

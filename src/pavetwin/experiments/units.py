@@ -202,13 +202,13 @@ class Plan:
     """Hashes of the user's own files and of what they depend on, by path: of the content, or of what a recording was
     made from, since it is extended in place."""
     used: Mapping[Cell, tuple[str, ...]] = field(default_factory=dict)
-    """Those of the files that each cell depends on, traffic aside."""
+    """Files that each cell depends on, except traffic."""
     packages: Mapping[str, str] = field(default_factory=dict)
     """Versions by name of the installed packages that give a policy, a sensor or the like."""
     populations: Mapping[str, str] = field(default_factory=dict)
     """Hashes by name of the damage populations of the package that defects are placed by."""
     models: Mapping[str, Mapping[str, OptionValue]] = field(default_factory=dict)
-    """By sensor, the models that the design leaves to it: by option, those of now."""
+    """Current models that the design leaves to each sensor, keyed by sensor and option."""
     traffic_area_m: float | None = None
     """Traffic is recorded within this distance of a unit's segments; None: in the whole town."""
     image_source_factory: ImageSourceFactory | None = None
@@ -321,7 +321,7 @@ def cells_of(design: Design, owners: Owners = EVERYONE) -> tuple[Cell, ...]:
 
 
 def traffic_area_m(design: Design, cells: Sequence[Cell]) -> float | None:
-    """The widest area of traffic that a cell asks for, since those of a unit share a recording; None for whole towns.
+    """The widest traffic area of a unit's cells, since they share a recording; None for whole towns.
 
     Raises:
         PaveTwinError: as `Cell.settings`.

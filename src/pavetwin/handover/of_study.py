@@ -115,7 +115,7 @@ def street_advice(
 
 def _level(table: pl.DataFrame, name: str, asked: str | None) -> str:
     """Raises:
-    PaveTwinError: the study has several levels and none is asked for, or not the one that is.
+    PaveTwinError: the study has several levels and none is selected, or the selected one is missing.
     """
     levels = table[name].unique(maintain_order=True).to_list()
     if asked is None and len(levels) > 1:

@@ -93,7 +93,7 @@ STYLES: Final[Mapping[str, LayerStyle]] = {
     "defects": LayerStyle("class", _COLOURS, Symbol.DOT),
     "outlines": LayerStyle("class", _COLOURS, Symbol.OUTLINE),
 }
-"""By layer."""
+"""Keyed by layer."""
 
 
 TABLE: Final = "inventory.csv"
@@ -157,7 +157,7 @@ def write_inventory(entries: Sequence[Entry], reading: Reading, folder: Path) ->
 
 
 def _files_of(folder: Path) -> set[Path]:
-    """Those that an inventory may have written into a folder."""
+    """Files that an inventory may have written into a folder."""
     patterns = (GEOPACKAGE, GEOJSON, "crops/[0-9][0-9][0-9][0-9]*.jpg", "crops-[0-9][0-9]*.jpg")
     return {path for pattern in patterns for path in folder.glob(pattern)}
 

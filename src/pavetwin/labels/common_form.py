@@ -43,7 +43,7 @@ def _class_names(defects: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def defect_names() -> tuple[str, ...]:
-    """Those of them that are damage of the pavement."""
+    """Names of the classes that are pavement damage."""
     return tuple(category.name for category in categories() if category.supercategory == "defect")
 
 

@@ -36,7 +36,7 @@ class VocObject:
     difficult: bool
     truncated: bool = False
     occluded: bool | None = None
-    """None where it is not known."""
+    """None if unknown."""
     details: Mapping[str, object] = field(default_factory=dict)
     """Values by element of `pavetwin`; those that are None are left out."""
     attributes: Mapping[str, str] = field(default_factory=dict)

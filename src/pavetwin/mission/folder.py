@@ -64,7 +64,7 @@ from pavetwin.world.model import World
 
 
 class MissionFolder:
-    """The folder of one mission. `mission.yaml` is read at once, every other file when it is first asked for."""
+    """The folder of one mission. `mission.yaml` is read immediately, every other file on first use."""
 
     def __init__(self, place: Path | str, *, other_policy: bool = False) -> None:
         """Args:

@@ -277,7 +277,7 @@ class Mission:
         """Judge the detections of the last frame, and remember the defects that they confirm.
 
         Raises:
-            PaveTwinError: no frame was asked for.
+            PaveTwinError: no frame was requested.
         """
         if self._frame is None or self._segment is None:
             raise PaveTwinError("Detections belong to a frame: call mission.frame(event) before mission.confirm(…).")
@@ -295,7 +295,7 @@ class Mission:
         """Keep the last frame for `judge_deferred`, in place of `note`.
 
         Raises:
-            PaveTwinError: no frame was asked for.
+            PaveTwinError: no frame was requested.
         """
         if self._frame is None or self._segment is None:
             raise PaveTwinError("Call mission.frame(event) before mission.defer().")

@@ -66,7 +66,7 @@ class UnitCondition:
 
     unit: SampleUnit
     deducts: tuple[Deduct, ...]
-    """By distress and severity."""
+    """One per distress and severity."""
     pci: float
     """0 (failed) to 100 (without distress)."""
 

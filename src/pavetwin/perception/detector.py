@@ -200,5 +200,5 @@ def _detections(
 
 
 def _resized(pixels: UInt8Array, size: tuple[int, int]) -> UInt8Array:
-    """By the filter that training uses."""
+    """Resize by the filter that training uses."""
     return np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.BILINEAR, reducing_gap=3.0))

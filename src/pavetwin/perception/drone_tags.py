@@ -62,7 +62,7 @@ class PhotographTags:
     when: datetime
     """UTC."""
     exposure: ExposureTags | None
-    """None where the camera's settings are not known."""
+    """None if the camera's settings are unknown."""
     is_airborne: bool
     """Whether to write DJI's tags."""
 

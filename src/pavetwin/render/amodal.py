@@ -41,7 +41,7 @@ class AmodalObject:
     """Whether only the front faces of its triangles are drawn."""
 
     def pipeline(self, pipelines: Pipelines) -> Any:
-        """The one that draws it."""
+        """The pipeline that draws this pass."""
         if self.mask is not None:
             return pipelines.amodal_patch
         return pipelines.amodal_culled if self.single_sided else pipelines.amodal

@@ -153,7 +153,7 @@ def _quartered(texels: UInt8Array) -> list[UInt8Array]:
 
 _LINEAR: Final = linear_of_srgb(np.arange(256) / 255)
 _ROOTS: Final = np.asarray(255 * np.sqrt(_LINEAR) + 0.5, dtype=np.uint8)
-"""By the sRGB code of a colour: its linear value, and the code of that one's square root."""
+"""Code of the square root of a colour's linear value, indexed by sRGB code."""
 
 
 def mean_linear(texels: UInt8Array) -> list[float]:

@@ -83,7 +83,7 @@ class GpuScene:
         self.parts = PartTable(scene.models)
         self.tiles = TileCache(gpu, scene, self.parts, layouts)
         self._meshes: dict[tuple[int, int, bool], GpuMesh] = {}
-        """By part, level, and whether it is a shadow caster."""
+        """Keyed by part, level, and whether it is a shadow caster."""
         self._strips_of: tuple[Light | None, dict[TileKey, Float64Array]] = None, {}
         """Under the latest light, by tile."""
         self._split: dict[tuple[int, int, int], tuple[GpuMesh, GpuMesh]] = {}

@@ -83,7 +83,7 @@ def _seen(
 
 
 def make_missing(scene: "Scene", view: View, light: Light) -> None:
-    """Add to the scene's cache what a frame needs and the cache misses. What the renderer asks for last comes first,
+    """Add to the scene's cache what a frame needs and the cache misses. What the renderer requests last comes first,
     as it may be at work at the same time."""
     bounds = planes(view)
     for key in reversed(wanted_keys(scene, view, light)):

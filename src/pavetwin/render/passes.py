@@ -41,7 +41,7 @@ class DrawList:
     tiles: list[tuple[GpuTile, int]]
     """Each with its record."""
     grounds: list[tuple[GpuTile, GpuPavement, int]]
-    """Those of them whose ground is in view."""
+    """Tiles whose ground is in view."""
     patches: list[PatchDraw]
     near: list[MeshDraw]
     """Triangles of models that are lit at every pixel."""

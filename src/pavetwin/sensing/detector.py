@@ -90,7 +90,7 @@ class DetectorSensor(Sensor):
         self._detector = detector or self._opened()
         self.measures_sizes = self._detector.gives_masks
         self._found: dict[int, list[tuple[Frame, Detections]]] = {}
-        """By the capture's number: frames without sightings, and the detections in them."""
+        """Frames without sightings and their detections, keyed by the capture's number."""
 
     def _opened(self) -> ImageDetector:
         from pavetwin.perception.detector import Detector

@@ -52,7 +52,7 @@ class EntryModel(Settings):
     defect_share: Share
     """Share of them that show a defect."""
     severities: Mapping[str, tuple[NonNegative, NonNegative, NonNegative]]
-    """By class: shares of low, medium and high among the defects of these missions."""
+    """Shares of low, medium and high among the defects of these missions, keyed by class."""
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -215,7 +215,7 @@ class SensorModel(Settings):
     covariance: tuple[tuple[float, ...], ...]
     """Covariance of the terms in their order, with `log_spread` last."""
     false_alarms: Mapping[str, FalseAlarms]
-    """By class."""
+    """Keyed by class."""
     entries: EntryModel | None = None
     """Model of entries of inventories; None if no class had both right and wrong detections in the fitted missions."""
 

@@ -269,7 +269,7 @@ def _distinct(sources: Sequence[LookSource]) -> tuple[pl.DataFrame, pl.DataFrame
 
 
 def _false_alarms(alarms: pl.DataFrame, images: pl.DataFrame) -> dict[str, FalseAlarms]:
-    """By class: a Poisson regression of the images' counts on the logarithm of their ground resolution."""
+    """Poisson regression of the images' counts on the logarithm of their ground resolution, by class."""
     found: dict[str, tuple[list[int], list[float]]] = {}
     for image, kind, size_px in alarms.iter_rows():
         at, sizes = found.setdefault(kind, ([], []))

@@ -77,7 +77,7 @@ class Frame:
         """
         if self.source is None:
             raise PaveTwinError(
-                "This mission has no images: its sensor asks for one, and nothing that renders was handed in "
+                "This mission has no images: its sensor requests one, but no renderer was passed "
                 "(parameter image_source)."
             )
         return self.source(self)
@@ -166,7 +166,7 @@ class Look(NamedTuple):
     blur_px: float
     """Length of the motion blur."""
     sun_elevation_deg: float | None
-    """None where it is not known."""
+    """None if unknown."""
     clouds: float
     """Cloud cover, 0 … 1."""
 

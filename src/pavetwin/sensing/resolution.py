@@ -21,7 +21,7 @@ LEAST_PX_OTHER: Final = 8.0
 
 
 def is_thin(kind: str) -> bool:
-    """By its registration; a class of the world alone, whose file was not given, is not."""
+    """Whether a class is registered as thin; False for a class of the world whose file was not given."""
     return kind in DEFECT_CLASSES.names() and DEFECT_CLASSES.get(kind).is_thin
 
 

@@ -1,6 +1,6 @@
 """Agents in a frame of a recording, their speeds, and the distances they have covered, from its key frames.
 
-Parts are read when they are asked for, and few of them are kept: what a recording takes of memory does not grow with
+Parts are read on request, and few of them are kept: the memory of a recording does not grow with
 its length, except for the distances of its agents at the beginning of each part.
 """
 

@@ -200,7 +200,7 @@ class DemandSearch:
             raise UnreachableError(
                 f"No density was found at which traffic in '{self._inputs.world.name}' flows at level of service "
                 f"{level}: {best.per_lane_km:.0f} vehicles per lane-kilometre keep {100 * best.ratio:.0f} % of the "
-                f"speed limits, which is {level_of(best.ratio)}. The network is too small for that; ask for another."
+                f"speed limits, which is {level_of(best.ratio)}. The network is too small for that; choose another."
             )
         return round(min(FULLEST_PER_LANE_KM, _fitted([empty, *trials], target, best)), 3), [empty, *trials]
 

@@ -256,7 +256,7 @@ class Part:
     signals: Mapping[str, Sequence[tuple[int, str]]]
     """Per traffic light, (step of the recording, state of its links) at step 0 and at each change."""
     trips: Sequence[Trip] = ()
-    """Trips of all vehicles so far, where the job asks for them."""
+    """Trips of all vehicles so far, if the job requests them."""
 
 
 def yaw_of_heading(heading_deg: npt.ArrayLike) -> Float64Array:

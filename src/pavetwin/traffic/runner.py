@@ -171,7 +171,7 @@ class _Kept:
 
     @classmethod
     def take(cls) -> tuple[Connection, subprocess.Popen[bytes]] | None:
-        """The one that waits, if its last simulation is closed, and neither crashed nor hung while that was done."""
+        """The idle process, if its last simulation was closed without a crash or hang."""
         if cls.owner != os.getpid() or cls.waiting is None:
             return None
         kept, cls.waiting = cls.waiting, None

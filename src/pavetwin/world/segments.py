@@ -170,7 +170,8 @@ def _sample(lane: Lane, count: int) -> Float64Array:
 
 
 def _in_order(streets: list[StreetSurface]) -> list[StreetSurface]:
-    """By name; those of one name from west to east along the line through them (south to north when that is steep)."""
+    """Sort streets by name; those of one name from west to east along the line through them (south to north when that
+    is steep)."""
     by_name: dict[str, list[StreetSurface]] = {}
     for street in streets:
         by_name.setdefault(street.street.name, []).append(street)

@@ -63,7 +63,7 @@ class CaptureContext:
     settings: CaptureSettings
     defect_index: DefectIndex
     recordings: Mapping[str, Recording]
-    """By density name."""
+    """Keyed by density name."""
     traces: Mapping[str, Trace]
     airspace: Airspace
     """Airspace of the UAV."""
@@ -79,7 +79,7 @@ class CaptureContext:
 
     @cached_property
     def _parking_draws(self) -> dict[str, ParkingDraws]:
-        """By name of the mix of vehicles."""
+        """Keyed by vehicle mix."""
         return {}
 
 

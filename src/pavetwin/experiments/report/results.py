@@ -286,7 +286,7 @@ def _spread(group: Group) -> Iterator[Block]:
 
 
 def _known(group: Group, names: Sequence[str]) -> list[Metric]:
-    """Those that have a defined mean in the group."""
+    """Metrics with a defined mean in the group."""
     rows = group.summary.drop_nulls("mean")
     defined = set(rows[METRIC].to_list())
     return [metric_named(name) for name in names if name in defined]

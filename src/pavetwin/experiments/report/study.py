@@ -70,7 +70,7 @@ class Study:
     effects: pl.DataFrame
     """Shares of variation by factor; empty if nothing varies."""
     worlds: Mapping[str, World]
-    """By the names in the table; worlds that are not here get no map."""
+    """Keyed by the names in the table; missing worlds get no map."""
     advice: Sequence[Advice] = ()
     """Recommendations, one for each combination of the assumptions."""
     advice_in: Mapping[str, Sequence[Advice]] = field(default_factory=dict)
@@ -98,12 +98,12 @@ class Study:
 
     @property
     def apart(self) -> tuple[str, ...]:
-        """Those of the others of which each combination has a section of its own."""
+        """Other factors whose combinations have a section each."""
         return tuple(name for name in self.others if name in FACTORS)
 
     @property
     def swept(self) -> tuple[str, ...]:
-        """Those of the others that are settings: shown together, as further rows of tables and along an axis."""
+        """Other factors that are settings: shown together, as further rows of tables and along an axis."""
         return tuple(name for name in self.others if name not in FACTORS)
 
     def compared(self, factor: str) -> list[Comparison]:
@@ -118,7 +118,7 @@ class Study:
 
     @cached_property
     def metrics(self) -> tuple[Metric, ...]:
-        """Those with a defined value anywhere."""
+        """Metrics with a defined value anywhere."""
         defined = self.summary.filter(pl.col("mean").is_not_null())[METRIC].unique().to_list()
         return tuple(metric for metric in EVERY_METRIC if metric.name in defined)
 
@@ -141,7 +141,7 @@ class Study:
             yield Group(self, key)
 
     def combinations(self, names: Sequence[str]) -> list[dict[str, Any]]:
-        """Those of the levels of some other factors that were flown, in their order; an empty one of no factors.
+        """Flown combinations of levels of other factors, in order; a single empty one without factors.
 
         Policies without a swept setting make no combination of their own if those that have it can show them.
         """
@@ -184,7 +184,7 @@ class Group:
         return tuple(name for name in free if levels_of(self.summary, name))
 
     def at(self, levels: Mapping[str, Any]) -> "Group":
-        """Those of its cells that have these levels of other factors."""
+        """The cells with these levels of other factors."""
         return Group(self.study, {**self.key, **levels})
 
     @cached_property
@@ -408,7 +408,7 @@ def _plain(description: dict[str, Any]) -> dict[str, Any]:
 
 
 def _worlds(design: Design) -> dict[str, World]:
-    """Those that can still be read; the others get no map."""
+    """Worlds that can still be read; the others get no map."""
     found = {}
     for entry in design.worlds:
         try:

@@ -42,8 +42,8 @@ DRONES: Final = {
     "matrice30": Drone(67, 0, 52, 0, "wide"),
     "matrice350": Drone(89, 0, 50, 1, "visable"),
 }
-"""By the names of aircraft profiles: Mavic 3 Enterprise, Matrice 30, Matrice 350 RTK with Zenmuse P1 and its 35 mm lens
-(`visable` is DJI's spelling)."""
+"""Keyed by the names of aircraft profiles: Mavic 3 Enterprise, Matrice 30, Matrice 350 RTK with Zenmuse P1 and its 35
+mm lens (`visable` is DJI's spelling)."""
 
 LOWEST_TAKE_OFF_M: Final = 1.2
 """Least `takeOffSecurityHeight` of DJI's plans."""

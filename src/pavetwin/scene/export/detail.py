@@ -22,7 +22,7 @@ class LevelOfDetail:
 
     name: str
     texel_m: float
-    """Of the ground's images, where they do not become too many."""
+    """Texel size of the ground's images, unless they would be too many."""
     texels: float
     """Most texels of the ground's images, over all tiles."""
     has_normals: bool

@@ -40,7 +40,7 @@ _KEPT: Final = 3
 
 
 class WebTown:
-    """The files of a scene for browsers. A file is made the first time it is asked for; a world, its defects, a seed, a
+    """The files of a scene for browsers. A file is made on first request; a world, its defects, a seed, a
     style and a version of the program have the same bytes always."""
 
     def __init__(self, scene: Scene, *, bounds: Bounds | None = None, folder: Path | None = None) -> None:

@@ -81,7 +81,7 @@ class _Copy:
     source: AnnotatedImage
     made: AnnotatedImage
     change: ImageChange | None = None
-    """None where the image is kept as it is."""
+    """None if the image is kept unchanged."""
 
 
 def draw_change(image: AnnotatedImage, number: int, settings: BalanceSettings, seed: int) -> ImageChange:

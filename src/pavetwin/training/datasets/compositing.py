@@ -79,7 +79,7 @@ class CompositePlan:
     gsd_mm: float = 0.0
     """Ground resolution of the composite: that of the picture, or coarser if it is scaled down for its objects."""
     factor: float = 1.0
-    """By which the picture is scaled, at most 1."""
+    """Scale factor of the image, at most 1."""
     objects: tuple[StoredCutOut, ...] = ()
     reasons: Counter[str] = field(default_factory=Counter)
     """Reasons for fewer objects than drawn."""
@@ -219,7 +219,7 @@ class CompositeSummary:
     report: Report
     composites: int
     cut_outs: Counter[str]
-    """By class."""
+    """Keyed by class."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -114,7 +114,7 @@ class PictureIndex:
         self._by_place: dict[tuple[str, str], list[str]] = defaultdict(list)
         self._by_stem: dict[str, list[str]] = defaultdict(list)
         self.unused: dict[str, None] = {}
-        """Those that were not asked for yet, in order."""
+        """Images not requested yet, in order."""
         for name in files_in(folder, PICTURE_SUFFIXES):
             path = PurePosixPath(name)
             if not path.stem.endswith(ending):

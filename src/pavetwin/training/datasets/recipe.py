@@ -146,7 +146,7 @@ def recipe_values(path: Path) -> tuple[dict[str, Any], str]:
 
 
 def build(recipe: Recipe, base: Path, output: Path, *, on_stage: OnStage = lambda _share, _what: None) -> BuildSummary:
-    """Make everything that a recipe asks for, or what of it is missing.
+    """Make everything in a recipe, or the missing parts.
 
     Args:
         base: the folder of the recipe's file.

@@ -226,13 +226,13 @@ class PaintedStrip:
     length_px: float
     width_px: float
     contrast: float
-    """By which it is lighter (L*) or yellower (b*) than its surroundings."""
+    """Difference in lightness (L*) or yellowness (b*) from its surroundings."""
     filled: float
     """Share of the smallest rectangle around it."""
     is_white: bool
     """Else yellow."""
     is_cut_off: bool
-    """By the border of the picture: it may be longer than it looks."""
+    """Whether the image border cuts it off: it may be longer than it looks."""
     is_whole: bool
     """Both of its edges are in the picture, so that its width is measured."""
 

@@ -41,7 +41,7 @@ class ClassScores:
 
     @property
     def f1(self) -> float | None:
-        """None where there is no object."""
+        """F1; None without objects."""
         return 2 * self.hits / (self.hits + self.false_alarms + self.objects) if self.objects else None
 
 

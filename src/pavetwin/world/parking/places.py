@@ -224,7 +224,7 @@ class KerbRows:
     """Finds the rows of every kerb of a world.
 
     Args:
-        planned: rows on the carriageway go where the map or the rule asks for them; else only on parking lanes.
+        planned: place rows on the carriageway where the map or the rule has them; otherwise only on parking lanes.
     """
 
     def __init__(

@@ -136,7 +136,7 @@ def placed(layout: SurfaceLayout) -> tuple[Fixture, ...]:
 
 
 def _apart(layout: SurfaceLayout, candidates: Sequence[Fixture]) -> Iterator[Fixture]:
-    """Those that touch neither an earlier one nor the patch of a defect; leaves may lie on anything but those."""
+    """Fixtures that touch neither an earlier one nor the patch of a defect; leaves may lie on fixtures."""
     taken: Nearby[Fixture] = Nearby(2.0)
     for fixture in candidates:
         reach = REACH_M[fixture.model]

@@ -77,7 +77,7 @@ def noise_tables(seed: int) -> NoiseTables:
 
 
 def _tables(seed: int) -> dict[str, Float32Array]:
-    """By the fields of `NoiseTables`."""
+    """Tables, keyed by the fields of `NoiseTables`."""
     rng = child(seed, Stream.SCENE, 1)
     step = _PLANE_STEP_M
     return {

@@ -79,7 +79,7 @@ GRAINS_MELTED_M: Final = 0.010
 """Paint wears off stones of 3 to 10 mm: pixels below the first size resolve them, pixels above the second do not."""
 
 MEAN_HEIGHT: Final = 0.56
-"""Of asphalt's grain, 0 … 1."""
+"""Mean height of asphalt's grain, 0 … 1."""
 
 
 @dataclass(frozen=True)

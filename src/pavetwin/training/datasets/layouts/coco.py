@@ -61,9 +61,9 @@ class CocoFile:
         self._images: list[tuple[str, object, int, int]] = []
         """`file_name`, id, where its text begins, and its line."""
         self._annotations: dict[object, array[int]] = {}
-        """By id of the image: of each in turn where its text begins, and its line."""
+        """Offset and line of each annotation, keyed by the id of the image."""
         self.lists: set[str] = set()
-        """Those of `LISTS` that the file has."""
+        """Members of `LISTS` that the file has."""
         self.others: list[int] = []
         """Lines of the entries of its lists that are no objects; the first thousand."""
 

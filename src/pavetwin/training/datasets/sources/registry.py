@@ -47,7 +47,7 @@ def _checked(table: Mapping[str, str]) -> Mapping[str, str]:
 
 
 ClassRules = Annotated[Mapping[str, str], AfterValidator(_checked)]
-"""By class of the source, compared as `plain`: a class of the common form, or one of `OUTCOMES`."""
+"""A class of the common form, or one of `OUTCOMES`, keyed by class of the source, compared as `plain`."""
 
 
 def outcome(rules: Mapping[str, str], label: str) -> str | None:
