@@ -204,7 +204,8 @@ def test_the_same_command_continues_after_a_dead_scheduler(place: Path) -> None:
     assert study.returncode == 2
     lines = [line for line in words.splitlines() if not line.endswith((" …", "%)"))]
     assert lines == [
-        f"Error: The Dask scheduler {address} has stopped; flown missions are kept. Once one runs again, the same command "
+        f"Error: The Dask scheduler {address} has stopped; flown missions are kept. Once one runs again, the same "
+        "command "
         "continues."
     ]
     assert pavetwin("experiment", "run", "study.yaml", "-o", "gone", cwd=place).returncode == 0
