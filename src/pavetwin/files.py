@@ -287,7 +287,7 @@ def unwritable(target: Path, error: OSError) -> PaveTwinError:
     place = target.absolute()
     missing = Path(os.fsdecode(error.filename)).absolute() if error.errno == errno.ENOENT and error.filename else None
     if missing and missing not in (place, *place.parents) and place.parent not in missing.parents:
-        return PaveTwinError(f"Cannot write '{target}': '{missing}' is gone. Give the same command again.")
+        return PaveTwinError(f"Cannot write '{target}': '{missing}' no longer exists. Run the same command again.")
     nowhere = error.errno == errno.ENOENT  # mkdir's answer in a place such as /proc
     reason = "nothing can be made there" if nowhere else error.strerror or str(error)
     return PaveTwinError(f"Cannot write '{target}': {reason}. {hint(error, 'choose another folder')}.")

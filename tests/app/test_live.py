@@ -60,7 +60,7 @@ async def next_message(client: WebSocketClientConnection) -> dict[str, Any]:
 
 
 async def answered(client: WebSocketClientConnection) -> dict[str, Any]:
-    """The next message that is no progress, which is left out where the one before has not been read."""
+    """The next message other than progress, which is left out where the one before has not been read."""
     while "share" in (message := await next_message(client)):
         pass
     return message

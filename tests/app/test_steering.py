@@ -63,7 +63,7 @@ def test_a_flight_grows_lands_is_played_and_can_be_flown_again(page: RunningPage
     assert states[-1]["altitude_m"] == 0.0
     assert all(state["segment"] in state["coverage"] for state in flying[1:])
     assert live_folders(page) == []
-    assert not (world / "missions").exists(), "it is no mission of the world"
+    assert not (world / "missions").exists(), "it is not a mission of the world"
 
     answer = page.get(f"/api/played/{done['key']}/flight.json.gz")
     (mission,) = json.loads(gzip.decompress(answer.body))["missions"]
@@ -228,7 +228,7 @@ def test_a_drive_grows_ends_is_played_and_can_be_driven_again(page: RunningPage,
     assert seen[-1] > 0.1
     assert {state["altitude_m"] for state in states} == {REAR.z_m}
     assert live_folders(page) == []
-    assert not (world / "missions").exists(), "it is no mission of the world"
+    assert not (world / "missions").exists(), "it is not a mission of the world"
 
     answer = page.get(f"/api/played/{done['key']}/flight.json.gz")
     played = json.loads(gzip.decompress(answer.body))
@@ -257,7 +257,7 @@ def test_a_drive_grows_ends_is_played_and_can_be_driven_again(page: RunningPage,
     exported = page.ask({"do": "export", "key": done["key"], "mission": 0, "what": "html"})[-1]["done"]
     assert exported["files"] == ["results.html"]
     refused = page.ask({"do": "export", "key": done["key"], "mission": 0, "what": "qgc"})[-1]
-    assert "mission.yaml" in refused["error"], "a drive is no mission to plan from"
+    assert "mission.yaml" in refused["error"], "a drive is not a mission to plan from"
 
 
 @pytest.mark.slow

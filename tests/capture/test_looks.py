@@ -92,7 +92,7 @@ def test_what_is_drawn_is_found_and_what_is_not_is_missed(tmp_path: Path) -> Non
     source = looks_of(folder, drawn_detector.FILE, 0.25, told.append)
     rows = source.looks.rows(named=True)
     assert [(row["group"], row["found"]) for row in rows] == [("w d 3", True), ("w d 5", False)], (
-        "those that are hidden, cut by the border or have their centre outside are no looks"
+        "those that are hidden, cut by the border or have their centre outside are not looks"
     )
     hole = rows[0]
     assert hole["size_px"] == pytest.approx(30)

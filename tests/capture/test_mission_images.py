@@ -161,7 +161,7 @@ def test_frames_at_night_are_refused_before_the_flight() -> None:
 
 
 def test_a_sheet_shows_what_was_found_missed_and_reported_falsely(tmp_path: Path) -> None:
-    """Two of three potholes can be seen, and one spot is no pothole."""
+    """Two of three potholes can be seen, and one spot is not a pothole."""
     scene = Scene(straight((12.0, 1.0), (30.0, 0.0), (45.0, 2.0)), altitude_m=10.0)
     spots: list[Spot] = [("pothole", each.polygon) for each in scene.world.defects[:2]]
     ghost: Spot = ("pothole", straight((52, 0)).defects[0].polygon)

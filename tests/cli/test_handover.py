@@ -209,7 +209,7 @@ def _another_format(path: Path) -> None:
             lambda path: (path / "defects.csv").write_bytes(b"\x00\xff"),
             "defects.csv' has no column 'id': it is damaged;",
         ),
-        (lambda path: (path / "streets.csv").unlink(), "streets.csv' is gone or damaged; fly the mission again."),
+        (lambda path: (path / "streets.csv").unlink(), "streets.csv' is missing or damaged; fly the mission again."),
         (
             lambda path: (path / "track.parquet").write_bytes(b"PAR1"),
             "track.parquet' is damaged; fly the mission again",

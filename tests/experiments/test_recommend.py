@@ -141,7 +141,7 @@ def test_certainty_does_not_depend_on_the_number_of_equal_options(twins: list[st
     assert made.options["certainty"].to_list()[: 1 + len(twins)] == [share] * (1 + len(twins))
     assert made.next_option is not None
     assert alone.next_option is not None
-    assert made.next_option["policy"] == alone.next_option["policy"], "equal options are no rivals"
+    assert made.next_option["policy"] == alone.next_option["policy"], "equal options are not rivals"
 
 
 def test_the_faster_of_equal_coverages_is_recommended() -> None:

@@ -163,7 +163,7 @@ def test_zones_that_are_not_where_the_flights_are_are_refused(tmp_path: Path) ->
 def test_zones_in_metres_that_say_that_they_are_degrees_are_refused(tmp_path: Path) -> None:
     metres = shapely.transform(shapely.box(30, -2, 40, 3), PLACE.to_projected)
     path = zones(tmp_path / "metres.geojson", zone(0, 50), metres)
-    with pytest.raises(PaveTwinError, match=r"feature 2 of 'metres' has a corner at .*, which are no longitude and"):
+    with pytest.raises(PaveTwinError, match=r"feature 2 of 'metres' has a corner at .*, which are not a longitude and"):
         check_limits(plan(), WORLD, PlanLimits(no_fly=path))
     nowhere = shapely.Polygon([(13.44, 52.46), (float("inf"), 52.46), (13.45, 52.48)])
     with pytest.raises(PaveTwinError, match=r"feature 1 of 'nowhere' has a corner at inf, 52.46, which are no"):

@@ -155,13 +155,13 @@ def test_health_page_and_description(service: Running) -> None:
 @pytest.mark.parametrize(
     ("content", "status", "words"),
     [
-        (b"only text", 415, "is no image in an accepted format"),
-        (b"", 415, "is no image in an accepted format"),
+        (b"only text", 415, "is not an image in an accepted format"),
+        (b"", 415, "is not an image in an accepted format"),
         (encoded(Image.effect_noise((64, 64), 50))[:-900], 400, "is damaged"),
         (encoded(drawn((2000, 1100))), 413, "has 2000 × 1100 px; at most 2 megapixels"),
         (png_of(20_000, 10_000), 413, "at most 2 megapixels"),
         (png_of(2_000_000, 2_000_000), 413, "megapixels"),
-        (encoded(STREET, "GIF"), 415, "is no image in an accepted format"),
+        (encoded(STREET, "GIF"), 415, "is not an image in an accepted format"),
     ],
     ids=["text", "empty", "truncated", "2.2 megapixels", "200 megapixels", "bomb", "gif"],
 )

@@ -10,7 +10,7 @@ SMALL = (100.0, 20.0, 8.0, 8.0)
 
 
 def evaluated(folder: Path) -> DetectorEvaluation:
-    """A twin of a right box, a wrong subtype, a poor box, one on nothing; what is not confident is no error."""
+    """A twin of a right box, a wrong subtype, a poor box, one on nothing; what is not confident is not an error."""
     images = [
         [true(CRACK), true(POTHOLE, FAR), true(PERSON, SMALL)],
         [true(CRACK, FAR, contrast=21.0), true(CAR, FAR), true(CAR, SMALL), true(CAR, ignored=True)],

@@ -213,7 +213,7 @@ def test_an_unknown_aircraft_is_refused_with_the_nearest_name() -> None:
         (("axes: 3", "axes: 1"), "gimbal.axes"),
         (("[-90, 30]", "[-60, 30]"), "gimbal: tilt_deg: the camera must reach straight down"),
         (("axes: 3", "axes: 0"), "gimbal: holds_deg: a camera without stabilised axes"),
-        (("source: its data sheet", "sources: {weight: x}\n  source: y"), "sources: 'weight' is no key"),
+        (("source: its data sheet", "sources: {weight: x}\n  source: y"), "sources: 'weight' is not a key"),
         (("camera: phantom4pro", "camera: phantom5pro"), "camera: no camera 'phantom5pro' (did you mean 'phantom4pro'"),
     ],
 )

@@ -64,7 +64,7 @@ def test_parked_vehicles_face_along_the_adjacent_traffic() -> None:
 
 
 def test_a_mapped_width_beyond_the_lanes_puts_places_next_to_them() -> None:
-    """Two lanes of 3.25 m on a street of 12.5 m: 3 m of asphalt on each side are no lane."""
+    """Two lanes of 3.25 m on a street of 12.5 m: 3 m of asphalt on each side are not a lane."""
     for place in Scene(tags={**LANE, "width": "12.5"}).places():
         assert min(map(abs, span(place, 1))) == pytest.approx(3.25, abs=0.01)
 

@@ -84,10 +84,10 @@ def _parsed(text: Any) -> Mapping[str, Any]:
         _check_plain(text)
         values = parse_yaml(text, WHERE)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise PaveTwinError("This is no mission.yaml: it cannot be read.") from error
+        raise PaveTwinError("This is not a mission.yaml: it cannot be read.") from error
     _check_numbers(values)
     if not isinstance(values, Mapping):
-        raise PaveTwinError("This is no mission.yaml.")
+        raise PaveTwinError("This is not a mission.yaml.")
     check_format(values.get("format"), "This mission.yaml")
     return values
 
@@ -102,10 +102,10 @@ def _check_plain(text: str) -> None:
     depth = 0
     for event in yaml.parse(text, Loader=yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader):
         if isinstance(event, yaml.NodeEvent) and event.anchor is not None:
-            raise PaveTwinError(f"This is no mission.yaml: it repeats a part by its name, '{event.anchor[:40]}'.")
+            raise PaveTwinError(f"This is not a mission.yaml: it repeats a part by its name, '{event.anchor[:40]}'.")
         depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
         if depth > _DEEPEST:
-            raise PaveTwinError("This is no mission.yaml: it is nested too deeply.")
+            raise PaveTwinError("This is not a mission.yaml: it is nested too deeply.")
 
 
 def _check_numbers(values: Any) -> None:
@@ -122,7 +122,7 @@ def _check_numbers(values: Any) -> None:
         elif isinstance(value, list | tuple | set):
             waiting += value
         elif isinstance(value, int) and abs(value) > _LARGEST:
-            raise PaveTwinError(f"This is no mission.yaml: a number in it is above {_LARGEST:.0e}.")
+            raise PaveTwinError(f"This is not a mission.yaml: a number in it is above {_LARGEST:.0e}.")
 
 
 def _part(values: Mapping[str, Any], name: str) -> Mapping[str, Any]:
@@ -131,7 +131,7 @@ def _part(values: Mapping[str, Any], name: str) -> Mapping[str, Any]:
 
 
 def _plain_name(name: Any, what: str) -> Any:
-    """Return a name after a check that it is no file.
+    """Return a name after a check that it is not a file.
 
     Raises:
         PaveTwinError: it is a file.
@@ -150,9 +150,7 @@ def _world_of(named: Mapping[str, Any], worlds: Mapping[str, str]) -> tuple[str,
     same = [key for key, content in contents.items() if content == named.get("content_hash")]
     alike = [key for key, folder in worlds.items() if Path(folder).name == named.get("name")]
     if not same + alike:
-        raise PaveTwinError(
-            f"{WHERE} is of the town '{_text(named.get('name'))[:60]}', which is none of those that the page shows."
-        )
+        raise PaveTwinError(f"{WHERE} is of the town '{_text(named.get('name'))[:60]}', which the page does not show.")
     key = (same + alike)[0]
     return key, worlds[key]
 

@@ -123,7 +123,7 @@ def play_mission(task: Mapping[str, Any], report: TaskReport) -> Mapping[str, An
     folders = {folder.name: folder for folder in _mission_folders(Path(task["world"]))}
     folder = folders.get(str(task["mission"]))
     if folder is None:
-        raise PaveTwinError(f"`mission`: '{str(task['mission'])[:80]}' is no mission of '{world.name}'.")
+        raise PaveTwinError(f"`mission`: '{str(task['mission'])[:80]}' is not a mission of '{world.name}'.")
     with alone_in(folder, session, report):
         results, inputs = again(descriptions(folder), world, report)
         played = _written(results, inputs, session, report)

@@ -89,7 +89,7 @@ def _share(box: Sequence[float], size_px: Sequence[int]) -> list[float]:
 
 
 class GivenUpError(Exception):
-    """A frame is not wanted any more."""
+    """A frame is no longer wanted."""
 
 
 def shown_frame(
@@ -111,7 +111,7 @@ def shown_frame(
     Raises:
         PaveTwinError: the mission's inputs have changed, there is no adapter to draw with, or the sun is
             below the horizon.
-        GivenUpError: it is not wanted any more.
+        GivenUpError: it is no longer wanted.
     """
     source = _sources(folder)[mission]
 

@@ -199,7 +199,7 @@ class PlayedHandler(GuardedHandler):
         path = None if played is None else played.folder / name
         kind = next((kind for end, kind in self.kinds.items() if name.endswith(end)), None)
         if path is None or kind is None or not path.is_file():
-            raise RefusedError(404, "There is no such mission any more; fly it again.")
+            raise RefusedError(404, "This mission no longer exists; fly it again.")
         self.set_header("Cache-Control", "private, max-age=86400, immutable")
         await self.send_file(path, kind, gzipped=True)
 
@@ -210,7 +210,7 @@ class ExhibitHandler(GuardedHandler):
     async def get(self, key: str, name: str) -> None:
         file = self.session.shown_file(key, name)
         if file is None:
-            raise RefusedError(404, "There is no such report any more; choose it again.")
+            raise RefusedError(404, "This report no longer exists; choose it again.")
         self.set_header("Content-Security-Policy", REPORT_POLICY)
         await self.send_file(file, "text/html; charset=utf-8" if name.endswith(".html") else "image/jpeg")
 

@@ -144,7 +144,7 @@ class Session:
         try:
             changed_ns = (world.folder / DESCRIPTION).stat().st_mtime_ns
         except OSError as error:
-            raise PaveTwinError(f"The world '{world.folder}' is not there any more.") from error
+            raise PaveTwinError(f"The world '{world.folder}' no longer exists.") from error
         file = self.folder / f"{world.id}-{changed_ns}.json.gz"
         if not file.is_file():
             await self._once(file.name, {"do": "map", "world": str(world.folder), "file": str(file)})
@@ -220,7 +220,7 @@ class Session:
             case "missions":
                 pass
             case other:
-                raise PaveTwinError(f"The page asked for '{str(other)[:40]}', which the server does not do.")
+                raise PaveTwinError(f"The page asked for '{str(other)[:40]}', which the server does not support.")
 
         def on_report(message: Mapping[str, Any]) -> None:
             on_progress({"ready": self._kept(message["ready"], world)} if "ready" in message else message)
@@ -231,7 +231,7 @@ class Session:
     async def _export(self, asked: Mapping[str, Any], on_progress: OnReport) -> Mapping[str, Any]:
         played, number = self._mission(asked)
         if not isinstance(what := asked.get("what"), str):
-            raise PaveTwinError(f"`what`: '{str(what)[:40]}' is no name of a file.")
+            raise PaveTwinError(f"`what`: '{str(what)[:40]}' is not a file name.")
         places = {"made": played.made, "played": played.folder, "results": played.results, "world": played.world}
         task = {"do": "export", "what": what, "mission": str(played.mission(number)), **_texts(places)}
         return await self.tasks.run(task, on_progress)
@@ -279,7 +279,7 @@ class Session:
         key = asked.get("key")
         played = self._played.get(key) if isinstance(key, str) else None
         if played is None:
-            raise PaveTwinError("There is no such mission any more; fly it again.")
+            raise PaveTwinError("This mission no longer exists; fly it again.")
         return played, _index("mission", asked.get("mission"), len(played.captures))
 
     def _kept(self, result: Mapping[str, Any], world: ShownWorld) -> Mapping[str, Any]:

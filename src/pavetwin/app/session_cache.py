@@ -24,7 +24,7 @@ def kept_world(folder: Path) -> World:
     try:
         changed_ns = (folder / DESCRIPTION).stat().st_mtime_ns
     except OSError as error:
-        raise PaveTwinError(f"The world '{folder}' is not there any more.") from error
+        raise PaveTwinError(f"The world '{folder}' no longer exists.") from error
     return _loaded(folder, changed_ns)
 
 

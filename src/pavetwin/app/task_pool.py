@@ -290,7 +290,7 @@ class KeptProcess:
                 await self._process.stop()
                 self._process = None
             if self._is_closed:
-                raise PaveTwinError("The server ends.")
+                raise PaveTwinError("The server is stopping.")
             if self._process is None:
                 self._process = await TaskProcess.start()
             return self._process

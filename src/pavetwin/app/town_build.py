@@ -65,7 +65,7 @@ def _check_plain(source: Path) -> None:
         if head.startswith(b"\x1f\x8b"):
             raise PaveTwinError(f"'{source.name}' is compressed with gzip; unpack it first.")
         if not head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
-            raise PaveTwinError(f"'{source.name}' is no XML, which {_suffix(source)} stands for.")
+            raise PaveTwinError(f"'{source.name}' is not XML, which {_suffix(source)} stands for.")
         declared = re.match(rb"\s*<\?xml[^>]*?encoding\s*=\s*[\"']([^\"']+)", head.removeprefix(b"\xef\xbb\xbf"))
         if declared is not None and declared[1].lower() not in _ENCODINGS:
             raise PaveTwinError(f"'{source.name}' is not in UTF-8; save it in that encoding.")

@@ -51,7 +51,7 @@ class Upload:
         PaveTwinError: another request sends it already, or it is not as large as announced.
         """
         if self._is_begun or size != self.size:
-            raise PaveTwinError("This map is on its way already, or is another one than announced.")
+            raise PaveTwinError("This map is already being sent, or differs from the announced one.")
         self._is_begun = True
 
     def take(self, block: bytes) -> None:
@@ -59,7 +59,7 @@ class Upload:
         PaveTwinError: its task has ended, or the disk is full.
         """
         if self._file is None:
-            raise PaveTwinError("Nobody waits for this map any more.")
+            raise PaveTwinError("The upload of this map has ended.")
         try:
             self._file.write(block)
         except OSError as error:

@@ -160,8 +160,8 @@ def _remaining(folder: Path, shard: Shard) -> list[Shard]:
 
 def _give_up(shard: Shard) -> None:
     raise PaveTwinError(
-        f"Processes that took the image {shard[0][0].name} and others died several times, perhaps for want of "
-        "memory. Give the same command again to resume, with fewer `jobs`."
+        f"Processes that took the image {shard[0][0].name} and others died several times, perhaps for lack of "
+        "memory. Run the same command again to resume, with fewer `jobs`."
     )
 
 

@@ -109,7 +109,7 @@ def in_options(text: str, command: Any) -> str:
 
 
 def usage_message(error: Exception) -> str:
-    """One sentence about a wrong command line; empty where a group printed its help for want of a command."""
+    """One sentence about a wrong command line; empty if a group printed its help because no command was given."""
     message = _hint(error) or getattr(error, "format_message", lambda: str(error))()
     option = _longest(getattr(error, "param", None))
     if NO_NUMBER in message:

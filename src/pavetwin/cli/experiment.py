@@ -350,7 +350,7 @@ def _print_run(ran: "Ran", folder: Path) -> None:
         for reason, count in list(ran.failures.items())[:MOST_REASONS]:
             out.line(f"  {count} × {reason}")
         out.line(
-            "Fix the cause and give the same command with --retry-failed. Missions of a file that you changed (a "
+            "Fix the cause and run the same command with --retry-failed. Missions of a file that you changed (a "
             "policy, a sensor, a plugin, routes) are flown again without it."
         )
     out.line(f"Next: pavetwin experiment report {quote(str(folder))}")

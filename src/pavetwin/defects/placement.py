@@ -201,7 +201,7 @@ def _placing(options: DefectOptions, seed: int, _on_tick: OnTick) -> Callable[[t
 
 def _give_up(task: tuple[int, Segment]) -> None:
     raise PaveTwinError(
-        f"Processes that placed defects on segment {task[1].id} died several times, perhaps for want of memory."
+        f"Processes that placed defects on segment {task[1].id} died several times, perhaps for lack of memory."
     )
 
 

@@ -19,7 +19,7 @@ RIM_M: Final = 0.3
 """A wheel may be this far beyond the carriageway's edge, which bridges gaps between surfaces: a gutter's width."""
 
 LOWEST_M: Final = 0.2
-"""Solids that reach no higher than this, or begin above the car, are no obstacles."""
+"""Solids that reach no higher than this, or begin above the car, are not obstacles."""
 
 START_EVERY_M: Final = 2.0
 """Distance between possible starting places on a lane."""

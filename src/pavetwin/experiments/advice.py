@@ -80,7 +80,7 @@ def ground_view(option: Mapping[str, Any], design: Mapping[str, Any]) -> GroundV
         design: plain values of `design.yaml`.
 
     Raises:
-        PaveTwinError: the preset, a setting or the camera is not known here any more.
+        PaveTwinError: the preset, a setting or the camera is no longer known here.
     """
     settings = _settings(option, design)
     sensing, camera = settings.sensing, camera_of(settings)

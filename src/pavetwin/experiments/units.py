@@ -343,7 +343,7 @@ def check_files(plan: Plan) -> None:
     """Load the plugins of a study in this process, and see whether all files of the user's own are as they were.
 
     Raises:
-        PaveTwinError: one is gone, fails, or is not what the study began with.
+        PaveTwinError: one is missing, fails, or differs from the start of the study.
     """
     recordings = {file for entry in plan.design.worlds for file in entry.recordings}  # checked where they are read
     for path, content in plan.files.items():
@@ -357,7 +357,7 @@ def recording_of(plan: Plan, world: World, file: Path) -> Recording:
     """A recording that the design names.
 
     Raises:
-        PaveTwinError: it is gone, damaged, or not what the study began with.
+        PaveTwinError: it is missing, damaged, or differs from the start of the study.
     """
     recording = load_recording(file, world)
     if recording.origin.inputs != plan.files[str(file)]:
@@ -375,7 +375,7 @@ def check_worlds(plan: Plan) -> None:
     """Check that the worlds are those that the study began with.
 
     Raises:
-        PaveTwinError: one is gone, damaged or another.
+        PaveTwinError: one is missing, damaged or different.
     """
     for entry, content in zip(plan.design.worlds, plan.hashes, strict=True):
         world_of_study(entry.path, content)
@@ -393,7 +393,7 @@ def world_of_study(path: str, content_hash: str) -> World:
     """A world, read once a process.
 
     Raises:
-        PaveTwinError: it is gone, damaged, or another than the study began with.
+        PaveTwinError: it is missing, damaged, or differs from the start of the study.
     """
     world = load_world(Path(path))
     if content_hash not in (content_of(world, with_defects=False), content_of(world, with_defects=True)):

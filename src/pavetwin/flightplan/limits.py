@@ -194,7 +194,8 @@ def _check_degrees(lonlat: np.ndarray, what: str) -> None:
     if wrong.any():
         x, y = lonlat[wrong][0]
         raise PaveTwinError(
-            f"{what} has a corner at {x:g}, {y:g}, which are no longitude and latitude in degrees; GeoJSON is in WGS "
+            f"{what} has a corner at {x:g}, {y:g}, which are not a longitude and latitude in degrees; GeoJSON is in "
+            "WGS "
             "84, and another file must state its coordinate system."
         )
 

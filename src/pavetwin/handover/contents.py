@@ -128,7 +128,7 @@ def handover_of(
         advice: of a study over the same world.
 
     Raises:
-        PaveTwinError: the world or a file of the mission is gone, damaged or not what it was, its files contradict each
+        PaveTwinError: the world or a file of the mission is missing, damaged or has changed, its files contradict each
             other, or the world is not georeferenced.
     """
     folder, condition = mission.folder, condition_of_mission(mission)
@@ -179,7 +179,7 @@ def _table(path: Path, columns: Mapping[str, Any]) -> pl.DataFrame:
     try:
         table = pl.read_csv(path, schema_overrides=dict(columns), infer_schema_length=0)
     except (OSError, pl.exceptions.PolarsError) as error:
-        raise PaveTwinError(f"'{path}' is gone or damaged; fly the mission again.") from error
+        raise PaveTwinError(f"'{path}' is missing or damaged; fly the mission again.") from error
     if gone := [name for name in columns if name not in table.columns]:
         raise PaveTwinError(f"'{path}' has no column '{gone[0]}': it is damaged; fly the mission again.")
     return table.select(*columns)

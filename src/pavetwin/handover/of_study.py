@@ -271,11 +271,11 @@ def _defects(design: Design, world: World) -> DefectInput:
 
 def _world(design: Design, name: str, contents: Mapping[str, str]) -> tuple[WorldEntry, World]:
     """Raises:
-    PaveTwinError: the world of that name is gone, or is not what the study flew over.
+    PaveTwinError: the world of that name is missing, or differs from that of the study.
     """
     entry = dict(zip(contents, design.worlds, strict=True))[name]
     if not Path(entry.path).is_dir():
-        raise PaveTwinError(f"The world '{name}' of the study is not at '{entry.path}' any more; put it back.")
+        raise PaveTwinError(f"The world '{name}' of the study is no longer at '{entry.path}'; put it back.")
     world = load_world(Path(entry.path))
     if content_of(world, with_defects=design.defects == "world")[:SHOWN] != contents[name]:
         raise PaveTwinError(f"The world '{name}' at '{entry.path}' is not what the study flew over.")

@@ -67,7 +67,7 @@ def _page_names(crops: int) -> list[str]:
 def _crop(entry: Entry, crop: Callable[[Detections], UInt8Array | None]) -> Image.Image | None:
     try:
         pixels = crop(entry.best)
-    except PaveTwinError:  # the image is gone or damaged since it was searched
+    except PaveTwinError:  # the image is missing or damaged since it was searched
         return None
     return None if pixels is None else Image.fromarray(pixels)
 

@@ -70,7 +70,7 @@ class Alignment(NamedTuple):
 
 
 def alignment(one: Polygon, other: Polygon) -> Alignment | None:
-    """None where two outlines are no pieces of one crack: these are slender, along one line, and not far from each
+    """None where two outlines are not pieces of one crack: these are slender, along one line, and not far from each
     other."""
     first, second = _stroke(one), _stroke(other)
     if first is None or second is None:

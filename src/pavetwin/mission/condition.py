@@ -56,7 +56,7 @@ def condition_of_mission(mission: MissionFolder) -> ConditionReport:
     """The condition of the segments that a mission inspected.
 
     Raises:
-        PaveTwinError: its world has changed, or its `captures.geojson` is gone or damaged.
+        PaveTwinError: its world has changed, or its `captures.geojson` is missing or damaged.
     """
     if mission.captures is None:
         raise PaveTwinError(f"'{mission.folder}' has no captures.geojson, or a damaged one; fly it again.")

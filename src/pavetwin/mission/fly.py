@@ -50,7 +50,7 @@ def fly(
             traffic is read again for it.
 
     Raises:
-        PaveTwinError: an input is gone or has changed, the policy or the sensor is unknown, or the mission cannot be
+        PaveTwinError: an input is missing or has changed, the policy or the sensor is unknown, or the mission cannot be
             flown.
     """
     if policy is not None:

@@ -168,7 +168,7 @@ class MissionFolder:
 
     @cached_property
     def captures(self) -> Mapping[str, Any] | None:
-        """The confirmed defects of `captures.geojson`, without the images of frames; None if it is gone or damaged."""
+        """The confirmed defects of `captures.geojson`, without the images of frames; None if it is missing or damaged."""
         try:
             content: dict[str, Any] = json.loads((self.folder / CAPTURES).read_text(encoding="utf-8"))
             for feature in content["features"]:
@@ -219,7 +219,7 @@ class MissionFolder:
             )
         except (KeyError, TypeError, StopIteration, ValueError, pl.exceptions.PolarsError) as error:
             raise PaveTwinError(
-                f"'{self.folder}' is no mission of the sensor 'detector', or it is damaged ({type(error).__name__}: "
+                f"'{self.folder}' is not a mission of the sensor 'detector', or it is damaged ({type(error).__name__}: "
                 f"{error}); fly it again."
             ) from error
         looks = table.drop_nulls("defect").with_columns(

@@ -130,7 +130,7 @@ def load_inputs(
         environment: the world with its defects from `prepare`, if it exists already.
 
     Raises:
-        PaveTwinError: an input is gone or has changed (each is named), or the traffic cannot be recorded.
+        PaveTwinError: an input is missing or has changed (each is named), or the traffic cannot be recorded.
     """
     report = on_progress or (lambda _share, _what: None)
     loaded = world or world_of(spec.world)

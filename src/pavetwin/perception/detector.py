@@ -18,7 +18,7 @@ from pavetwin.perception.suppression import lowering, whole_objects
 from pavetwin.perception.tiles import merged, tile_windows
 
 GREY: Final = 114
-"""Padding right of and below an image whose sides are no multiples of the stride, as in training."""
+"""Padding right of and below an image whose sides are not multiples of the stride, as in training."""
 
 BATCH: Final = 4
 """Tiles that run together."""

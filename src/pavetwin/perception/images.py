@@ -33,7 +33,7 @@ def of_any_size(file: str | Path | BinaryIO, kinds: tuple[str, ...] | None = Non
         kinds: accepted formats by Pillow's names; None for all.
 
     Raises:
-        OSError, ValueError, SyntaxError: it is no image (from `PIL.Image.open`).
+        OSError, ValueError, SyntaxError: it is not an image (from `PIL.Image.open`).
     """
     # Pillow refuses large images by one limit for the whole process.
     with _LIMIT, warnings.catch_warnings():
@@ -49,7 +49,7 @@ def opened(file: str | Path) -> Image.Image:
     """Open an image without reading its pixels.
 
     Raises:
-        PaveTwinError: it is no image, or too large.
+        PaveTwinError: it is not an image, or too large.
     """
     try:
         held = of_any_size(file)

@@ -24,7 +24,7 @@ _ORDER: Final = tuple(Severity)
 
 
 def check_size(name: str, value: float, *, may_be_zero: bool = False) -> None:
-    """Refuse a value that is no size.
+    """Refuse a value that is not a size.
 
     Args:
         name: name of the parameter.

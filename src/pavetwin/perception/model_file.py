@@ -8,7 +8,7 @@ inputs `confidence` and `overlap` may be left out. Outputs, a row for each detec
 - `classes` (n,) int64: number in the list of classes
 - `detection` (n,) float32: confidence in the coarse class
 - `subtype` (n,) float32: confidence in the subtype of a defect; 1 for others
-- `masks` (n, side, side) float32: probabilities within the box, 0 for what is no defect; only with a mask head
+- `masks` (n, side, side) float32: probabilities within the box, 0 for what is not a defect; only with a mask head
 """
 
 import json

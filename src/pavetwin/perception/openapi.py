@@ -10,7 +10,7 @@ from pavetwin.perception.uploads import FIELD, ServerLimits
 _ERRORS: Final = {
     "400": "The form or an image is damaged, there are too many files, or a parameter is not known.",
     "413": "Too many bytes or pixels, or the search takes too long.",
-    "415": "No form with files, or a file that is no image.",
+    "415": "No form with files, or a file that is not an image.",
     "429": "Busy: try again in a second.",
 }
 

@@ -82,7 +82,7 @@ def decoded(file: HTTPFile, megapixels: float) -> tuple[UInt8Array, PhotographPo
     Its size is checked before its pixels are read.
 
     Raises:
-        RefusedRequestError: it is no image of an accepted format, is damaged, or has too many pixels.
+        RefusedRequestError: it is not an image of an accepted format, is damaged, or has too many pixels.
     """
     name = file["filename"][:100] or "the file"
     Image.init()  # its readers of all kinds, once
@@ -94,7 +94,9 @@ def decoded(file: HTTPFile, megapixels: float) -> tuple[UInt8Array, PhotographPo
             pose = pose_of(held)
             return pixels_of(held), pose
     except UnidentifiedImageError as error:
-        raise RefusedRequestError(415, f"'{name}' is no image in an accepted format ({', '.join(KINDS)}).") from error
+        raise RefusedRequestError(
+            415, f"'{name}' is not an image in an accepted format ({', '.join(KINDS)})."
+        ) from error
     except RefusedRequestError:
         raise
     # Pillow's decoders raise nearly anything for damaged files.

@@ -235,7 +235,7 @@ class SensorModel(Settings):
             raise ValueError(f"`covariance` has {len(self.terms) + 1} rows of as many numbers, as there are terms")
         matrix = np.array(self.covariance)
         if not np.allclose(matrix, matrix.T, atol=1e-6) or np.linalg.eigvalsh(matrix).min() < -1e-6:
-            raise ValueError("`covariance` is no covariance matrix")
+            raise ValueError("`covariance` is not a covariance matrix")
         return self
 
     @cached_property
@@ -274,7 +274,7 @@ class SensorModel(Settings):
         return _NORMAL.cdf(score + sum(effects[name].at(it) for name, it in values.items() if it is not None))
 
     def level_of(self, kind: str, size: float) -> float:
-        """The part of a look's score that is no multiple of a variable: the class's own, and the bend of the size.
+        """The part of a look's score that is not a multiple of a variable: the class's own, and the bend of the size.
 
         Scores are x · β / √(1 + σ²), of which Φ is the chance of a single look.
 
@@ -357,9 +357,9 @@ class SensorModel(Settings):
         except OSError as error:
             raise PaveTwinError(f"Cannot read '{path}': {error.strerror or error}.") from error
         except ValueError as error:
-            raise PaveTwinError(f"'{path}' is no fitted sensor: it is not JSON ({error}); {again}.") from error
+            raise PaveTwinError(f"'{path}' is not a fitted sensor: it is not JSON ({error}); {again}.") from error
         if not isinstance(content, dict) or "pavetwin_sensor" not in content:
-            raise PaveTwinError(f"'{path}' is no fitted sensor: it has no `pavetwin_sensor`; {again}.")
+            raise PaveTwinError(f"'{path}' is not a fitted sensor: it has no `pavetwin_sensor`; {again}.")
         check_format(content["pavetwin_sensor"], f"The fitted sensor '{path}'")
         try:
             return cls.parse(content, where=f"'{path}'")

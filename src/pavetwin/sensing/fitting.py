@@ -285,7 +285,7 @@ def _false_alarms(alarms: pl.DataFrame, images: pl.DataFrame) -> dict[str, False
 
 
 def _rate(counts: Float64Array, area_m2: Float64Array, steps: Float64Array) -> tuple[FittedNumber, FittedNumber]:
-    """Level and slope. Errors are those of a quasi-Poisson model: one thing that is no defect is in many images."""
+    """Level and slope. Errors are those of a quasi-Poisson model: one thing that is not a defect is in many images."""
     varies = bool(np.ptp(steps) > 0.1 and counts.sum() >= FEWEST_ALARMS)
     if not varies:
         spread = sqrt(max(1.0, _dispersion(counts, area_m2 * counts.sum() / area_m2.sum(), 1)))

@@ -98,7 +98,7 @@ class AircraftProfile(Settings):
         if self.flight_speed_mps is not None and self.flight_speed_mps > self.top_speed_mps:
             raise ValueError("flight_speed_mps must not be above top_speed_mps")
         if unknown := sorted(self.sources.keys() - type(self).model_fields.keys()):
-            raise ValueError(f"sources: '{unknown[0]}' is no key of a profile")
+            raise ValueError(f"sources: '{unknown[0]}' is not a key of a profile")
         return self
 
     @property

@@ -73,7 +73,7 @@ class BuildRecord(Settings):
     left_out: LeftOut = LeftOut()
     """Streets of the source that are not connected with the rest."""
     paving_m2: dict[str, float] = Field(default_factory=dict)
-    """Area of segments [m²] whose street's `surface` in OSM is no asphalt, by its value; see `world.paving`."""
+    """Area of segments [m²] whose street's `surface` in OSM is not asphalt, by its value; see `world.paving`."""
     defects: dict[str, Any] = Field(default_factory=dict)
     """Options by which the defects were placed."""
 

@@ -40,7 +40,7 @@ def osm_objects(
 
 
 def suffix_of_content(source: Path) -> str:
-    """Suffix for an OSM file of this content; empty where it is no OSM file."""
+    """Suffix for an OSM file of this content; empty where it is not an OSM file."""
     try:
         with source.open("rb") as file:
             head = file.read(64)

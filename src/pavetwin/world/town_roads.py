@@ -61,7 +61,7 @@ class Road:
     sidewalk_m: float
     speed_limit_mps: float
     parking_m: float = 0.0
-    """Width of the wider of its parking lanes, which are no part of the plain XML."""
+    """Width of the wider of its parking lanes, which are not part of the plain XML."""
 
     @property
     def one_way(self) -> bool:

@@ -141,7 +141,7 @@ def a_box_twice(folder: Path) -> None:
             "refused bad.xml:7: class 'longitudnal crack' is not known (did you mean 'longitudinal crack'?); "
             "the image is left out",
         ),
-        (a_corner_without_a_number, "refused bad.xml:5: ymin is 'one', which is no number; the image is left out"),
+        (a_corner_without_a_number, "refused bad.xml:5: ymin is 'one', which is not a number; the image is left out"),
         (
             labels_of_another_picture,
             "refused bad.xml:3: the labels are for 64 × 48 pixels, the picture has 80 × 48; the image is left out",
@@ -190,9 +190,9 @@ def test_boxes_beyond_the_border_are_cut_or_left_out(tmp_path: Path) -> None:
     [
         (("0 0.5 0.5 0.1 0.1", "0 0.5 0.5 0.1"), "bad.txt:2: 4 words where a class and four numbers should be"),
         (("0 0.5 0.5 0.1 0.1 0.9",), "bad.txt:1: 6 words where a class and four numbers should be"),
-        (("this line has five words",), "bad.txt:1: 'this' is no number of a class"),
-        (("0 0.5 half 0.1 0.1",), "bad.txt:1: 'half' is no number"),
-        (("0 0.5 nan 0.1 0.1",), "bad.txt:1: 'nan' is no finite number"),
+        (("this line has five words",), "bad.txt:1: 'this' is not a class number"),
+        (("0 0.5 half 0.1 0.1",), "bad.txt:1: 'half' is not a number"),
+        (("0 0.5 nan 0.1 0.1",), "bad.txt:1: 'nan' is not a finite number"),
         (("0 0.5 0.5 0.1 0.1", "", "3 0.5 0.5 0.1 0.1"), "bad.txt:3: class 3 where the dataset has 3, from 0"),
     ],
 )
@@ -333,7 +333,7 @@ def test_an_orientation_that_is_none_is_as_stored(tmp_path: Path) -> None:
 
 
 def test_what_may_not_be_read_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Folders, links to folders, label files; and names that are no text."""
+    """Folders, links to folders, label files; and names that are not text."""
     folder = tmp_path / "photos"
     for number, name in enumerate(("good", "closed/one", "bad", "caf\udce9")):
         picture(folder / f"{name}.jpg", seed=number)
@@ -405,7 +405,7 @@ def test_a_report_keeps_so_many_lines(monkeypatch: pytest.MonkeyPatch) -> None:
         ("labels: {format: yolo}\nclasses: {hole: Pothloe}\n", "'hole' becomes 'Pothloe' (did you mean 'Pothole'?)"),
         ("labels: {format: yolo}\nclases: {hole: Pothole}\n", "unknown key 'clases' (did you mean 'classes'?)"),
         ("labels: {format: yoloo}\nclasses: {hole: Pothole}\n", "'yoloo'"),
-        ("labels: {format: yolo}\nclasses: {hole: Pothole}\ngroup: '('\n", "is no pattern that can be read"),
+        ("labels: {format: yolo}\nclasses: {hole: Pothole}\ngroup: '('\n", "is not a readable pattern"),
         ("labels: [\n", "is not valid YAML"),
     ],
 )

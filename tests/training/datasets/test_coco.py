@@ -114,7 +114,7 @@ MANY_DIGITS = 5000 * "1"
 def test_an_annotation_that_is_not_as_coco_has_it(tmp_path: Path, annotation: str, words: str) -> None:
     coco_lines(tmp_path / "photos", annotation=annotation)
     known = {
-        "POLYGONS": "the segmentation of annotation 2 is no list of polygons, each x, y, x, y … in finite numbers",
+        "POLYGONS": "the segmentation of annotation 2 is not a list of polygons, each x, y, x, y … in finite numbers",
         "SIZE": "the mask of annotation 2 has not the picture's size, 64 × 48 pixels",
     }
     place = "annotations/instances_train.json:7: image 'images/train/bad.jpg'"
@@ -192,7 +192,7 @@ MISSED = "note annotations/instances_train.json:7: an annotation is of an image 
         (
             two_images_of_one_id,
             [
-                "refused annotations/instances_train.json:5: an entry is no object; left out (2 times)",
+                "refused annotations/instances_train.json:5: an entry is not an object; left out (2 times)",
                 "refused annotations/instances_train.json:4: image 'images/train/bad.jpg' has the id 2 of another "
                 "image; the image is left out",
                 "refused annotations/instances_train.json:5: image 'images/train/third.jpg' has the id 2 of another "

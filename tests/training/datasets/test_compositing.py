@@ -238,7 +238,7 @@ def test_cars_of_one_film_have_one_ground_resolution(tmp_path: Path) -> None:
     (tmp_path / "out" / "CutOuts").mkdir(parents=True)
     report = Report()
     found = cut_out_all(merged, tmp_path / "out", tmp_path, ("uav-cars",), report, lambda _share, _what: None)
-    # 4.5 m over the median of 30, 60 and 60 pixels; at that, the smallest is no car.
+    # 4.5 m over the median of 30, 60 and 60 pixels; at that, the smallest is not a car.
     assert [(each.name, each.gsd_mm) for _, each in found] == [
         (f"uav-cars-film-{at}-000", pytest.approx(75, rel=0.08)) for at in (0, 1)
     ]

@@ -87,11 +87,11 @@ def row(**values: Any) -> Callable[[dict[str, Any]], None]:
         (row(bbox=[float("nan"), 5, 40, 8]), "annotation 1 has a box without area: left nan"),
         (row(bbox=[1, 2, 3]), "annotation 1 has the box [1, 2, 3], which is not left, top, width and height."),
         (row(bbox=["a", 1, 2, 3]), "annotation 1 has the box ['a', 1, 2, 3], which is not left, top, width and"),
-        (row(id=None), "annotation 'None' has the id None, which is no whole number."),
+        (row(id=None), "annotation 'None' has the id None, which is not a whole number."),
         (row(image_id="0"), "annotation 1 is of image '0', which is not listed there."),
         (row(segmentation=[[1, 2, 3, 4, 5, 6, 7]]), "annotation 1 has a polygon that is not pairs of numbers"),
         (row(segmentation=[[1, 2, 3, 4, 5, float("nan")]]), "annotation 1 has a polygon that is not pairs of numbers"),
-        (lambda content: content["images"][0].update(id="img_7"), "has the id 'img_7', which is no whole number."),
+        (lambda content: content["images"][0].update(id="img_7"), "has the id 'img_7', which is not a whole number."),
         (lambda content: content["images"][1].update(id=0), "has two images of one id."),
         (lambda content: content["images"][0].update(width="wide"), "is not as COCO has it (ValueError: "),
         (row(segmentation={"size": [96, 128], "counts": [3, 4]}), "1 has run lengths that do not fill its mask."),
@@ -260,7 +260,7 @@ def test_smaller_pictures_keep_their_labels_in_place(data: ExampleSet, tmp_path:
 def test_a_file_that_is_no_packed_dataset_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "x.pack"
     path.write_bytes(content)
-    with pytest.raises(PaveTwinError, match="is no packed dataset, or damaged"):
+    with pytest.raises(PaveTwinError, match="is not a packed dataset, or damaged"):
         read_pack(path, SPLITS)
 
 

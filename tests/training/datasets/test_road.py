@@ -62,7 +62,7 @@ def verge(share: float, colour: tuple[int, int, int] = (150, 128, 90)) -> tuple[
 
 def test_damage_tells_which_colour_road_has() -> None:
     picture, damage = verge(0.7)
-    assert not road_mask(picture).any(), "most of it is no pavement"
+    assert not road_mask(picture).any(), "most of it is not pavement"
     road = road_mask(picture, damage)
     assert road[:, :136].mean() < 0.01
     assert road[:, 148:-4].mean() > 0.97

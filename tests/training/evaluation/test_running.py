@@ -107,7 +107,7 @@ NAN = float("nan")
     ("row", "message"),
     [
         (said(9, CAR), "is of image 9, which is not in test of the dataset"),
-        (said(1, RUT), "has category 6, which is none of the detector's five classes"),
+        (said(1, RUT), "has category 6, which is not one of the detector's five classes"),
         (said(1, 17), "has category 17, which the dataset does not have"),
         (said(1, CAR, (1, 2, 3)), "has no `bbox` of left, top, width and height"),
         (said(1, CAR, (1, 2, -3, 4)), "has a `bbox` of negative width or height"),
@@ -118,7 +118,7 @@ NAN = float("nan")
         (said(1, CRACK) | {"attributes": {"det_conf": 0.9}}, "and has no attribute `cls_conf`"),
         (said(1, CAR) | {"score": "high"}, "has no finite number as `score`"),
         ({"image_id": 1, "category_id": 5, "bbox": [1, 2, 3, 4]}, "has neither `score` nor"),
-        (said(1, CAR) | {"attributes": [1]}, "has `attributes` that are no mapping"),
+        (said(1, CAR) | {"attributes": [1]}, "has `attributes` that are not a mapping"),
         (said(1, CRACK, area_m2=0.0), "has `area_m2` 0, which is not above 0"),
         ({"bbox": [1, 2, 3, 4]}, "has no finite number as `image_id`"),
         (7, "is not a mapping"),

@@ -345,7 +345,7 @@ def test_the_rate_rises_and_falls() -> None:
         (["epoch=3"], "`overrides`: no setting 'epoch' (did you mean 'epochs'?)"),
         (["epochs=three"], "`overrides`: epochs takes a whole number (got 'three')."),
         (["masks=yes"], "`overrides`: masks takes true or false (got 'yes')."),
-        (["epochs"], "`overrides`: 'epochs' is no setting; give name=value"),
+        (["epochs"], "`overrides`: 'epochs' is not a setting; give name=value"),
         (["rate=2"], "`rate` 2: it must be from 0 to 1."),
         (["image_px=100"], "`image_px` 100: it must be a multiple of 32."),
         (["order=real-sinthetic"], "`order`: no order 'real-sinthetic' (did you mean 'real-synthetic'?)"),

@@ -111,7 +111,7 @@ def varied_columns(table: pl.DataFrame) -> list[str]:
 
 
 def levels_of(table: pl.DataFrame, factor: str) -> list[Any]:
-    """The levels of a factor, in the order of their first appearance; missing ones are no level."""
+    """The levels of a factor, in the order of their first appearance; missing ones are not levels."""
     return table[factor].drop_nulls().unique(maintain_order=True).to_list()
 
 

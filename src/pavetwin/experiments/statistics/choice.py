@@ -58,7 +58,7 @@ def true_means(
 
     Args:
         units: (options, blocks) one value per replicate, NaN where undefined.
-        worlds: (blocks,) number of each block's world, ascending; differences between worlds are no noise.
+        worlds: (blocks,) number of each block's world, ascending; differences between worlds are not noise.
         levels: for each factor, (options,) the number of the option's level.
         unseen: number of replicates that were not flown and count besides those that were.
     """
@@ -162,7 +162,7 @@ SAME: Final = 1e-9
 """Values closer than this are equal: sums of the same shares in another order."""
 UNSEEN: Final = 1.0
 """Replicates that were not flown, in which options that are level may differ in coverage. Costs have none: the time of
-a policy that waits is no evidence about one that does not."""
+a policy that waits is not evidence about one that does not."""
 _MORE_IS_BETTER: Final = (COVERAGE, ALTITUDE)
 _SENSOR: Final = 4  # Separates draws of a sensor's parameters from others under the same seed
 _NEAR: Final = 0.01  # Options that break their limits by this share more than the nearest are as near

@@ -112,7 +112,7 @@ def _start(
 
 def _give_up(run: tuple[TileKey, ...]) -> None:
     raise PaveTwinError(
-        f"Processes that made the tiles from {run[0]} on died several times, perhaps for want of memory; give fewer "
+        f"Processes that made the tiles from {run[0]} on died several times, perhaps for lack of memory; give fewer "
         "`jobs`."
     )
 

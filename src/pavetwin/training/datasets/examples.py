@@ -225,7 +225,7 @@ def _id(row: dict[str, Any], where: str) -> int:
     number = row.get("id")
     if not isinstance(number, int) or isinstance(number, bool):
         raise PaveTwinError(
-            f"{where} '{row.get('file_name', number)}' has the id {number!r}, which is no whole number."
+            f"{where} '{row.get('file_name', number)}' has the id {number!r}, which is not a whole number."
         )
     return number
 

@@ -207,7 +207,7 @@ def read_pack(path: Path, splits: tuple[str, ...]) -> ExampleSet:
     """The examples of a packed file.
 
     Raises:
-        PaveTwinError: it cannot be read, or is no packed dataset of this version.
+        PaveTwinError: it cannot be read, or is not a packed dataset of this version.
     """
     try:
         with path.open("rb") as file:
@@ -221,7 +221,7 @@ def read_pack(path: Path, splits: tuple[str, ...]) -> ExampleSet:
     except OSError as error:
         raise PaveTwinError(f"'{path}' cannot be read: {error.strerror or error}.") from error
     except (zipfile.BadZipFile, ValueError, KeyError, TypeError, IndexError) as error:
-        raise PaveTwinError(f"'{path}' is no packed dataset, or damaged; `pavetwin data pack` makes one.") from error
+        raise PaveTwinError(f"'{path}' is not a packed dataset, or damaged; `pavetwin data pack` makes one.") from error
     return ExampleSet(path, digest, examples)
 
 

@@ -38,7 +38,7 @@ def opened(path: Path) -> Iterator[Image.Image]:
     """A picture whose pixels are not read yet.
 
     Raises:
-        PictureError: it is no picture, damaged, or too large; also where its pixels turn out so within the block.
+        PictureError: it is not a picture, damaged, or too large; also where its pixels turn out so within the block.
     """
     try:
         with warnings.catch_warnings():
@@ -79,7 +79,7 @@ def picture_size(path: Path) -> tuple[int, int]:
     """Width and height of a picture as viewers show it: turned by EXIF's orientation, as labelling tools do.
 
     Raises:
-        PictureError: it is no picture, or too large.
+        PictureError: it is not a picture, or too large.
     """
     with opened(path) as picture:
         width, height = picture.size
@@ -109,7 +109,7 @@ class PictureIndex:
 
     def __init__(self, folder: Path, ending: str = "") -> None:
         """Args:
-        ending: of the names of pictures before their suffix, such as `_RAW`; others are no pictures of the dataset.
+        ending: of the names of pictures before their suffix, such as `_RAW`; others are not pictures of the dataset.
         """
         self._by_place: dict[tuple[str, str], list[str]] = defaultdict(list)
         self._by_stem: dict[str, list[str]] = defaultdict(list)
@@ -170,7 +170,7 @@ def files_in(
 
 def inside(folder: Path, name: str) -> Path | None:
     """The file of a name that a label file gives, or None where it leads out of the folder, by `..` or by a link, or
-    is no name of a file."""
+    is not a file name."""
     try:
         path = (folder / name.replace("\\", "/")).resolve()
     except ValueError:  # a zero byte

@@ -65,7 +65,7 @@ def compared(
         count: counts operations, which needs PyTorch; None leaves the cell empty.
 
     Raises:
-        PaveTwinError: the file is no model, or a picture of the split cannot be read.
+        PaveTwinError: the file is not a model, or a picture of the split cannot be read.
     """
     path = model_path(path)
     detector = Detector(path, threads=threads)

@@ -90,7 +90,7 @@ def read_subtypes(path: Path, split: LabelledSplit) -> dict[int, int]:
             raise PaveTwinError(f"{where} is about annotation {number:g}, which the split {split.name} does not have.")
         coarse, subtype = _kind(row, where, split.categories)
         if coarse != ROAD_DEFECT:
-            raise PaveTwinError(f"{where} has a category that is no subtype of defects.")
+            raise PaveTwinError(f"{where} has a category that is not a subtype of defects.")
         reported[int(number)] = subtype
     if missing := sorted(asked - reported.keys()):
         raise PaveTwinError(f"'{path}' has no entry for {len(missing)} of {len(asked)} defects, such as {missing[0]}.")
@@ -132,7 +132,7 @@ def _kind(row: Any, where: str, categories: Mapping[int, tuple[int, int]]) -> tu
         raise PaveTwinError(f"{where} has category {number:g}, which the dataset does not have.")
     coarse, subtype = categories[int(number)]
     if coarse == ROAD_DEFECT and subtype == NO_SUBTYPE:
-        raise PaveTwinError(f"{where} has category {number:g}, which is none of the detector's five classes.")
+        raise PaveTwinError(f"{where} has category {number:g}, which is not one of the detector's five classes.")
     return coarse, subtype
 
 
@@ -140,7 +140,7 @@ def _confidences(row: Any, coarse: int, where: str) -> tuple[float, float]:
     """Detection confidence and final confidence."""
     attributes = row.get("attributes") or {}
     if not isinstance(attributes, dict):
-        raise PaveTwinError(f"{where} has `attributes` that are no mapping.")
+        raise PaveTwinError(f"{where} has `attributes` that are not a mapping.")
     score = _share(row, "score", where) if "score" in row else None
     if "det_conf" not in attributes:
         if score is None:

@@ -129,7 +129,7 @@ class TrainingOptions:
             pairs = [text.partition("=") for text in values]
             for name, equals, _ in pairs:
                 if not equals:
-                    raise PaveTwinError(f"`overrides`: '{name}' is no setting; give name=value, such as epochs=20.")
+                    raise PaveTwinError(f"`overrides`: '{name}' is not a setting; give name=value, such as epochs=20.")
             values = {name.strip(): text.strip() for name, _, text in pairs}
         kinds = {each.name: type(each.default) for each in fields(cls)}
         for name in values:

@@ -103,7 +103,7 @@ def parking_rule(name: str) -> ParkingRule | None:
     """Read a rule by name or from a YAML file; None for `none`.
 
     Raises:
-        PaveTwinError: there is no such rule or file, or the file is no rule.
+        PaveTwinError: there is no such rule or file, or the file is not a rule.
     """
     if name == NO_RULE:
         return None

@@ -21,7 +21,7 @@ PLACE_M: Final = 0.4
 CROSSING_M: Final = 1.0
 """And this far from parking places and crossings."""
 
-FREE_M: Final = (2.0, 12.0)  # Shorter ends of parking lanes are not hatched, longer ones are no kept-free corners
+FREE_M: Final = (2.0, 12.0)  # Shorter ends of parking lanes are not hatched, longer ones are not kept-free corners
 WAY_M: Final = 1.6  # Half the width of a way across a junction
 NARROWEST_M: Final = 1.4
 SMALLEST_M2: Final = 5.0

@@ -66,7 +66,7 @@ PAINTS: Final = {
 to 0.10 in the visible, dry grass more."""
 
 FIRST_PLANT: Final = (list(PAINTS).index("moss") - 0.5) / (len(PAINTS) - 1)
-"""From this number of the maps on it is no paint but a plant."""
+"""From this number of the maps on it is not paint but a plant."""
 
 RAGGED_M: Final = 0.016
 """Edges of paint and bitumen move by half of this with the height of the grain [m]."""

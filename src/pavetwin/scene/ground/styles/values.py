@@ -30,7 +30,7 @@ class ValueRange(Settings):
 
 
 def whole(values: ValueRange) -> ValueRange:
-    """Refuse a range of a count whose ends are no whole numbers.
+    """Refuse a range of a count whose ends are not whole numbers.
 
     Raises:
         ValueError: one is none.

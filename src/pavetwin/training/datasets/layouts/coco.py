@@ -65,7 +65,7 @@ class CocoFile:
         self.lists: set[str] = set()
         """Members of `LISTS` that the file has."""
         self.others: list[int] = []
-        """Lines of the entries of its lists that are no objects; the first thousand."""
+        """Lines of the entries of its lists that are not objects; the first thousand."""
 
     def add(self, key: str, content: Any, text: str, line: int) -> None:
         """Take up an entry of one of the file's lists, its text and its line."""
@@ -393,7 +393,7 @@ def _is_whole(content: CocoFile, labels: str, report: Report) -> bool:
         report.add(Finding.NOTE, labels, f"has no list {' and no list '.join(missing)}, as COCO has; left out")
         return False
     for line in content.others:
-        report.add(Finding.REFUSED, labels, "an entry is no object; left out", line, alike=f"entry of {labels}")
+        report.add(Finding.REFUSED, labels, "an entry is not an object; left out", line, alike=f"entry of {labels}")
     for line in content.stray_lines():
         words = "an annotation is of an image that is not listed; left out"
         report.add(Finding.NOTE, labels, words, line, alike=f"stray in {labels}")
@@ -441,7 +441,9 @@ def _shape(
         return None
     parts = [_numbers(part) for part in segmentation] if isinstance(segmentation, list) else []
     if not parts or not all(parts) or any(len(part) % 2 for part in parts):
-        raise CocoEntryError(f"the segmentation of {which} is no list of polygons, each x, y, x, y … in finite numbers")
+        raise CocoEntryError(
+            f"the segmentation of {which} is not a list of polygons, each x, y, x, y … in finite numbers"
+        )
     polygons = [tuple(zip(part[::2], part[1::2], strict=True)) for part in parts]
     around = box_around(tuple(corner for polygon in polygons for corner in polygon))
     return around, polygons[0] if len(polygons) == 1 and len(polygons[0]) > 2 else None

@@ -69,7 +69,7 @@ def _number(node: Element, tag: str) -> float:
         value = nan
     if not isfinite(value):
         line = child.line if child is not None else node.line
-        raise XmlError(f"{tag} is {text!r}, which is no number" if text else f"{tag} is missing", line)
+        raise XmlError(f"{tag} is {text!r}, which is not a number" if text else f"{tag} is missing", line)
     return value
 
 

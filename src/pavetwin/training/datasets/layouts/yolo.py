@@ -20,7 +20,7 @@ LARGEST_LIST_BYTES: Final = 2**17  # Largest file of class names: the thousand c
 LONGEST_CLASS: Final = 200  # Characters of a class's name
 
 _NAMES: Final = frozenset({"classes.txt", "obj.names", "_darknet.labels", "readme.txt", "licence.txt", "license.txt"})
-"""Text files that are no label files."""
+"""Text files that are not label files."""
 
 _NAME_TAGS: Final = frozenset({"tag:yaml.org,2002:str", "tag:yaml.org,2002:int"})
 """Types that count as a name; other readers take `no` and `1e3` for something else."""
@@ -82,14 +82,14 @@ class YoloLayout(LabelLayout):
 
     def _object(self, words: list[str], number: int, names: tuple[str, ...]) -> RawObject:
         """Raises:
-        ValueError: it is no object; the message states the reason.
+        ValueError: it is not an object; the message states the reason.
         """
         is_right = len(words) >= 7 and len(words) % 2 == 1 if self.polygons else len(words) == 5
         if not is_right:
             wanted = "a class and at least three corners" if self.polygons else "a class and four numbers"
             raise ValueError(f"{len(words)} words where {wanted} should be")
         if not re.fullmatch(r"\d{1,6}", words[0], re.ASCII):
-            raise ValueError(f"'{words[0]}' is no number of a class")
+            raise ValueError(f"'{words[0]}' is not a class number")
         at = int(words[0])
         if names and at >= len(names):
             raise ValueError(f"class {at} where the dataset has {len(names)}, from 0")
@@ -113,9 +113,9 @@ def _number(word: str) -> float:
     try:
         value = float(word)
     except ValueError:
-        raise ValueError(f"'{word}' is no number") from None
+        raise ValueError(f"'{word}' is not a number") from None
     if not isfinite(value):
-        raise ValueError(f"'{word}' is no finite number")
+        raise ValueError(f"'{word}' is not a finite number")
     return value
 
 
@@ -171,7 +171,7 @@ def _is_number(key: yaml.Node) -> bool:
 
 def _check_name(path: Path, number: int, name: str | None) -> None:
     """Raises:
-    PaveTwinError: it is no name of a class.
+    PaveTwinError: it is not a class name.
     """
     if name is None or not 0 < len(name) <= LONGEST_CLASS:
         raise PaveTwinError(
@@ -182,7 +182,7 @@ def _check_name(path: Path, number: int, name: str | None) -> None:
 
 def _text_of(path: Path) -> str:
     """Raises:
-    PaveTwinError: it is no text, or larger than a list of classes is.
+    PaveTwinError: it is not text, or larger than a list of classes is.
     """
     try:
         if path.stat().st_size > LARGEST_LIST_BYTES:

@@ -90,7 +90,7 @@ class DatasetSource(Settings):
         try:
             re.compile(pattern or "")
         except re.error as error:
-            raise ValueError(f"is no pattern that can be read ({error})") from error
+            raise ValueError(f"is not a readable pattern ({error})") from error
         return pattern
 
     def group_of(self, original: str) -> str:
