@@ -17,10 +17,10 @@ import yaml
 from pavetwin.arrays import Float64Array
 from pavetwin.mission.folder import MissionFolder
 from pavetwin.mission.saving import LOOKS
+from pavetwin.sensing.fit.fitting import fit_sensor, found_by_draws
+from pavetwin.sensing.fit.look_tables import GROUP, LookSource
 from pavetwin.sensing.fitted_sensor import SensorModel
-from pavetwin.sensing.fitting import fit_sensor, found_by_draws
 from pavetwin.sensing.frame import Look
-from pavetwin.sensing.look_tables import GROUP, LookSource
 
 CELL: Final = ("traffic", "altitude_m", "policy")
 

@@ -18,8 +18,8 @@ from pavetwin.experiments.design import read_design
 from pavetwin.files import FORMAT
 from pavetwin.mission.saving import DETECTION_COLUMNS, LOOKS
 from pavetwin.policies import POLICIES
+from pavetwin.sensing.fit.look_tables import GROUP, LOOK_SCHEMA, POSE_SCHEMA
 from pavetwin.sensing.fitted_sensor import SensorModel
-from pavetwin.sensing.look_tables import GROUP, LOOK_SCHEMA, POSE_SCHEMA
 from pavetwin.uav import AIRCRAFT
 from pavetwin.world.store import save_world
 from scenes import built

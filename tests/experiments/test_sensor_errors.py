@@ -12,8 +12,8 @@ from pavetwin.experiments.statistics import MissionLimits, recommend
 from pavetwin.experiments.tours import by_mission
 from pavetwin.mission.fly import fly_over
 from pavetwin.sensing.calibrated import Calibrated
+from pavetwin.sensing.fit.fitting import found_by_draws
 from pavetwin.sensing.fitted_sensor import SensorModel
-from pavetwin.sensing.fitting import found_by_draws
 from pavetwin.sensing.frame import Look
 from pavetwin.sensing.sensor import trial_frames
 from scenes.fitted import stated

@@ -7,6 +7,7 @@ import numpy as np
 import polars as pl
 
 from pavetwin.files import file_sha256
+from pavetwin.sensing.fit.look_tables import ALARM_SCHEMA, CAPTURE, GROUP, LOOK_COLUMNS, LookSource
 from pavetwin.sensing.fitted_sensor import (
     OF_ALL,
     OF_CLASS,
@@ -19,7 +20,6 @@ from pavetwin.sensing.fitted_sensor import (
     term_names,
 )
 from pavetwin.sensing.frame import Look
-from pavetwin.sensing.look_tables import ALARM_SCHEMA, CAPTURE, GROUP, LOOK_COLUMNS, LookSource
 from scenes import drawn_detector
 
 FILE = Path(__file__).parents[1] / "sensing" / "fitted.json"

@@ -14,8 +14,8 @@ import statsmodels.api as sm
 from scipy.stats import chi2
 
 from pavetwin.errors import PaveTwinError
+from pavetwin.sensing.fit.fitting import chances_of, fit_mixed_probit, fit_sensor, reliability, repeated_looks
 from pavetwin.sensing.fitted_sensor import SensorModel, bend
-from pavetwin.sensing.fitting import chances_of, fit_mixed_probit, fit_sensor, reliability, repeated_looks
 from pavetwin.sensing.frame import Look
 from scenes import drawn_detector
 from scenes.fitted import FILE, drawn_looks, stated

@@ -19,9 +19,9 @@ from pavetwin.labels.coco import decode
 from pavetwin.labels.outlines import hull
 from pavetwin.perception.detector import Detector
 from pavetwin.sensing.detector import default_image_px
+from pavetwin.sensing.fit.look_tables import ALARM_SCHEMA, CAPTURE, GROUP, LOOK_COLUMNS, LookSource
 from pavetwin.sensing.fitted_sensor import FittedDetector
 from pavetwin.sensing.frame import Look
-from pavetwin.sensing.look_tables import ALARM_SCHEMA, CAPTURE, GROUP, LOOK_COLUMNS, LookSource
 from pavetwin.sensing.matching import match_shapes
 
 LEAST_VISIBLE: Final = 0.35

@@ -17,8 +17,8 @@ from pavetwin.registry import BrokenRulesError
 from pavetwin.reports.words import counted
 
 if TYPE_CHECKING:
+    from pavetwin.sensing.fit.look_tables import LookSource
     from pavetwin.sensing.fitted_sensor import EntryModel, SensorModel
-    from pavetwin.sensing.look_tables import LookSource
     from pavetwin.uav import AircraftProfile
 
 
@@ -66,7 +66,7 @@ def fit(
     and left out.
     """
     from pavetwin.draw.sensor_figure import save_sensor_figure
-    from pavetwin.sensing.fitting import fit_sensor
+    from pavetwin.sensing.fit.fitting import fit_sensor
 
     if output.suffix != ".json":
         raise PaveTwinError(f"`output` '{output}': the file is JSON; give a name such as {output.stem}.json.")
@@ -165,7 +165,7 @@ def _report_fit(fitted: "SensorModel", sources: Sequence["LookSource"], *, are_o
     import numpy as np
     import polars as pl
 
-    from pavetwin.sensing.fitting import reliability
+    from pavetwin.sensing.fit.fitting import reliability
 
     to = fitted.fitted_to
     out.line(

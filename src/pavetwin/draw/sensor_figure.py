@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from pavetwin.draw import style
+from pavetwin.sensing.fit.fitting import reliability, repeated_looks
+from pavetwin.sensing.fit.look_tables import GROUP, LookSource
 from pavetwin.sensing.fitted_sensor import SensorModel
-from pavetwin.sensing.fitting import reliability, repeated_looks
-from pavetwin.sensing.look_tables import GROUP, LookSource
 
 ENOUGH: Final = 30  # Defects with as many looks, to show how many of these found them
 MOST_LOOKS: Final = 10  # More looks at one defect than that do not fit the figure

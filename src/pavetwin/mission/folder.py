@@ -47,8 +47,7 @@ from pavetwin.mission.versions import version_changes
 from pavetwin.perception.model_file import model_path
 from pavetwin.sensing import Outcome
 from pavetwin.sensing.detector import DetectorSensor
-from pavetwin.sensing.fitted_sensor import FittedDetector
-from pavetwin.sensing.look_tables import (
+from pavetwin.sensing.fit.look_tables import (
     ALARM_SCHEMA,
     CAPTURE,
     GROUP,
@@ -57,6 +56,7 @@ from pavetwin.sensing.look_tables import (
     POSE_SCHEMA,
     LookSource,
 )
+from pavetwin.sensing.fitted_sensor import FittedDetector
 from pavetwin.sensing.sensor import load_sensor, sensor_class
 from pavetwin.world.folder import DESCRIPTION, read_description
 from pavetwin.world.georeference import anchored, from_wgs84

@@ -21,8 +21,8 @@ from pavetwin.mission.inspected_defects import HIDDEN, InspectedDefect, MissReas
 from pavetwin.mission.metrics import SegmentMetrics, totals
 from pavetwin.mission.result import MissionResult
 from pavetwin.mission.track import MODES
+from pavetwin.sensing.fit.look_tables import LOOK_SCHEMA, POSE_SCHEMA
 from pavetwin.sensing.frame import LookMeter
-from pavetwin.sensing.look_tables import LOOK_SCHEMA, POSE_SCHEMA
 from pavetwin.world.layers import columns_of, write_layer
 from pavetwin.world.model import Defect, World
 

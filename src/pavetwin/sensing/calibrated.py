@@ -205,7 +205,7 @@ class Calibrated(Sensor):
         return Detections.concatenated([found, alarms])
 
     def found_by_draws(self, defects: Sequence[int]) -> Float64Array:
-        from pavetwin.sensing.fitting import found_by_draws
+        from pavetwin.sensing.fit.fitting import found_by_draws
 
         looks: dict[int, list[Look]] = {defect: [] for defect in defects}
         for frame in self._shown:

@@ -21,6 +21,7 @@ from scipy.special import log_ndtr, logsumexp, ndtr, ndtri
 
 from pavetwin.arrays import BoolArray, Float64Array, IndexArray
 from pavetwin.errors import PaveTwinError
+from pavetwin.sensing.fit.look_tables import CAPTURE, GROUP, LOOK_COLUMNS, LookSource
 from pavetwin.sensing.fitted_sensor import (
     BEND,
     OF_ALL,
@@ -36,7 +37,6 @@ from pavetwin.sensing.fitted_sensor import (
     values_of,
 )
 from pavetwin.sensing.frame import Look
-from pavetwin.sensing.look_tables import CAPTURE, GROUP, LOOK_COLUMNS, LookSource
 from pavetwin.sensing.sensor import PARAMETER_DRAWS
 
 _REACH: Final = 6.0
