@@ -357,7 +357,7 @@ def test_the_world_of_a_study_must_be_there(study: Path, tmp_path: Path) -> None
     text = (study / "design.yaml").read_text()
     (tmp_path / "s" / "design.yaml").write_text(re.sub(r"(- path: ).*cross", r"\1gone", text))
     reported = plain_refusal(pavetwin("handover", tmp_path / "s", cwd=tmp_path))
-    assert reported.endswith("of the study is not at 'gone' any more; put it back.")
+    assert reported.endswith("of the study is no longer at 'gone'; put it back.")
     save_world(built("cross", parking_rule="north_america"), tmp_path / "gone")
     reported = plain_refusal(pavetwin("handover", tmp_path / "s", cwd=tmp_path))
     assert reported.endswith("is not what the study flew over.")

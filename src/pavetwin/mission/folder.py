@@ -168,7 +168,7 @@ class MissionFolder:
 
     @cached_property
     def captures(self) -> Mapping[str, Any] | None:
-        """The confirmed defects of `captures.geojson`, without the images of frames; None if it is missing or damaged."""
+        """The confirmed defects of `captures.geojson` without the images of frames; None if missing or damaged."""
         try:
             content: dict[str, Any] = json.loads((self.folder / CAPTURES).read_text(encoding="utf-8"))
             for feature in content["features"]:
