@@ -142,7 +142,7 @@ def test_what_is_no_capture_is_refused_in_one_line(page: RunningPage, frame: dic
 def test_a_mission_of_another_server_is_foreign(page: RunningPage, world: Path) -> None:
     assert page.session.played(KEY)
     with running_page([world]) as other:
-        assert "no such mission" in ask(other)["error"]
+        assert "no longer exists" in ask(other)["error"]
 
 
 def test_the_poses_of_captures_cannot_be_fetched_as_a_file(page: RunningPage) -> None:

@@ -35,7 +35,7 @@ export class Frames {
   /** Why a part of frames cannot be made of this mission, if so: it is not asked for any more, others are. */
   failureOf(part) { return this.#failures.get(part) ?? ''; }
 
-  /** Captures whose frames are asked for beside that of the moment, such as those of a defect. */
+  /** Captures whose frames are requested besides that of the moment, such as those of a defect. */
   wantAlso(captures) {
     this.#also = captures;
     this.#next();

@@ -202,7 +202,7 @@ class Town {
     this.#drawFrom(this.cameras.camera);
     this.frames.push(performance.now() - start);
     if (this.frames.length > 60) this.frames.shift();
-    const failed = this.tiles.failed ? `Parts of the town cannot be loaded, and are asked for again: ${this.tiles.failed.message}` : "";
+    const failed = this.tiles.failed ? `Parts of the town could not be loaded and are requested again: ${this.tiles.failed.message}` : "";
     if (failed !== (this.failed ?? "")) this.onMessage?.(this.message = failed);
     this.failed = failed;
     const isSettled = !this.tiles.pending, { missing } = this.tiles;

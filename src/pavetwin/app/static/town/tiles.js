@@ -36,7 +36,7 @@ export class Tiles {
     this.working = new Set();
     this.arrived = false; // Whether something has come since tiles were chosen last.
     this.failures = new Map(); // By the node that did not come; it is asked for again.
-    this.held = false; // While it is, no more tiles are asked for.
+    this.held = false; // While true, no more tiles are requested.
     this.time = 0;
     const levels = manifest.levels, last = levels.length - 1;
     for (const { level, tiles } of levels)
