@@ -74,7 +74,7 @@ def test_what_the_form_has_no_field_for_is_named(world: Path, spec: MissionSpec)
         ({"settings": {"sensing": {"sensor": "own.py:Eyes"}}}, "a sensor of a file"),
         ({"settings": {"aircraft": "mine.yaml:survey"}}, "aircraft of a file"),
         ({"policy": {"name": "hove"}}, "hover"),
-        ({"world": {"name": "../../etc", "path": "/etc"}}, "none of those that the page shows"),
+        ({"world": {"name": "../../etc", "path": "/etc"}}, "which the page does not show"),
         ({"targets": ["../x"]}, "inspects '../x'"),
         ({"targets": "all"}, "no list of `targets`"),
         ({"targets": [["s0001"]]}, "no list of `targets`"),

@@ -225,7 +225,7 @@ def test_levels_that_do_not_exist_are_refused_before_anything_is_flown(values: d
     ("policy", "words"),
     [
         ("mine.py:Bad", r"'.*mine\.py:Bad' breaks a rule: "),
-        ("mine.py", r"'mine\.py' lacks the name of the class"),
+        ("mine.py", r"'mine\.py' names no class"),
     ],
 )
 def test_a_policy_that_cannot_fly_refuses_the_design(tmp_path: Path, policy: str, words: str) -> None:

@@ -243,7 +243,7 @@ def test_registered_names_are_known_and_cannot_be_taken() -> None:
         (OWN, "own.py:Carefull", "did you mean 'Careful'"),
         (OWN, "own.py:Policy", "breaks a rule|no policy class"),
         (OWN, "own.py:Wait", "no policy class 'Wait'"),
-        (OWN, "own.py", "lacks the name of the class"),
+        (OWN, "own.py", "names no class"),
         (OWN, "other.py:Careful", "there is no file"),
         ("def broken(:", "own.py:X", "fails when read: SyntaxError"),
         ("import no_such_module", "own.py:X", "fails when read: ModuleNotFoundError"),

@@ -89,7 +89,7 @@ def test_a_mission_takes_off_next_to_the_road_or_from_its_base(world: Path, tmp_
         (("--set", "nonsense"), "key=value"),
         (("--set", "energy.capacity_wh=0.2"), "Take off nearer to it (--base), leave it out, fly another --aircraft"),
         (("--set", "sensing.sensor=idael"), "did you mean 'ideal'"),
-        (("--sensor", "keen.py"), "lacks the name of the class"),
+        (("--sensor", "keen.py"), "names no class"),
         (("--set", "camera.model=phantom5"), "did you mean 'phantom4'"),
         (("--set", "pattern.kind=boustrofedon"), "did you mean 'boustrophedon'"),
         (("--altitude", "0"), "--altitude 0: the UAV flies at 5 m or higher"),
