@@ -86,7 +86,10 @@ def test_two_processes_do_not_work_in_one_folder(tmp_path: Path) -> None:
 
 def test_a_file_elsewhere_that_is_gone_is_named(tmp_path: Path) -> None:
     """For example a tile that another process removed; the folder being written is in order."""
-    with pytest.raises(PaveTwinError, match="'/gone/tile' no longer exists"), staging_folder(tmp_path / "out" / "images"):
+    with (
+        pytest.raises(PaveTwinError, match="'/gone/tile' no longer exists"),
+        staging_folder(tmp_path / "out" / "images"),
+    ):
         Path("/gone/tile").read_bytes()
     with pytest.raises(PaveTwinError, match="nothing can be made there"), writing(Path("/proc/nothing/m")):
         pass
