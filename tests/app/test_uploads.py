@@ -48,7 +48,7 @@ def page(place: Path) -> Iterator[RunningPage]:
 
 @dataclass
 class Sending:
-    """A page that asks for a town and sends its map, and what it is reported."""
+    """A page that requests a town and sends its map, with the messages that it receives."""
 
     page: RunningPage
     reported: list[dict[str, Any]] = field(default_factory=list)
@@ -66,7 +66,7 @@ class Sending:
             self.answer = json.loads(message)
             if {"done", "error", "cancelled"} & self.answer.keys():
                 break
-            self.told.append(self.answer)
+            self.reported.append(self.answer)
             if "ready" in self.answer and content:
                 path = f"/api/maps/{self.answer['ready']['upload']}"
                 sending = asyncio.create_task(asyncio.to_thread(self.page.get, path, "POST", content))
@@ -132,7 +132,7 @@ def test_a_real_map_is_built_and_flown(page: RunningPage, place: Path, shared_fi
     asyncio.run(sending.run(town(content, name="neukölln"), content))
     assert sending.status == 204
     assert sending.answer["done"]["world"] == {"id": "w0", "name": "neukölln"}
-    words = {reported.get("what", "") for reported in sending.told}
+    words = {reported.get("what", "") for reported in sending.reported}
     assert {"Sending the map", "Checking the map", "Building the town: road network"} <= words
     (flown,) = page.ask({"do": "fly", "request": {"count": 1, "seed": 1, "traffic": "low"}})
     assert Path(flown["done"]["folder"]).parent == place / "neukölln" / "missions"

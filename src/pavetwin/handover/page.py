@@ -155,7 +155,7 @@ def _seen(handover: Handover) -> Iterator[str]:
     totals = handover.mission.totals
     surface = totals["surface_coverage"]
     hidden = totals.get("permanently_hidden")
-    parked = f" (parked vehicles hide {percent(hidden)} for good)" if hidden else ""
+    parked = f" (parked vehicles hide {percent(hidden)} permanently)" if hidden else ""
     yield f"{percent(surface)} of the surface of {counted(handover.streets.height, 'street')}{parked}."
     share = found_share(*handover.by_segment)
     if share is None:

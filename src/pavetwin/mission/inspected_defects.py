@@ -103,7 +103,7 @@ class MissReason(StrEnum):
     HIDDEN_BY_VEHICLES = "hidden_by_vehicles"
     """Every capture showed too little of it; vehicles in traffic hid most of it, on average over these captures."""
     HIDDEN_BY_PARKED_VEHICLES = "hidden_by_parked_vehicles"
-    """It lies under or behind a parked vehicle: hidden for good."""
+    """It lies under or behind a parked vehicle: hidden permanently."""
     HIDDEN_BY_PEDESTRIANS = "hidden_by_pedestrians"
     HIDDEN_BY_FIXED_OBJECTS = "hidden_by_fixed_objects"
     """Buildings, trees, street furniture."""
