@@ -123,7 +123,7 @@ class Column(Generic[ArrayT]):
         return self.filled(len(table)) if known is None else known  # type: ignore[return-value]
 
     def filled(self, count: int) -> ArrayT:
-        """The column of so many rows without a value."""
+        """The column filled with missing values."""
         if self.dtype != object:
             return np.full((count, *self.shape), self.missing, self.dtype)  # type: ignore[return-value]
         return self.of([self.missing] * count)

@@ -158,7 +158,7 @@ def staging_folder(target: Path) -> Iterator[Path]:
     """A temporary folder next to `target`, for files that are whole before they are moved to their places.
 
     Raises:
-        PaveTwinError: it cannot be made, or the block failed to write. The folder is gone afterwards.
+        PaveTwinError: it cannot be made, or the block failed to write. The folder is removed in that case.
     """
     try:
         with _temporary_folder(target) as temporary:
@@ -169,7 +169,7 @@ def staging_folder(target: Path) -> Iterator[Path]:
 
 @contextmanager
 def _temporary_folder(target: Path) -> Iterator[Path]:
-    """A folder next to `target`; gone at the end of the block, unless it was renamed."""
+    """A folder next to `target`; removed at the end of the block, unless it was renamed."""
     target.parent.mkdir(parents=True, exist_ok=True)
     _clear_killed(target)
     temporary = Path(tempfile.mkdtemp(dir=target.parent, prefix=f"{_mark(target)}{os.getpid()}-"))
@@ -217,10 +217,9 @@ def working_in(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def file_lock(target: Path, timeout_s: float) -> Iterator[None]:
-    """Keep other processes and threads from making `target` while the block runs; wait for those that do.
+    """Hold the lock of `target` while the block runs; wait for other processes and threads that hold it.
 
-    A hidden file next to the target is locked, and removed afterwards. Where no such file can be made, nothing is
-    locked.
+    The lock is a hidden file next to the target, removed afterwards. If it cannot be created, nothing is locked.
 
     Args:
         timeout_s: after this time proceed without the lock; its holder may hang.

@@ -119,7 +119,7 @@ class Registry(Generic[T]):
         group: of entry points of installed packages, such as `pavetwin.patterns`.
         home: the module, or the package of modules, that registers those that ship with PaveTwin.
         on_add: called with each name and value; may refuse with a ValueError.
-        rules: the rules that one of a user's own breaks, each as a sentence.
+        rules: function that returns the rules that a user's own breaks, each as a sentence.
         """
         self.what, self.group = what, group
         self.key = key if "." in key else f"`{key}`"  # settings have sections, parameters have options

@@ -148,7 +148,7 @@ class WorkerPool(Generic[Task, Result]):
 
 
 class WaitingProcess:
-    """A process that waits for what it is to run."""
+    """A process that waits for a task."""
 
     def __init__(self, module: str = "", ahead: Callable[[], object] | None = None) -> None:
         """Args:
@@ -163,7 +163,7 @@ class WaitingProcess:
             self.process.start()
 
     def stop(self) -> None:
-        """End the process, by force where it takes longer than `GRACE_S`."""
+        """End the process, by force after `GRACE_S`."""
         self.process.terminate()
         self.process.join(GRACE_S)
         if self.process.is_alive():

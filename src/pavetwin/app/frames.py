@@ -1,4 +1,4 @@
-"""The rendered frames of captures as the server sees them: made one at a time by a process that stays, the latest
+"""Rendered frames of captures in the server: made one at a time by a process that stays, the latest
 ones kept."""
 
 import asyncio
@@ -88,7 +88,7 @@ class FrameRenderer:
         self._pages.add(page)
 
     async def leave(self, page: object) -> None:
-        """A page has gone: nothing of it is rendered any more, and with the last page the process ends."""
+        """A page has closed: its frames are no longer rendered, and the process ends with the last page."""
         self._drop(page)
         self._pages.discard(page)
         if not self._pages:

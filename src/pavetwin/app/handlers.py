@@ -32,7 +32,7 @@ class RefusedError(HTTPError):
 
 
 class GuardedHandler(RequestHandler):
-    """Answers only who may ask, see `Guard`. Errors are JSON with one plain line."""
+    """Handler that answers authorised requests only, see `Guard`. Errors are JSON with a one-line message."""
 
     needs_token = True
 

@@ -127,7 +127,7 @@ def _live_folder(session: Path) -> Iterator[Path]:
 
 
 class _Live:
-    """A vehicle as the page sees it while it goes on."""
+    """State of a vehicle for the page, while it moves."""
 
     def __init__(self, vehicle: LiveVehicle, inputs: MissionInputs, folder: Path, report: PilotReport) -> None:
         self._vehicle, self._inputs, self._folder, self._report_to = vehicle, inputs, folder, report
@@ -232,7 +232,7 @@ def fly_by_hand(spec: MissionSpec, inputs: MissionInputs, session: Path, report:
 
 
 class _Uav:
-    """The flight as the page sees it while it goes on."""
+    """State of the flight for the page, while it lasts."""
 
     policy = PILOT
 
@@ -338,7 +338,7 @@ def drive_by_hand(spec: MissionSpec, inputs: MissionInputs, session: Path, repor
 
 
 class _Car:
-    """The drive as the page sees it while it goes on."""
+    """State of the drive for the page, while it lasts."""
 
     policy = DRIVER
 

@@ -1,4 +1,4 @@
-"""Maps that pages send: announced, taken in, built in a process of their own, and gone.
+"""Maps that pages send: announced, received, built in a separate process, and removed.
 
 A page announces a map over its WebSocket, gets a key, and sends the map to that key over HTTP. All of it is one task of
 the page: where that ends, by its result, an error, cancelling or the page's end, nothing of the map is left.

@@ -182,7 +182,7 @@ _LOADED: Final[list[Any]] = []
 
 
 def _start(job: CaptureJob, splits: Mapping[str, str], on_image: OnTick) -> Callable[[Shard], None]:
-    """In a worker process: load the world and make the function that takes shards."""
+    """Load the world in a worker process and return the function that takes shards."""
     return _worker(job, prepare(_load(job), job.settings, splits=splits), on_image)
 
 

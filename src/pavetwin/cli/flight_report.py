@@ -75,7 +75,7 @@ def area_line(area: "TrafficArea | None", world: "World") -> str:
 
 
 def reporting_whole_towns(report: "OnProgress", spec: "MissionSpec", world: "World") -> "OnProgress":
-    """A report of progress that prints one line when the recording of a whole large town begins."""
+    """A progress callback that prints one line when the recording of a whole large town begins."""
     from pavetwin.mission.inputs import RECORDING
 
     lines = [whole_town_line(world, spec.targets)] if spec.area(world) is None else []

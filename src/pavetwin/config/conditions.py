@@ -1,4 +1,4 @@
-"""When and in what weather a mission is flown or an image is taken. The place is the world's own.
+"""Time and weather of a mission or an image. The place is that of the world.
 
 Light (`pavetwin.scene.light`) and wind (the kernel's airspeed) are read from here. To model further weather, add a
 field here and compute its effect in a module of its own.
@@ -35,7 +35,7 @@ def _read_time(value: Any) -> dt.time:
 
 
 def _parsed(value: Any, parse: Callable[[str], Any]) -> Any:
-    """A text as `parse` reads it, None where it cannot; anything else as it is."""
+    """A text parsed by `parse`, None if that fails; other values unchanged."""
     try:
         return parse(value) if isinstance(value, str) else value
     except ValueError:

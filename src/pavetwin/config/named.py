@@ -38,10 +38,10 @@ def read_named(
     """The data of a name, or of a file whose name ends in .yaml or .yml.
 
     Args:
-        what: the kind of data in words, such as `pavement`.
+        what: the kind of data in messages, such as `pavement`.
         key: the parameter that takes their names.
         more: other values of that parameter, for the message.
-        check: refuses what the schema cannot know, such as names of other files, by a `PlacedValueError`.
+        check: further check beyond the schema, such as of names of other files; raises `PlacedValueError`.
 
     Raises:
         PaveTwinError: there is no such name or file, or it does not fit the schema; the message names file, line and

@@ -185,10 +185,10 @@ class ClassPopulation(Settings):
         return None
 
     def host(self, seed: int) -> str | None:
-        """Class within which one defect is tried; None for anywhere.
+        """Class within which a defect is placed if possible; None for anywhere.
 
         Args:
-            seed: of its shape; other defects do not depend on what is drawn here.
+            seed: of its shape, so that other defects do not depend on this draw.
         """
         number = float(child(seed, Stream.DEFECTS, _WITHIN).random())
         for name, share in self.within.items():
@@ -325,7 +325,7 @@ class Population(Settings):
             yield shares[int(rng.choice(len(shares), p=weights))][0]
 
     def kind_on(self, street: str, kind: DefectKind) -> DefectKind:
-        """The class that is placed on the street of a name where one was drawn."""
+        """The class placed on the street of this name instead of a drawn class."""
         instead = self.of_class(kind.name).on_slabs
         if instead is None or instead not in self.classes or not has_slabs(street):
             return kind

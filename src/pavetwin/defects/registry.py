@@ -211,7 +211,7 @@ the class has `parameters`, an instance of them."""
 
 @dataclass(frozen=True, slots=True)
 class LabelRule:
-    """The least that must be visible of a defect for it to be labelled in a dataset."""
+    """Minimum visible size and contrast for a defect to be labelled in a dataset."""
 
     least_side_px: int = 8
     """Longer side of its box."""

@@ -89,7 +89,7 @@ def _shortened(heading: str, room: float) -> str:
 
 
 def _columns(count: int) -> int:
-    """About three columns for two rows, and the last row as full as can be."""
+    """About three columns for two rows, with the last row as full as possible."""
     wanted = (count * 1.5) ** 0.5
     choices = range(max(1, floor(0.8 * wanted)), max(1, ceil(1.25 * wanted)) + 1)
     return min(min(choices, key=lambda columns: (-count % columns, abs(columns - wanted))), count)

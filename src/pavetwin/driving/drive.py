@@ -6,10 +6,10 @@ while not drive.is_over:
     drive.step(Pedals(ahead=1.0))
 ```
 
-The rear camera of `pavetwin.capture.platforms.car` looks straight down, so what it sees is judged as what a UAV's
-camera sees: the kernel finds the cells of the road and the shares of the defects that nothing hides, the mission's
-sensor reports, and `DetectionLog` judges. Its whole image is the inspection window. The traffic is recorded: it does
-not react, and drives through the car. The same pedals give the same drive: `drive_again`.
+The rear camera of `pavetwin.capture.platforms.car` looks straight down, so its view is judged like that of a UAV's
+camera: the kernel finds the cells of the road and the shares of the defects that nothing hides, the mission's sensor
+reports, and `DetectionLog` judges. Its whole image is the inspection window. The traffic is recorded: it does not
+react, and drives through the car. The same pedals give the same drive: `drive_again`.
 """
 
 from collections import Counter

@@ -76,7 +76,7 @@ def body(state: CarState) -> Polygon:
 
 
 def _places(line: shapely.LineString, near: Point | None) -> Iterator[CarState]:
-    """Places along a lane, those nearest to a point first, else from its beginning."""
+    """Places along a lane, nearest to a point first; without a point, from the start of the lane."""
     stations = np.arange(BODY.length_m, max(BODY.length_m, line.length - BODY.length_m) + 1e-9, START_EVERY_M).tolist()
     if near is not None:
         stations.sort(key=lambda station: float(line.interpolate(station).distance(near)))

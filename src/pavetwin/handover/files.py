@@ -119,7 +119,7 @@ def write_handover(
     Args:
         formats: of the plans, a file for each flight and format.
         with_mission: copy the mission's own folder into it as well.
-        force: replace a handover that is there.
+        force: replace an existing handover.
 
     Returns:
         The names of the plans, in the folder `plan`.

@@ -263,7 +263,7 @@ def _with_models(settings: MissionSettings, models: Mapping[str, OptionValue]) -
 
 
 def _defects(design: Design, world: World) -> DefectInput:
-    """Settings of the design."""
+    """Defects of the design."""
     if isinstance(design.defects, DefectOptions):
         return DefectInput(seed=design.seed, options=design.defects)
     return defect_input(world, None if design.defects == "world" else design.seed)

@@ -111,7 +111,7 @@ def folded(table: PageTable) -> PageTable:
 
 
 def _legend(paper: Axes, handover: Handover, x: float, y: float, width: float, town: Axes) -> None:
-    """Below the map, with its scale and the north."""
+    """Draw the legend below the map, with scale bar and north arrow."""
     box = (x / A4_IN[0], y / A4_IN[1])
     paper.legend(
         handles=[entry.handle for entry in legend_of(handover)], loc="upper left", bbox_to_anchor=box, fontsize=6.6,

@@ -153,7 +153,7 @@ def _joined_sizes(pieces: Detections, outline: Polygon) -> dict[str, list[float]
 
 
 def _shared(first: Polygon | None, second: Polygon | None) -> float:
-    """The area that two outlines share, as a share of the smaller one; 0 where a place is not known."""
+    """Common area of two outlines, as a share of the smaller one; 0 if a place is unknown."""
     if first is None or second is None:
         return 0.0
     smaller = min(first.area, second.area)
@@ -252,7 +252,7 @@ class _Images:
         return any(self._covers(index, pair) for index in group)
 
     def _covers(self, whole: int, pair: tuple[int, int]) -> bool:
-        """Whether another image shows the two of a pair as one."""
+        """Whether another image shows both of a pair as a single defect."""
         return self._image(whole) != self._image(pair[0]) and all(self.shared(whole, part) >= MOSTLY for part in pair)
 
     def _image(self, index: int) -> str:

@@ -52,7 +52,7 @@ class Reading:
 
     @property
     def is_measured(self) -> bool:
-        """Whether sizes were measured, or would have been had there been detections."""
+        """Whether sizes of detections are measured; also true without detections."""
         return has_sizes(self.detections) if len(self.detections) else self.is_of_measuring
 
     def confident(self, least: float) -> Detections:

@@ -1,4 +1,4 @@
-"""The common form of datasets: annotated images, their files on disk, and counts over them.
+"""The common format of datasets: annotated images, their files on disk, and counts over them.
 
 On disk it is Pascal VOC, with elements `pavetwin` for what VOC cannot express; VOC readers skip these.
 `Annotations/NAME.xml` and `JPEGImages/NAME.jpg`: an image belongs to the dataset once its XML file exists, which is

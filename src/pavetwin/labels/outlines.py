@@ -132,7 +132,7 @@ def _bridges(rings: list[Float64Array]) -> dict[tuple[int, int], list[tuple[int,
 
 
 def _walk(rings: list[Float64Array], bridges: dict[tuple[int, int], list[tuple[int, int]]]) -> Float64Array:
-    """Once around every ring, over every bridge and back."""
+    """Walk once around every ring, over every bridge and back."""
     path: list[Float64Array] = []
     # What is still to do, the next last: go to a point, or from it around its ring.
     todo: list[tuple[int, int, bool]] = [(0, 0, True)]

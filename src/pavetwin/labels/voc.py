@@ -109,7 +109,7 @@ MOST_ELEMENTS: Final = 200_000
 
 
 class XmlError(ValueError):
-    """A file is not XML that can be read; the message states the reason."""
+    """A file is not readable XML; the message states the reason."""
 
     def __init__(self, message: str, line: int | None = None) -> None:
         super().__init__(message)

@@ -104,7 +104,7 @@ class MissionFolder:
         `mission.yaml`: results that were moved together with their world are found. The content must be the same.
 
         Raises:
-            PaveTwinError: files that the mission depends on are gone or have changed, or a value does not fit; the
+            PaveTwinError: files that the mission depends on are missing or have changed, or a value does not fit; the
                 message names each.
         """
         values = {key: value for key, value in self.values.items() if key != TOTALS}
@@ -139,7 +139,7 @@ class MissionFolder:
 
     @cached_property
     def measures_sizes(self) -> bool:
-        """True if the sensor measures sizes; False if not, or where its file is gone."""
+        """True if the sensor measures sizes; False if not, or if its file is missing."""
         try:
             kind = sensor_class(self.sensing.sensor)
             return kind.measures_sizes and load_sensor(self.sensing, 0).measures_sizes

@@ -166,7 +166,7 @@ def world_of(source: WorldInput) -> World:
     """The world of a spec.
 
     Raises:
-        PaveTwinError: its folder is gone, or it was handed in as a value.
+        PaveTwinError: its folder is missing, or it was passed as a value.
     """
     if source.path == HANDED_IN:
         raise PaveTwinError(

@@ -398,5 +398,5 @@ def _write(result: MissionResult, folder: Path) -> None:
 
 
 def _write_table(table: pl.DataFrame, path: Path) -> None:
-    """Write a table by Arrow, whose errors name a full disk."""
+    """Write a table by Arrow, whose errors report a full disk."""
     pyarrow.parquet.write_table(table.to_arrow(), path, compression="zstd")

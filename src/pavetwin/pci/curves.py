@@ -107,7 +107,7 @@ def deduct_value(distress: Distress, severity: Severity, density: float) -> floa
     Args:
         density: quantity over the area of the sample unit, as a percentage: m² per m², m per m², or number per m².
 
-    Below the first density of a chart the value falls linearly to 0 at none; beyond the last it stays. A severity takes
+    Below the first density of a chart the value falls linearly to 0; beyond the last it is constant. A severity deducts
     no less than a lower one: between points that two charts share, their curves may cross by a hundredth.
 
     Raises:

@@ -40,7 +40,7 @@ class SampleUnit:
 
     @property
     def has_usual_size(self) -> bool:
-        """Whether its area is within what the standard names; that of a short segment is below."""
+        """Whether its area is within the range of the standard; that of a short segment is below it."""
         return SMALLEST_M2 <= self.area_m2 <= LARGEST_M2
 
 

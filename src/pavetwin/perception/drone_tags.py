@@ -137,7 +137,7 @@ def _sexagesimal(angle_deg: float) -> tuple[float, float, float]:
 
 
 def _local(tags: PhotographTags) -> datetime:
-    """Local mean time by longitude, as no time zone is known."""
+    """Local mean time by longitude, since the time zone is unknown."""
     return tags.when + timedelta(hours=round(tags.lonlat[0] / 15))
 
 

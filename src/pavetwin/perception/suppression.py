@@ -1,4 +1,4 @@
-"""Boxes that a more confident box of their class makes doubtful: duplicates with another box, and parts of its object.
+"""Suppression of boxes by more confident boxes of their class: duplicates of its object, and parts of it.
 
 Non-maximum suppression drops a box only where it is nearly the same as a more confident one. Some of the boxes that it
 keeps show an object that was already found, with a box that fits less well; others are objects of their own that stand

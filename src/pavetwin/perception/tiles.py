@@ -35,7 +35,7 @@ TRUSTED: Final = 0.5
 
 
 def tile_windows(size_px: tuple[int, int], side_px: int) -> list[PixelBox]:
-    """The fewest tiles that cover an image (width, height) and overlap by `OVERLAP`, evenly spread."""
+    """The smallest number of evenly spaced tiles that cover an image (width, height) and overlap by `OVERLAP`."""
 
     def starts(length: int) -> list[int]:
         if length <= side_px:

@@ -15,7 +15,7 @@ from pavetwin.twin import Place, Snapshot
 
 @dataclass(frozen=True, slots=True)
 class GoOn:
-    """Fly on along the route."""
+    """Continue along the route."""
 
 
 @dataclass(frozen=True, slots=True)

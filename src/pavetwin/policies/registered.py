@@ -91,7 +91,7 @@ def _watched(settings: PolicySettings, read: set[str]) -> PolicySettings:
 
 @dataclass(frozen=True)
 class Case:
-    """A made-up moment and what is special about it."""
+    """A synthetic moment and its special property."""
 
     name: str
     snapshot: Snapshot

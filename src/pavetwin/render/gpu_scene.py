@@ -56,7 +56,7 @@ def level_of(least_px2: Float64Array, area_m2: Float64Array, pixel_m: Float64Arr
 
 
 def casting(mesh: Mesh, level: int) -> Mesh:
-    """The shadow caster of a mesh at a level: of leaf cards every other one.
+    """The shadow caster of a mesh at a level: for leaf cards, every other card.
 
     All of them let half a percent of the sun through a crown's middle; measured crowns in leaf let 1.3 to 5.3 % through
     (Konarska et al. 2014, Theoretical and Applied Climatology 117). The cost of a shadow map is the area of its cards.

@@ -159,11 +159,11 @@ _BLOCK: Final = 128
 
 @sensor("calibrated")
 class Calibrated(Sensor):
-    """Finds defects with the chances of a fitted sensor, and reports as many false alarms.
+    """Sensor that finds defects with the probabilities of a fitted sensor, and reports its rate of false alarms.
 
-    The fitted sensor ships or is a file of `pavetwin sensor fit`. The chance of a look depends on class, severity, size
-    in pixels, visible fraction, place in the image, motion blur and light; the random effect of a defect is drawn once
-    (`pavetwin.sensing.fitted_sensor`). False alarms are a Poisson process on the ground of each image.
+    The fitted sensor ships or is a file of `pavetwin sensor fit`. The probability of a look depends on class, severity,
+    size in pixels, visible fraction, place in the image, motion blur and light; the random effect of a defect is drawn
+    once (`pavetwin.sensing.fitted_sensor`). False alarms are a Poisson process on the ground of each image.
     """
 
     every_capture = True

@@ -51,7 +51,7 @@ class ImageDetector(Protocol):
 
 
 def default_image_px(detector: ImageDetector) -> int:
-    """Longer side of the images that a detector searches in missions, unless set or the camera's is shorter."""
+    """Longer side of the images that a detector searches in missions, unless set or limited by the camera."""
     return LARGEST_PX if detector.tiled else detector.image_px
 
 

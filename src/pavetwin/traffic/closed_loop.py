@@ -98,7 +98,7 @@ def read_roads(sumo: Any, lanes_of: Mapping[str, Sequence[str]], area: Set[str] 
 
 
 def read_sidewalks(sumo: Any, lanes_of: Mapping[str, Sequence[str]], area: Set[str] | None = None) -> Sidewalks:
-    """The sidewalks of the running simulation `sumo`, and where they meet; the arguments as of `read_roads`."""
+    """The sidewalks of the running simulation `sumo`, and their connections; arguments as in `read_roads`."""
     ids, length = [], []
     touching: list[tuple[str, str]] = []
     walks: list[str] = []

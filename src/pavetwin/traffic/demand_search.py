@@ -283,7 +283,7 @@ class DemandSearch:
         )
 
     def _read(self) -> dict[int, Trial]:
-        """The trials on disk that were made from the same inputs."""
+        """Stored trials of the same inputs."""
         with suppress(OSError, ValueError, KeyError, TypeError):
             found = json.loads(cached(self._inputs.world, self._name).read_text(encoding="utf-8"))
             if found["inputs"] == self._hash:
@@ -326,7 +326,7 @@ def _bell(empty: float, ratio: float) -> float:
 
 
 def _projected(trial: Trial, empty: Trial, target: float) -> float:
-    """The density of the target on the curve through a trial."""
+    """Density at which the curve through a trial reaches the target."""
     fallen = max(_bell(empty.ratio, trial.ratio), 0.1)
     return trial.per_lane_km * _bell(empty.ratio, target) / fallen
 

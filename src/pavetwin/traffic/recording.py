@@ -1,4 +1,4 @@
-"""A recording: every agent's pose at every step, with what is known of the agents and the signals."""
+"""A recording: every agent's pose at every step, with the properties of agents and signals."""
 
 import math
 from collections.abc import Mapping

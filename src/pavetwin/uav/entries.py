@@ -21,7 +21,7 @@ def parse_entries(kind: type[S], what: str, text: str, where: str) -> dict[str, 
     """The values of a YAML file's text, by name.
 
     Args:
-        what: the kind of value in words, such as `camera`.
+        what: the kind of value in messages, such as `camera`.
         where: names the file in messages.
 
     Raises:

@@ -165,7 +165,7 @@ def network_from_net(source: Path, target: Path) -> None:
 
 
 def copy_without_stamp(made: Path, target: Path) -> None:
-    """Copy a network less netconvert's leading comment, whose date and paths differ on every run."""
+    """Copy a network without netconvert's leading comment, whose date and paths differ in every run."""
     text = made.read_text(encoding="utf-8")
     head, begin, body = text.partition("<net ")
     head = re.sub(r"<!--.*?-->\s*", "", head, flags=re.DOTALL)

@@ -44,7 +44,7 @@ class Piece:
         return float(self.line.length)
 
     def leaving(self, node: int) -> LineString:
-        """The centre line as seen from one of its nodes."""
+        """The centre line, starting from one of its nodes."""
         return self.line if node == self.start else self.line.reverse()
 
 

@@ -88,7 +88,7 @@ def _proposal_row(advice: Advice) -> Iterator[str]:
 
 
 def options_table(found: Recommendation, caption: str = "All options") -> Table:
-    """Every option, best first: its means, what they are worth corrected for the choice, and its probabilities."""
+    """Every option, best first: its means, these corrected for the choice, and its probabilities."""
     columns = found.options.columns
     extra = [metric for metric in (*ERROR_METRICS, metric_named(INDEX_ERROR)) if metric.name in columns]
     has_tours, has_limits = BATTERIES in columns, bool(found.limits.named)

@@ -193,7 +193,7 @@ _LONGEST_IN = 6.9
 
 
 def street_means(result: pl.DataFrame, world: str) -> pl.DataFrame:
-    """A row a segment: `street`, `segment`, `length_m`, `missions` with a defined coverage, `replicates`,
+    """One row per segment: `street`, `segment`, `length_m`, `missions` with a defined coverage, `replicates`,
     `defects` (each replicate's once), `coverage`, `time_s` (means); the least covered first.
     """
     return (
@@ -242,7 +242,7 @@ def colour_range(values: Sequence[float]) -> Normalize:
 
 
 def _segments(axes: Axes, segments: Sequence[Segment], colours: Any) -> None:
-    """Bands along the centre lines, as wide as the street or at least as wide as can be seen, with a dark rim."""
+    """Bands along the centre lines, as wide as the street, but wide enough to be visible, with a dark rim."""
     per_m = shapes.points_per_m(axes)
     for segment, colour in zip(segments, colours, strict=True):
         line = shapely.get_coordinates(segment.centre_line)
@@ -269,7 +269,7 @@ def _numbers(axes: Axes, segments: Sequence[Segment], found: Mapping[str, Any]) 
 
 
 def _colour_bar(footer: Axes, norm: Normalize) -> None:
-    """In the strip below the map, whose coordinates are inches."""
+    """Draw the colour bar in the strip below the map, whose coordinates are inches."""
     place = footer.inset_axes((0.12, footer.get_ylim()[1] - 0.26, 2.0, 0.12), transform=footer.transData)
     ticks = norm.inverse(np.linspace(0, 1, 3)).tolist()
     bar = Colorbar(place, ScalarMappable(norm, COVERAGE), orientation="horizontal", ticks=ticks, format="{x:g} %")

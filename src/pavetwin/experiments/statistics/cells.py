@@ -91,7 +91,7 @@ def values_of(table: pl.DataFrame, column: str) -> Float64Array:
 
 
 def failures(table: pl.DataFrame) -> BoolArray:
-    """(rows,) where the mission failed."""
+    """(rows,) whether the mission failed."""
     return np.asarray((table[STATUS] == FAILED).to_numpy(), dtype=np.bool_)
 
 

@@ -107,7 +107,7 @@ class Pairs:
         return reached, np.sqrt(np.divide((self._n - 1) * share, left, out=np.full(len(sums), inf), where=left > 0))
 
     def interval(self, reached: int, t: float) -> tuple[float, float]:
-        """The means that more than `reached` assignments reach, or just as many while their |t| is at most `t`.
+        """Interval of means that more than `reached` assignments reach, or exactly as many with |t| at most `t`.
 
         Infinite for none.
         """

@@ -121,5 +121,5 @@ def _of_few_defects(
 
 
 def within_range(metric: Metric, low: Float64Array, high: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """Limits cut to what the metric can be: only one with a sign is negative, a share is at most 1."""
+    """Limits clipped to the range of the metric: only signed metrics are negative, a share is at most 1."""
     return low if metric.signed else np.maximum(low, 0.0), np.minimum(high, 1.0) if metric.unit == "%" else high

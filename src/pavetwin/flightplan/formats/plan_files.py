@@ -52,7 +52,7 @@ def save_plan(plan: FlightPlan, folder: Path, formats: Sequence[PlanFormat]) -> 
     """Write `flight-1.plan`, `flight-2.plan` and so on; parts of a flight are `flight-1-part-1` and so on.
 
     Nothing is written if a format cannot hold the plan. Files of an earlier export into the folder, in any format, are
-    removed, so that no flight 3 is left next to a plan of two.
+    removed, so that no old flight 3 remains next to a plan of two flights.
 
     Returns:
         The files.

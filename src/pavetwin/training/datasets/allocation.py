@@ -1,4 +1,5 @@
-"""Numbers of copies of each image that give every class equally many instances, although images show several classes.
+"""Numbers of copies of each image that give every class the same number of instances, although images show several
+classes.
 
 A copy adds all instances of its image, those of frequent classes too. So the numbers of copies are solved for together:
 with c the instances of an image by class and s = c / Σc, copies x of images are sought with
@@ -11,9 +12,9 @@ that is found by a convex minimisation. They are rounded by systematic sampling,
 away one by one while that helps, by what each copy really shows.
 
 How many instances are wanted is found before, by linear programmes over all numbers of copies that are allowed: the
-classes as equal as can be, and then as few copies as that takes. It is at least the number of the most frequent class,
-and more where that class is in images of the rare ones. Images may also be left out (x = −1): as few as can be. In the
-calibration leaving one out costs as much as `most` copies.
+classes as equal as possible, and then as few copies as necessary. It is at least the number of the most frequent class,
+and more where that class is in images of the rare ones. Images may also be left out (x = −1): as few as possible. In
+the calibration leaving one out costs as much as `most` copies.
 """
 
 from collections.abc import Callable
@@ -74,7 +75,7 @@ def plan_copies(
     leave_out: bool = False,
     offset: float = 0.5,
 ) -> CopyPlan:
-    """The numbers of copies that bring every class to equally many instances, or as near as can be.
+    """Numbers of copies that give every class the same number of instances, as closely as possible.
 
     Args:
         counts: (images, classes) instances.

@@ -32,7 +32,7 @@ COVERED: Final = "covered"
 
 
 def covered(annotation: Annotation, over: BoolArray, size_px: tuple[int, int]) -> Annotation | None:
-    """An annotation under objects; None where nothing is left of it.
+    """The remainder of an annotation under objects; None if nothing remains.
 
     Args:
         over: (height, width) the pixels of the objects.

@@ -1,5 +1,5 @@
-"""A dataset's labels as an evaluation needs them: with the numbers that detections name images by, and with what is
-known of each image and each object.
+"""Labels of a dataset for evaluation, with the image numbers that detections use, and the known properties of each
+image and object.
 
 Read from COCO files as `pavetwin capture` and `pavetwin data export` write them.
 """

@@ -342,8 +342,8 @@ def parking_places(
 ) -> tuple[ParkingPlace, ...]:
     """The parking places of a world, in the order of its streets; metres, world frame.
 
-    Places in areas of the map come first, then those of its tags, then those by rule: of two that overlap the earlier
-    one stays.
+    Places in areas of the map come first, then those of its tags, then those by rule; of two overlapping places, the
+    first is kept.
 
     Args:
         planned: the network has no parking lanes yet; places that will lie on them lie on the other lanes instead.

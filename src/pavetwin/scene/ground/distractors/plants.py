@@ -122,7 +122,7 @@ def plants(layout: SurfaceLayout, painted: Paint) -> Paint:
     """All plants on the carriageways of a world.
 
     Args:
-        painted: what is painted already; plants keep off it, as maps mix the colours of neighbouring texels.
+        painted: existing paint, which plants avoid, since maps mix the colours of neighbouring texels.
     """
     lines = STRtree([LineString(ends) for ends in painted.ends()])
     bars: list[tuple[float, ...]] = []

@@ -184,7 +184,7 @@ class _Scanner:
         self._take("]")
 
     def _next(self) -> str:
-        """The next character that is not space; empty at the end."""
+        """The next non-space character; empty at the end."""
         while True:
             while self._at < len(self._text) and self._text[self._at].isspace():
                 self._at += 1

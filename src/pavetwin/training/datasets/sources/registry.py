@@ -62,7 +62,7 @@ def unknown_class(rules: Mapping[str, str], label: str) -> str:
 
 
 class DatasetSource(Settings):
-    """A dataset: who publishes it under which licence, how its labels are laid out, and what becomes of its classes.
+    """A dataset: publisher, licence, layout of labels, and mapping of classes.
 
     A mapping file holds the same keys, `labels` with its `format` among them.
     """
