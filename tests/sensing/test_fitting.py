@@ -176,7 +176,7 @@ DAMAGED = {
     "text": (changed(lambda c: c["terms"]["clouds"].update(estimate="much")), "terms.clouds.estimate"),
     "flat variable": (changed(lambda c: c["variables"]["blur"].update(scale=0)), "variables.blur.scale"),
     "short covariance": (changed(lambda c: c["covariance"].pop()), "`covariance` has 25 rows"),
-    "negative covariance": (changed(lambda c: c["covariance"][0].__setitem__(0, -1)), "no covariance matrix"),
+    "negative covariance": (changed(lambda c: c["covariance"][0].__setitem__(0, -1)), "not a covariance matrix"),
     "unknown key": (changed(lambda c: c.update(colour="red")), "unknown key 'colour'"),
 }
 
