@@ -1,5 +1,5 @@
 """Frames as datasets need them: a UAV's nadir images over streets with high traffic, also over the most crowded place
-of all, and a car's view along a street there; and how much longer they take beside parked vehicles."""
+of all, and a car's view along a street there; and how much longer they take with parked vehicles."""
 
 import math
 import time

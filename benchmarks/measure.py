@@ -85,7 +85,7 @@ class Size:
 
 @dataclass(frozen=True)
 class Line:
-    """One measurement beside its target."""
+    """One measurement and its target."""
 
     what: str
     value: float | None

@@ -25,7 +25,7 @@ mission = pt.Mission(environment, traffic, settings, [0], policy=policy.name, ob
 
 
 def answer(event: Event) -> None:
-    """Answer an event: the sensor says what a capture shows, the policy what to do about an occlusion."""
+    """Answer an event: the sensor reports what a capture shows, the policy reacts to an occlusion."""
     match event:
         case pt.Captured():
             mission.confirm(sensor.detect(mission.frame(event)))

@@ -1,4 +1,4 @@
-"""`python -m gallery.aircraft`: power over airspeed of the known aircraft, beside what makers and others measured."""
+"""`python -m gallery.aircraft`: power over airspeed of the known aircraft, with measurements of manufacturers and others."""
 
 import argparse
 from pathlib import Path

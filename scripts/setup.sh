@@ -5,7 +5,7 @@
 #   scripts/setup.sh packages   the Python packages alone
 #   scripts/setup.sh browser    all three, and a browser for the tests of the page
 #
-# What a step was made from is kept as a hash beside its result, so a second run takes a fraction of a second.
+# What a step was made from is kept as a hash next to its result, so a second run takes a fraction of a second.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 root=$PWD

@@ -1,4 +1,4 @@
-"""The fitted sensor beside the detector in the same captures, by cells of density, altitude and policy.
+"""The fitted sensor compared with the detector in the same captures, by cells of density, altitude and policy.
 
 A mission writes down what each capture showed. In the study's preset no policy reads what was found, so the flights of
 both sensors are the same, and what the fitted sensor finds of them follows from these looks alone: of each defect the
@@ -58,7 +58,7 @@ def predicted(missions: Path, sets: Sequence[LookSource]) -> tuple[list[Flown], 
     """Every mission with what a sensor predicts that was fitted to the other towns, and these sensors by town.
 
     Args:
-        sets: what datasets tell, of towns without missions; each sensor is fitted to them as well.
+        sets: looks from datasets, of towns without missions; each sensor is fitted to them as well.
     """
     folders = read_grid(missions)
     sources = {folder: MissionFolder(folder).looks() for _, folder in folders}

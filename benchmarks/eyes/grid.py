@@ -1,6 +1,6 @@
 """The paper's grid, flown with rendered captures: every altitude and policy in three densities, over a street in each.
 
-Each density has a street, defects and traffic of its own, so that the same images tell of as many defects as can be.
+Each density has a street, defects and traffic of its own, so that the same images cover as many defects as possible.
 Missions are kept as folders, which `pavetwin sensor fit` reads.
 """
 

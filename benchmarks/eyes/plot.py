@@ -1,4 +1,4 @@
-"""Images of the fitted sensor beside the detector, and of the study's answers by sensor."""
+"""Figures of the fitted sensor and the detector, and of the results of the study by sensor."""
 
 from pathlib import Path
 from typing import Final

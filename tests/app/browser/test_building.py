@@ -103,7 +103,7 @@ def test_the_uav_is_flown_by_keys_and_the_flight_is_played(building: BrowserTab)
     assert building.value("pavetwin.mission.captures.t_s.length") >= captures
     assert not page.locator("#pilot").is_visible()
     assert not building.value("document.querySelector('#mission').inert")
-    assert "no mission of this town" in page.locator("#notice").inner_text()
+    assert "not a mission of this town" in page.locator("#notice").inner_text()
 
 
 def test_a_car_is_driven_by_keys_and_the_drive_is_played(building: BrowserTab) -> None:

@@ -5,7 +5,7 @@ use super::trace_columns::{Body, TraceColumns, TraceError};
 use crate::geometry::Vec2;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Rows that are usually held beside those in use, some 130 MB. More were read before and are read again when needed.
+/// Rows that are usually held besides those in use, some 130 MB. More were read before and are read again when needed.
 pub const HELD_ROWS: usize = 3 << 20;
 
 /// Where an agent is at one time.
@@ -47,7 +47,7 @@ pub struct TraceParts {
     pub bodies: Vec<Body>,
     /// At least the largest speed in the recording, metres a second.
     pub max_speed_mps: f64,
-    /// Rows that are held at most beside those in use, usually [`HELD_ROWS`].
+    /// Rows that are held at most besides those in use, usually [`HELD_ROWS`].
     pub held_rows: usize,
 }
 
@@ -270,7 +270,7 @@ impl Trace {
         let stretch = Arc::new((self.read)(part)?);
         let covered = stretch.first_step()..stretch.first_step() + stretch.step_count();
         if stretch.first_step() != self.starts[part] || !covered.contains(&step) {
-            return Err(TraceError::Unreadable { reason: format!("part {part} of the recording lacks step {step}") });
+            return Err(TraceError::Unreadable { reason: format!("part {part} of the recording is missing step {step}") });
         }
         self.hold(part, stretch.clone());
         Ok(stretch)

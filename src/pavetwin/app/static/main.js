@@ -165,7 +165,7 @@ async function takeControl(what) {
   const isLanded = await follow({ do: what, world: form.world, request: form.request(selection.segments, selection.count, selection.order) });
   if (!isLanded) return;
   const is = what === 'drive' ? 'The drive is over. It' : 'Landed. The flight';
-  notice(`${is} can be played like any other, but it is no mission of this town: what you want to keep of it is under Files.`);
+  notice(`${is} can be played like any other, but it is not a mission of this town; its files are under Files.`);
   by('notice').classList.add('status');
 }
 
