@@ -1,4 +1,4 @@
-"""`python -m gallery.aircraft`: power over airspeed of the known aircraft, with measurements of manufacturers and others."""
+"""`python -m gallery.aircraft`: power over airspeed of the known aircraft, with measured values of other sources."""
 
 import argparse
 from pathlib import Path
