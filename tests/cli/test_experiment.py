@@ -248,7 +248,7 @@ def test_parking_lanes_are_noted_once_with_the_preset_paper(
     assert all("parking lanes" in line and "wider" in line for (line,) in filter(None, printed))
 
 
-@pytest.mark.parametrize(("placed_by", "told"), [("survey", "damage population in other (survey)"), ("paper", "")])
+@pytest.mark.parametrize(("placed_by", "reported"), [("survey", "damage population in other (survey)"), ("paper", "")])
 def test_defects_of_another_population_are_noted(
     tmp_path: Path, placed_by: str, reported: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -253,7 +253,7 @@ class Flight:
             extending_s=0.0,
         )
         self.progress = FlightProgress(
-            cast("Bar", self.tell), "Flying", cast("Replay", self.traffic), clock=lambda: self.now_s
+            cast("Bar", self.report), "Flying", cast("Replay", self.traffic), clock=lambda: self.now_s
         )
 
     def report(self, share: float, what: str, remaining_s: float | None) -> None:

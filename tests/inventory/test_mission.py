@@ -150,7 +150,7 @@ def test_the_error_of_positions_is_that_of_places(mission: tuple[Path, MissionRe
     first = flown(mission[0], position_error_m=3.0).detections[[0]]
     assert entry_of(1, first).place_error_m == pytest.approx(3.0, abs=0.01)
     for value in (-1.0, float("nan"), float("inf")):
-        with pytest.raises(PaveTwinError, match=r"`position_error_m` .*: it is "):
+        with pytest.raises(PaveTwinError, match=r"`position_error_m` .*: it must be "):
             flown(mission[0], position_error_m=value)
 
 

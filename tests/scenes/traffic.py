@@ -58,7 +58,8 @@ _STREETS = {
 def make_network(scene: str, target: Path, *, sidewalks: bool = True) -> Path:
     """Write the SUMO network of a scene: two-way streets at 50 km/h, a lane and a sidewalk in each direction."""
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_bytes(_network(scene, sidewalks))
+    # A comment keeps the recordings of two scenes apart in the cache.
+    target.write_bytes(_network(scene, sidewalks) + f"<!-- {target} -->\n".encode())
     return target
 
 

@@ -33,7 +33,7 @@ def check_size(name: str, value: float, *, may_be_zero: bool = False) -> None:
         PaveTwinError: it is negative, not a finite number, or 0 where it may not be.
     """
     if not isfinite(value):
-        raise PaveTwinError(f"`{name}` {value:g}: it is a finite number.")
+        raise PaveTwinError(f"`{name}` {value:g}: it must be a finite number.")
     if value < 0 or (value == 0 and not may_be_zero):
         raise PaveTwinError(f"`{name}` {value:g}: it must be {'0 or more' if may_be_zero else 'above 0'}.")
 

@@ -62,8 +62,8 @@ def test_its_detections_are_those_of_the_five_classes(tmp_path: Path) -> None:
     picture = np.zeros((40, 60, 3), dtype=np.uint8)
     picture[..., 0] = 200
     (found,) = model.detect([picture])
-    assert found.names == ["Pothole", "Single Crack"]
-    assert found.boxes.tolist() == [[2, 3, 12, 9], [5, 5, 8, 30]]
+    assert [*found.class_name] == ["pothole", "single_crack"]
+    assert found.box_px.tolist() == [[2, 3, 12, 9], [5, 5, 8, 30]]
     assert found.confidence.tolist() == pytest.approx([0.9, 0.5])
     assert found.size_px == (60, 40)
     (asked,) = Network.asked
