@@ -145,8 +145,8 @@ def test_an_overview_is_asked_for(tmp_path: Path) -> None:
         (("in.png", "--model", FILE, "-o", "new", "--image", "100"), "--image 100: a multiple of 32"),
         (("in.png", "--model", FILE, "-o", "new", "--whole", "--overview"), "--overview adds to the search in tiles"),
         (("in.png", "--model", FILE, "-o", "new", "--every", "-1"), "--every -1: it must be 0 or more"),
-        (("in.png", "--model", FILE, "-o", "new", "--every", "nan"), "--every nan: it is a finite number"),
-        (("in.png", "--model", FILE, "-o", "new", "--gsd-mm", "nan"), "--gsd-mm nan: it is a finite number"),
+        (("in.png", "--model", FILE, "-o", "new", "--every", "nan"), "--every nan: it must be a finite number"),
+        (("in.png", "--model", FILE, "-o", "new", "--gsd-mm", "nan"), "--gsd-mm nan: it must be a finite number"),
         (("in.png", "--model", FILE, "-o", "."), "--output '.' exists and is not empty"),
     ],
 )

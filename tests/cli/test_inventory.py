@@ -190,7 +190,7 @@ def test_options_of_missions_count(tmp_path: Path) -> None:
         ("--confidence", 7, "it is from 0 to 1."),
         ("--confidence", "nan", "it is from 0 to 1."),
         ("--position-error-m", -1, "it must be 0 or more."),
-        ("--position-error-m", "nan", "it is a finite number."),
+        ("--position-error-m", "nan", "it must be a finite number."),
     ):
         refused = pavetwin("inventory", tmp_path / "m", "-o", tmp_path / "none", option, value)
         assert plain_refusal(refused) == f"Error: {option} {value}: {words}"
@@ -214,7 +214,7 @@ def test_wrong_options_are_refused_and_leave_nothing(tmp_path: Path) -> None:
         ),
         (
             (tmp_path / "in", "-o", tmp_path / "o", "--model", FILE, "--height-m", "nan"),
-            "--height-m nan: it is a finite number.",
+            "--height-m nan: it must be a finite number.",
         ),
     ):
         assert words in plain_refusal(pavetwin("inventory", *arguments))
