@@ -152,7 +152,7 @@ def test_a_mission_is_exported_as_the_command_line_does(page: RunningPage, ids: 
 )
 def test_nothing_is_made_of_a_mission_that_nobody_flew(page: RunningPage, asked: dict[str, Any]) -> None:
     (answer,) = page.ask(asked)
-    assert "no such mission" in answer["error"]
+    assert "This mission no longer exists" in answer["error"]
 
 
 def test_segments_are_drawn_as_the_command_line_draws_them(page: RunningPage, world: Path) -> None:
