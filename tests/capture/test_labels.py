@@ -21,7 +21,7 @@ from pavetwin.capture.truth import (
     labelled_objects,
 )
 from pavetwin.labels.classes import CAR, PERSON, categories, category_of_agent, category_of_defect
-from pavetwin.labels.coco import decode, encode
+from pavetwin.labels.rle import decode, encode
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.scene.values import agent_label, defect_label
 from pavetwin.scene.view import View, look

@@ -12,7 +12,7 @@ from pavetwin.capture.record import Record, truth_path
 from pavetwin.capture.truth import LabelledObject
 from pavetwin.errors import PaveTwinError
 from pavetwin.labels.boxes import PixelBox
-from pavetwin.labels.coco import encode
+from pavetwin.labels.rle import encode
 from scenes import drawn_detector
 
 SIZE = (96, 96)

@@ -21,7 +21,7 @@ from pavetwin.capture.settings import CaptureSettings, description
 from pavetwin.capture.sheets import pose_text
 from pavetwin.cli.capture import show, stats
 from pavetwin.errors import PaveTwinError
-from pavetwin.labels.coco import decode
+from pavetwin.labels.rle import decode
 from pavetwin.mission.replay import Replay
 from pavetwin.mission.result import MissionResult
 from pavetwin.mission.saving import detections_geojson, save_mission

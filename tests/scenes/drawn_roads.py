@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
-from pavetwin.labels.coco import encode
+from pavetwin.labels.rle import encode
 
 NAMES = ("Single Crack", "Crocodile Crack", "Pothole", "Person", "Car")
 CATEGORIES = [

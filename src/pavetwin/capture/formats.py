@@ -6,8 +6,9 @@ from typing import Any, Final
 
 from pavetwin.capture.record import Record, read_records, record_paths
 from pavetwin.labels.classes import categories
-from pavetwin.labels.coco import annotation_row, coco_file, decode, image_row, run_lengths
+from pavetwin.labels.coco import annotation_row, coco_file, image_row, run_lengths
 from pavetwin.labels.outlines import outline
+from pavetwin.labels.rle import decode
 from pavetwin.labels.voc import ANNOTATIONS, PICTURES, VocObject, voc_file
 from pavetwin.labels.yolo import box_line, data_yaml, polygon_line
 from pavetwin.registry import Registry

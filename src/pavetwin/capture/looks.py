@@ -15,8 +15,8 @@ from pavetwin.capture.truth import LabelledObject
 from pavetwin.detections import Detections
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import file_sha256
-from pavetwin.labels.coco import decode
 from pavetwin.labels.outlines import hull
+from pavetwin.labels.rle import decode
 from pavetwin.perception.detector import Detector
 from pavetwin.sensing.detector import default_image_px
 from pavetwin.sensing.fit.look_tables import ALARM_SCHEMA, CAPTURE, GROUP, LOOK_COLUMNS, LookSource

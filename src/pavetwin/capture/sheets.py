@@ -26,7 +26,7 @@ from pavetwin.files import writing
 from pavetwin.labels import SPLITS
 from pavetwin.labels.class_names import display_name
 from pavetwin.labels.classes import category_colours, colours
-from pavetwin.labels.coco import decode
+from pavetwin.labels.rle import decode
 from pavetwin.mission.inspected_defects import captured_frame
 from pavetwin.mission.result import MissionResult
 from pavetwin.sensing import Sensor

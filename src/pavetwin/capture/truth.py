@@ -23,7 +23,7 @@ from pavetwin.arrays import BoolArray, Float32Array, Float64Array, IndexArray, U
 from pavetwin.capture.image_spec import footprint
 from pavetwin.labels.boxes import PixelBox
 from pavetwin.labels.classes import Category, category_of_agent, category_of_defect
-from pavetwin.labels.coco import encode
+from pavetwin.labels.rle import encode
 from pavetwin.render.frame import RenderedFrame
 from pavetwin.scene.light import LUMINANCE
 from pavetwin.scene.values import labelled_agent, labelled_defect, labelled_place

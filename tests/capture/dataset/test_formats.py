@@ -12,7 +12,7 @@ from pycocotools.coco import COCO
 from pavetwin.capture.record import Record, counted
 from pavetwin.capture.sheets import save_sheet
 from pavetwin.errors import PaveTwinError
-from pavetwin.labels.coco import decode
+from pavetwin.labels.rle import decode
 from pavetwin.world.store import load_world
 from scenes.painter import SPLITS
 

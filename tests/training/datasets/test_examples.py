@@ -21,7 +21,7 @@ from pavetwin.labels.class_names import (
     subtype_of,
 )
 from pavetwin.labels.classes import categories
-from pavetwin.labels.coco import encode
+from pavetwin.labels.rle import encode
 from pavetwin.training.datasets.examples import (
     Example,
     ExampleSet,

@@ -22,7 +22,7 @@ from pavetwin.errors import PaveTwinError
 from pavetwin.labels import CUT_OUT
 from pavetwin.labels.boxes import FloatBox
 from pavetwin.labels.class_names import COARSE_LABELS, ROAD_DEFECT, SUBTYPE_LABELS, coarse_of, subtype_of
-from pavetwin.labels.coco import decode, encode
+from pavetwin.labels.rle import decode, encode
 
 SPLITS_USED: Final = ("train", "val")
 """Splits of a dataset that training reads."""

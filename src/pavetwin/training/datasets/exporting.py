@@ -19,7 +19,7 @@ import shapely
 from pavetwin.errors import PaveTwinError, no_such
 from pavetwin.files import link_or_copy, staging_folder, working_in, write_pieces
 from pavetwin.labels.boxes import area
-from pavetwin.labels.coco import annotation_row, coco_file, encode, image_row, rings, run_lengths
+from pavetwin.labels.coco import annotation_row, coco_file, image_row, rings, run_lengths
 from pavetwin.labels.common_form import (
     AnnotatedImage,
     Annotation,
@@ -28,6 +28,7 @@ from pavetwin.labels.common_form import (
     read_image,
     write_description,
 )
+from pavetwin.labels.rle import encode
 from pavetwin.labels.voc import PICTURES
 from pavetwin.labels.yolo import box_line, data_yaml, polygon_line
 from pavetwin.training.datasets.resuming import check_same, described, move_in

@@ -21,7 +21,7 @@ from PIL import Image
 from pavetwin.errors import PaveTwinError
 from pavetwin.files import FORMAT, check_format, writing
 from pavetwin.labels.boxes import FloatBox
-from pavetwin.labels.coco import encode
+from pavetwin.labels.rle import encode
 from pavetwin.training.datasets.examples import (
     SPLITS_USED,
     Example,

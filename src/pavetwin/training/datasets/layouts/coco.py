@@ -17,9 +17,9 @@ import numpy as np
 
 from pavetwin.arrays import BoolArray
 from pavetwin.labels.boxes import FloatBox, of_mask
-from pavetwin.labels.coco import decode
 from pavetwin.labels.common_form import Polygon
 from pavetwin.labels.outlines import boundary
+from pavetwin.labels.rle import decode
 from pavetwin.training.datasets.layouts.layout import LabelLayout, RawImage, RawObject, unlabelled
 from pavetwin.training.datasets.layouts.yolo import box_around
 from pavetwin.training.datasets.pictures import PictureError, PictureIndex, files_in, inside, is_file, picture_size
