@@ -35,7 +35,7 @@ SHOP_M, LOBBY_M = 3.7, 3.5
 SLAB_ENDS = np.array([[0, 1, 1, 0], [0, 1, 1, 0], [0, 1, 1, 0], [0, 0, 0, 0], [1, 1, 1, 1]])
 SLAB_HEIGHTS = np.array([[0, 0, 1, 1], [1, 1, 1, 1], [0, 0, 0, 0], [0, 0, 1, 1], [0, 0, 1, 1]])
 SLAB_FRONT = np.array([[1, 1, 1, 1], [1, 1, 0, 0], [0, 0, 1, 1], [0, 1, 1, 0], [1, 0, 0, 1]], dtype=bool)
-"""Of the four corners of a slab's front, top, underside and two ends: which end along the wall, bottom or top, and
+"""The four corners of a slab's front, top, underside and two ends: which end along the wall, bottom or top, and
 whether at the front."""
 
 SLAB_SHADES = np.array([1.0, 1.05, 0.6, 0.9, 0.9])[:, None, None]
